@@ -1,0 +1,35 @@
+PYTHON ?= python3
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint docs bench clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-6s %s\n", $$1, $$2}' Makefile
+
+demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
+	.venv/bin/python examples/train_curiosity_es.py --seed 0 --out runs/demo
+
+test: .venv/.installed  ## run the tests
+	.venv/bin/python -m pytest
+
+lint: .venv/.installed  ## check style and types
+	.venv/bin/ruff check && .venv/bin/ruff format --check && .venv/bin/mypy --strict curiosity_gym curiosity_algos
+
+docs: .venv/.installed  ## build the documentation in docs/_build/html
+	.venv/bin/sphinx-build -W --keep-going -b html docs docs/_build/html
+
+bench: .venv/.bench  ## measure speed side by side with peers
+	.venv/bin/python -m benchmarks.run
+
+clean:  ## remove the environment, caches and built documentation
+	rm -rf .venv .hypothesis .mypy_cache .pytest_cache .ruff_cache docs/_build
+
+.venv/.installed: pyproject.toml constraints.txt
+	@echo "Installing the pinned dependencies into .venv: several minutes the first time."
+	$(PYTHON) -m venv --clear .venv
+	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@touch $@
+
+.venv/.bench: .venv/.installed
+	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt -e ".[bench]"
+	@touch $@

@@ -1,0 +1,1 @@
+"""Point-robot mazes with LIDAR, after "Curiosity creates Diversity in Policy Search"."""

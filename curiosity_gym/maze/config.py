@@ -1,0 +1,142 @@
+"""What the keywords of a maze environment mean, for the single and the vector environment."""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from curiosity_gym.core import CoverageGrid
+from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, build_maze
+from curiosity_gym.maze.layouts import (
+    GOAL_RADIUS,
+    ROBOT_RADIUS,
+    MazeLayout,
+    closest_approach,
+    reachable_cells,
+    resolve_layout,
+)
+
+LIDAR_SHARE = 0.2
+"""The lidar's default range as a share of the map's diagonal."""
+
+
+@dataclass(frozen=True)
+class MazeConfig:
+    """A checked maze: its layout, what the compiled functions need, and its spaces."""
+
+    layout: MazeLayout
+    maze: Maze
+    lidar_range: float
+    observation_space: spaces.Box[np.float32]
+    action_space: spaces.Box[np.float32]
+    behavior_space: spaces.Box[np.float64]
+    coverage_grid: CoverageGrid
+
+
+def configure_maze(
+    layout: MazeLayout | str | os.PathLike[str] | None = None,
+    *,
+    horizon: int = 2000,
+    max_speed: float = 20.0,
+    max_acceleration: float = 5.0,
+    n_beams: int = 32,
+    lidar_range: float | None = None,
+    restitution: float = 0.0,
+    goal_radius: float = GOAL_RADIUS,
+) -> MazeConfig:
+    """Check the keywords of `MazeEnv`, where they are explained.
+
+    Raises:
+        ValueError: If one of them is not what it may be.
+    """
+    if layout is None:
+        raise ValueError(
+            "`layout` must be given: a MazeLayout, a built-in name, a .json file or ASCII text."
+        )
+    layout = resolve_layout(layout)
+    diagonal = math.hypot(layout.width, layout.height)
+    lidar_range = LIDAR_SHARE * diagonal if lidar_range is None else lidar_range
+    positive = {"max_speed": max_speed, "max_acceleration": max_acceleration}
+    for name, value in {**positive, "lidar_range": lidar_range, "goal_radius": goal_radius}.items():
+        _check_positive(name, value)
+    if not 0.0 <= restitution <= 1.0:
+        raise ValueError(f"`restitution` must be from 0 to 1, got {restitution!r}.")
+    if closest_approach(layout) >= goal_radius:
+        raise ValueError(f"`goal_radius` must let the robot come near enough, got {goal_radius!r}.")
+    maze = build_maze(
+        layout,
+        horizon=_at_least_one("horizon", horizon),
+        max_speed=max_speed,
+        max_acceleration=max_acceleration,
+        n_beams=_at_least_one("n_beams", n_beams),
+        lidar_range=lidar_range,
+        restitution=restitution,
+        goal_radius=goal_radius,
+    )
+    return MazeConfig(layout, maze, float(lidar_range), *_spaces(layout, maze))
+
+
+def _spaces(
+    layout: MazeLayout, maze: Maze
+) -> tuple[spaces.Box[Any], spaces.Box[Any], spaces.Box[Any], CoverageGrid]:
+    n_beams = len(maze.inverse_x)
+    low = np.concatenate([np.full(N_BASE_FEATURES, -1.0), np.zeros(n_beams)]).astype(np.float32)
+    observation = spaces.Box(low, np.ones_like(low))
+    action = spaces.Box(-1.0, 1.0, (2,), np.float32)
+    world = np.array([layout.width, layout.height])
+    speed = np.full(2, maze.max_speed)
+    behavior = spaces.Box(
+        np.concatenate([np.zeros(2), -speed]), np.concatenate([world, speed]), dtype=np.float64
+    )
+    grid = CoverageGrid((0, 1), np.zeros(2), world, reachable=reachable_cells(layout))
+    return observation, action, behavior, grid
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
+
+
+def _at_least_one(name: str, value: int) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = 0
+    if number < 1:
+        raise ValueError(f"`{name}` must be a whole number of at least 1, got {value!r}.")
+    return number
+
+
+def start_state(layout: MazeLayout, maze: Maze, options: dict[str, Any] | None) -> npt.NDArray[Any]:
+    """The state (x, y, vx, vy) at which an episode begins: `options["state"]`, or the layout's.
+
+    Raises:
+        ValueError: If the given state is not four finite numbers, too fast, or inside a wall.
+    """
+    if not options or options.get("state") is None:
+        return maze.start.copy()
+    state = np.asarray(options["state"], dtype=np.float64)
+    if state.shape != (4,) or not np.isfinite(state).all():
+        raise ValueError(
+            f'`options["state"]` must be 4 finite numbers x, y, vx, vy, got {options["state"]!r}.'
+        )
+    if (np.abs(state[2:]) > maze.max_speed).any():
+        raise ValueError(f'`options["state"]` must not be faster than {maze.max_speed:g} per axis.')
+    x, y = state[:2]
+    low, high = layout.walls[:, :2] - ROBOT_RADIUS, layout.walls.reshape(-1, 2, 2).sum(axis=1)
+    inside = (state[:2] > low) & (state[:2] < high + ROBOT_RADIUS)
+    near_x = not ROBOT_RADIUS <= x <= layout.width - ROBOT_RADIUS
+    near_y = not ROBOT_RADIUS <= y <= layout.height - ROBOT_RADIUS
+    if inside.all(axis=1).any() or near_x or near_y:
+        raise ValueError(
+            f'`options["state"]` must leave the robot {ROBOT_RADIUS:g} from walls and border, '
+            f"got ({x:g}, {y:g})."
+        )
+    return state

@@ -1,0 +1,313 @@
+"""Maze layouts: where the walls, the start and the goal are, and what the robot can reach.
+
+Lengths are in maze units, the origin is bottom left and y points up. A layout is valid when the
+robot fits at the start and can come within `GOAL_RADIUS` of the goal; anything else is a
+`ValueError` that names the field.
+"""
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from curiosity_gym.maze.reachability import BoolArray, FloatArray, Region, reachable_region
+
+ROBOT_RADIUS = 1.0
+GOAL_RADIUS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class MazeLayout:
+    """An immutable maze: a rectangular world, axis-aligned walls, a start and a goal.
+
+    Two layouts are equal when all their fields are. Walls may overlap each other and stick out of
+    the world: they are clipped to it, and those wholly outside are dropped.
+
+    Args:
+        name: What the maze is called.
+        width: Extent of the world along x, above `2 * ROBOT_RADIUS`.
+        height: Extent of the world along y, above `2 * ROBOT_RADIUS`.
+        start: The robot's first position (x, y), at least `ROBOT_RADIUS` from walls and border.
+        goal: The goal (x, y), outside the walls, in reach of the robot up to `GOAL_RADIUS`.
+        walls: (n, 4) x, y of the lower left corner, width and height; kept as a read-only copy.
+
+    Raises:
+        ValueError: A field breaks the rules above or holds something else than finite numbers.
+    """
+
+    name: str
+    width: float
+    height: float
+    start: tuple[float, float]
+    goal: tuple[float, float]
+    walls: FloatArray
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise ValueError(f"name must be a string, got {self.name!r}.")
+        for field in ("width", "height"):
+            self._set(field, _number_above(2 * ROBOT_RADIUS, field, getattr(self, field)))
+        for field in ("start", "goal"):
+            self._set(field, _point(field, getattr(self, field)))
+        self._set("walls", _clip(_walls(self.walls), self.width, self.height))
+        self.walls.setflags(write=False)
+        _check_start(self)
+        _check_goal(self)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MazeLayout):
+            return NotImplemented
+        return self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Default pickling would hand back writable walls.
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "MazeLayout":
+        """Build a layout from a mapping whose keys are the fields, all of them and no others."""
+        names = {field.name for field in fields(cls)}
+        if not isinstance(values, Mapping) or set(values) != names:
+            keys = sorted(map(str, values)) if isinstance(values, Mapping) else repr(values)[:60]
+            raise ValueError(f"layout must have exactly the keys {sorted(names)}, got {keys}.")
+        return cls(**values)
+
+    @classmethod
+    def from_json(cls, path: str | os.PathLike[str]) -> "MazeLayout":
+        """Read a layout from a JSON file, an object with the fields as keys."""
+        try:
+            values = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ValueError(f"layout {str(path)!r} is unreadable: {error.strerror}.") from error
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"layout {str(path)!r} is not JSON: {error}.") from error
+        return cls.from_dict(values)
+
+    @classmethod
+    def from_ascii(
+        cls, text: str, *, name: str = "custom", cell_size: float = 10.0
+    ) -> "MazeLayout":
+        """Read a drawing: `#` wall, `.` free, `S` start, `G` goal, top row first.
+
+        Args:
+            text: Rows of equal length; blank lines around them and indentation are ignored.
+            name: What the maze is called.
+            cell_size: Side of the square that each character stands for; `S` and `G` are centers.
+        """
+        size = _number_above(0.0, "cell_size", cell_size)
+        rows = [row.strip() for row in text.strip().splitlines()][::-1]  # y points up
+        _check_rows(rows)
+        start, goal = (_center_of(letter, rows, size) for letter in "SG")
+        walls = [
+            (x * size, y * size, length * size, size)
+            for y, row in enumerate(rows)
+            for x, length in _wall_runs(row)
+        ]
+        return cls(name, len(rows[0]) * size, len(rows) * size, start, goal, np.array(walls))
+
+    def to_json(self, path: str | os.PathLike[str]) -> None:
+        """Write the layout to a JSON file that `from_json` reads back, one wall a line."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        walls = json.dumps(values.pop("walls").tolist()).replace("], [", "],\n    [")
+        lines = [f'  "{key}": {json.dumps(value)}' for key, value in values.items()]
+        text = "{\n" + ",\n".join([*lines, f'  "walls": {walls}']) + "\n}\n"
+        Path(path).write_text(text, encoding="utf-8")
+
+    def _set(self, field: str, value: object) -> None:
+        object.__setattr__(self, field, value)
+
+    def _key(self) -> tuple[object, ...]:
+        return self.name, self.width, self.height, self.start, self.goal, self.walls.tobytes()
+
+
+def resolve_layout(layout: MazeLayout | str | os.PathLike[str]) -> MazeLayout:
+    """Return the layout itself, or the one that a built-in name, a .json path or ASCII text means.
+
+    Raises:
+        ValueError: `layout` is none of these, or the layout it means is not valid.
+    """
+    if isinstance(layout, MazeLayout):
+        return layout
+    if isinstance(layout, str):
+        if layout in BUILT_IN:
+            return BUILT_IN[layout]
+        if "\n" in layout:
+            return MazeLayout.from_ascii(layout)
+    if isinstance(layout, str | os.PathLike) and str(layout).endswith(".json"):
+        return MazeLayout.from_json(layout)
+    raise ValueError(
+        f"layout must be a MazeLayout, a built-in name ({', '.join(BUILT_IN)}), a path ending in "
+        f".json, or ASCII text with a line break, got {layout!r:.60}."
+    )
+
+
+def reachable_cells(layout: MazeLayout, n_cells: int = 50) -> BoolArray:
+    """Mark the cells of a regular grid that the robot's center can enter from the start.
+
+    Returns:
+        (n_cells, n_cells), indexed [ix, iy]: True where the cell holds an open piece of the
+        reachable set.
+    """
+    return _reachable(layout).cells((layout.width, layout.height), n_cells)
+
+
+def closest_approach(layout: MazeLayout) -> float:
+    """Return the shortest distance to the goal that the robot's center can reach."""
+    return _reachable(layout).distance(layout.goal)
+
+
+def _reachable(layout: MazeLayout) -> Region:
+    size = layout.width, layout.height
+    return reachable_region(layout.walls, size, layout.start, ROBOT_RADIUS)
+
+
+def _number_above(limit: float, field: str, value: object) -> float:
+    number = float(_floats(field, value, "a number", ()))
+    if number <= limit:
+        raise ValueError(f"{field} must be above {limit:g}, got {number:g}.")
+    return number
+
+
+def _point(field: str, value: object) -> tuple[float, float]:
+    x, y = _floats(field, value, "two numbers (x, y)", (2,)).tolist()
+    return x, y
+
+
+def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> FloatArray:
+    """Convert to finite float64 of a shape, in which -1 stands for any length, or raise."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of unequal length
+        array = np.asarray(None)
+    if array.size == 0 and -1 in shape:
+        array = array.reshape(0, *shape[1:])
+    fits = array.ndim == len(shape) and all(
+        wanted in (-1, length) for wanted, length in zip(shape, array.shape, strict=True)
+    )
+    if array.dtype.kind not in "iuf" or not fits:
+        raise ValueError(f"{field} must be {meaning}, got {value!r:.60}.")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{field} must be finite, got {value!r:.60}.")
+    return array.astype(np.float64) + 0.0  # -0.0 would make equal layouts differ in bytes
+
+
+def _walls(value: object) -> FloatArray:
+    walls = _floats("walls", value, "rows of x, y, width, height", (-1, 4))
+    bad = np.flatnonzero((walls[:, 2:] <= 0).any(axis=1))
+    if bad.size:
+        raise ValueError(f"walls must have positive sizes, got {walls[bad[0]].tolist()}.")
+    return walls
+
+
+def _clip(walls: FloatArray, width: float, height: float) -> FloatArray:
+    """Clip walls (n, 4) to the world and drop what is outside; those inside keep their bits."""
+    low, limit = walls[:, :2], np.array([width, height])
+    high = low + walls[:, 2:]
+    sticks_out = (low < 0) | (high > limit)
+    low, high = np.maximum(low, 0.0), np.minimum(high, limit)
+    size = np.where(sticks_out, high - low, walls[:, 2:])
+    return np.hstack([low, size])[(size > 0).all(axis=1)]
+
+
+def _inside_wall(point: tuple[float, float], walls: FloatArray, margin: float = 0.0) -> bool:
+    low, high = walls[:, :2] - margin, walls[:, :2] + walls[:, 2:] + margin
+    return bool(((low < point) & (point < high)).all(axis=1).any())
+
+
+def _check_start(layout: MazeLayout) -> None:
+    limits = zip(layout.start, (layout.width, layout.height), strict=True)
+    in_world = all(ROBOT_RADIUS <= x <= size - ROBOT_RADIUS for x, size in limits)
+    if not in_world or _inside_wall(layout.start, layout.walls, ROBOT_RADIUS):
+        raise ValueError(
+            f"start must be at least {ROBOT_RADIUS:g} away from every wall and from the border of "
+            f"the {layout.width:g} x {layout.height:g} world, got {layout.start}."
+        )
+
+
+def _check_goal(layout: MazeLayout) -> None:
+    limits = zip(layout.goal, (layout.width, layout.height), strict=True)
+    if not all(0 <= x <= size for x, size in limits):
+        raise ValueError(
+            f"goal must be in the {layout.width:g} x {layout.height:g} world, got {layout.goal}."
+        )
+    if _inside_wall(layout.goal, layout.walls):
+        raise ValueError(f"goal must be outside the walls, got {layout.goal}.")
+    if not closest_approach(layout) < GOAL_RADIUS:
+        raise ValueError(
+            f"goal must be within {GOAL_RADIUS:g} of a point that the robot can reach from the "
+            f"start, got {layout.goal}."
+        )
+
+
+def _check_rows(rows: list[str]) -> None:
+    lengths = sorted({len(row) for row in rows})
+    if len(lengths) != 1:
+        raise ValueError(f"layout rows must have one length, got lengths {lengths}.")
+    text = "".join(rows)
+    if unknown := sorted(set(text) - set("#.SG")):
+        raise ValueError(f"layout text may hold only '#', '.', 'S' and 'G', got {unknown}.")
+    for letter in "SG":
+        if text.count(letter) != 1:
+            raise ValueError(f"layout text must hold one {letter!r}, got {text.count(letter)}.")
+
+
+def _center_of(letter: str, rows: list[str], cell_size: float) -> tuple[float, float]:
+    y, row = next((y, row) for y, row in enumerate(rows) if letter in row)
+    return (row.index(letter) + 0.5) * cell_size, (y + 0.5) * cell_size
+
+
+def _wall_runs(row: str) -> Iterator[tuple[int, int]]:
+    """Yield the first column and the length of each run of `#`."""
+    return ((run.start(), len(run.group())) for run in re.finditer("#+", row))
+
+
+# fmt: off
+_SNAKE = [
+    [10, 0, 10, 180], [10, 180, 180, 10], [30, 160, 170, 10], [10, 140, 180, 10],
+    [30, 120, 170, 10], [10, 100, 180, 10], [30, 80, 170, 10], [10, 60, 180, 10],
+    [30, 40, 170, 10], [10, 20, 180, 10],
+]
+_US = [
+    [10, 10, 180, 10], [10, 10, 10, 180], [180, 10, 10, 180], [10, 180, 85, 10],
+    [105, 180, 85, 10], [105, 30, 65, 10], [30, 30, 65, 10], [30, 30, 10, 140],
+    [160, 30, 10, 140], [30, 160, 130, 10], [50, 50, 100, 10], [50, 50, 10, 100],
+    [140, 50, 10, 100], [50, 140, 45, 10], [105, 140, 45, 10], [70, 70, 25, 10],
+    [105, 70, 25, 10], [70, 70, 10, 60], [120, 70, 10, 60], [70, 120, 60, 10],
+]
+_HARD = [
+    [40, 10, 160, 10], [40, 10, 10, 40], [20, 70, 30, 10], [60, 70, 10, 80], [0, 110, 40, 10],
+    [20, 140, 50, 10], [20, 140, 10, 60], [40, 40, 140, 10], [170, 40, 10, 140],
+    [80, 170, 100, 10], [30, 70, 120, 10], [140, 70, 10, 80], [100, 100, 10, 80],
+]
+_LABYRINTH = [
+    [180, 0, 10, 10], [160, 20, 40, 10], [160, 10, 10, 20], [40, 10, 130, 10], [40, 10, 10, 40],
+    [10, 30, 40, 10], [20, 0, 10, 20], [10, 60, 10, 20], [10, 70, 30, 10], [30, 70, 10, 60],
+    [0, 100, 20, 10], [10, 120, 30, 10], [10, 120, 10, 80], [30, 50, 30, 10], [50, 50, 10, 90],
+    [30, 140, 30, 10], [30, 140, 10, 50], [50, 160, 10, 40], [50, 160, 30, 10], [70, 30, 10, 140],
+    [100, 10, 10, 180], [90, 30, 30, 10], [90, 70, 30, 10], [90, 110, 30, 10], [90, 150, 30, 10],
+    [130, 30, 10, 170], [70, 50, 20, 10], [70, 90, 20, 10], [70, 130, 20, 10], [120, 50, 20, 10],
+    [120, 90, 20, 10], [120, 130, 20, 10], [150, 40, 10, 150], [180, 40, 10, 150],
+    [150, 120, 40, 10],
+]
+# fmt: on
+
+BUILT_IN: Mapping[str, MazeLayout] = MappingProxyType(
+    {
+        layout.name: layout
+        for layout in (
+            MazeLayout("snake", 200, 200, (5, 5), (25, 5), np.array(_SNAKE)),
+            MazeLayout("us", 200, 200, (100, 5), (100, 100), np.array(_US)),
+            MazeLayout("hard", 200, 200, (195, 5), (60, 30), np.array(_HARD)),
+            MazeLayout("labyrinth", 200, 200, (195, 5), (170, 140), np.array(_LABYRINTH)),
+        )
+    }
+)

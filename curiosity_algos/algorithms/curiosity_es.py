@@ -1,0 +1,114 @@
+"""Curiosity-ES: the canonical evolution strategy, motivated by curiosity of whole trajectories.
+
+Le Tolguenec et al. 2022, "Curiosity creates Diversity in Policy Search", algorithm 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from curiosity_algos.common.evolution_strategy import EvolutionStrategy
+from curiosity_algos.common.policies import MlpPolicy
+from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.buffer import TransitionBuffer
+from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.motivation import CuriosityMotivation
+from curiosity_algos.evaluation.evaluator import AnyEnv
+
+BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM}
+"""Bonuses by the names that `CuriosityES(bonus=...)` takes."""
+
+
+class CuriosityES(EvolutionStrategy):
+    """Evolves policies that visit transitions which an Intrinsic Curiosity Module cannot predict.
+
+    Each generation samples lambda policies around the center, scores them by
+    `phi z(return) + (1 - phi) z(curiosity)`, moves the center towards the best mu, and trains the
+    ICM on transitions of all of them, so that what is known stops being curious.
+
+    Args:
+        env: See `EvolutionStrategy`, as for every argument not named here.
+        policy: Likewise.
+        phi: Weight of the extrinsic fitness, in [0, 1].
+        gamma: In [0, 1]: curiosity of the step `T-1-t` before an episode's end weighs
+            `gamma^(T-1-t)` (eq. 10).
+        bonus: "icm".
+        bonus_kwargs: Of the bonus (`beta`, `learning_rate`, `n_features`, `hidden`, `normalize`).
+        n_transitions: m, transitions of each individual kept for training.
+        n_updates: p, the bonus' gradient steps a generation.
+        batch_size: Transitions a gradient step.
+        buffer_size: Transitions kept in all, the newest.
+        no_reward: "ignore" or "random": what stands for the extrinsic fitness while a generation
+            has no reward (the paper draws it at random).
+        **kwargs: Passed on to `EvolutionStrategy`.
+    """
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        phi: float = 0.8,
+        gamma: float = 0.99,
+        bonus: str = "icm",
+        bonus_kwargs: dict[str, Any] | None = None,
+        n_transitions: int = 100,
+        n_updates: int = 64,
+        batch_size: int = 1024,
+        buffer_size: int = 500_000,
+        no_reward: str = "ignore",
+        **kwargs: Any,
+    ) -> None:
+        for name, share in (("phi", phi), ("gamma", gamma)):
+            if not 0.0 <= share <= 1.0:
+                raise ValueError(f"`{name}` must be in [0, 1], got {share}.")
+        sizes = {"n_transitions": n_transitions, "n_updates": n_updates}
+        for name, size in {**sizes, "batch_size": batch_size, "buffer_size": buffer_size}.items():
+            if not size >= 1:
+                raise ValueError(f"`{name}` must be at least 1, got {size}.")
+        if bonus not in BONUSES:
+            raise ValueError(f"`bonus` must be one of {sorted(BONUSES)}, got {bonus!r}.")
+        if no_reward not in ("ignore", "random"):
+            raise ValueError(f'`no_reward` must be "ignore" or "random", got {no_reward!r}.')
+        self.phi = phi
+        self.gamma = gamma
+        self.bonus = bonus
+        self.bonus_kwargs = dict(bonus_kwargs or {})
+        self.n_transitions = n_transitions
+        self.n_updates = n_updates
+        self.batch_size = batch_size
+        self.buffer_size = buffer_size
+        self.no_reward = no_reward
+        super().__init__(env, policy, **kwargs)
+
+    def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
+        motivation_seed, networks_seed, buffer_seed = seed.spawn(3)
+        bonus = BONUSES[self.bonus](
+            self.observation_space,
+            self.action_space,
+            seed=int(networks_seed.generate_state(1)[0]),
+            device=self.device,
+            **self.bonus_kwargs,
+        )
+        is_discrete = isinstance(self.action_space, spaces.Discrete)
+        n_observations, n_outputs = int(self.policy.mlp.sizes[0]), int(self.policy.mlp.sizes[-1])
+        buffer = TransitionBuffer(
+            self.buffer_size,
+            n_observations,
+            1 if is_discrete else n_outputs,
+            seed=int(buffer_seed.generate_state(1)[0]),
+        )
+        return CuriosityMotivation(
+            bonus,
+            buffer,
+            gamma=self.gamma,
+            n_transitions=self.n_transitions,
+            n_updates=self.n_updates,
+            batch_size=self.batch_size,
+            seed=motivation_seed,
+            n_threads=self.n_threads,
+        )

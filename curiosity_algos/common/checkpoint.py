@@ -1,0 +1,71 @@
+"""Atomic files, and clear errors for files that are not ours."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BufferedWriter
+
+
+@contextmanager
+def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
+    """Open a file that takes `path`'s place only once it is wholly on disk.
+
+    Whatever happens before, a full disk or a killed process, leaves the old file as it was.
+    """
+    target = pathlib.Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    _sync_folder(target.parent)
+
+
+def _sync_folder(folder: pathlib.Path) -> None:
+    """Make the renaming itself survive a power cut, where the system can."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
+    """`path`, with SB3's suffix `.zip` where it has none."""
+    path = pathlib.Path(path)
+    return path if path.suffix else path.with_suffix(".zip")
+
+
+def check_is_checkpoint(path: str | os.PathLike[str]) -> None:
+    """Check that `path` is a whole file of this package or of SB3.
+
+    Raises:
+        FileNotFoundError: If there is no such file.
+        ValueError: If it is truncated or foreign.
+    """
+    file = pathlib.Path(path)
+    if not file.exists():
+        file = checkpoint_path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"`path` must be a saved model, there is no file {file}.")
+    try:
+        with zipfile.ZipFile(file) as archive:
+            is_ours = {"data", "policy.pth"} <= set(archive.namelist()) and not archive.testzip()
+    except (zipfile.BadZipFile, EOFError, OSError):
+        is_ours = False
+    if not is_ours:
+        raise ValueError(
+            f"`path` must be a model saved by this package, {file} is not a whole one."
+        )

@@ -1,0 +1,77 @@
+"""Coverage of final states, for every algorithm, archive or not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_gym.core import CoverageGrid
+
+
+class Coverage:
+    """The cells of a grid that final behaviors have visited.
+
+    Args:
+        grid: What is counted; None: nothing, as for an env without a `behavior_space`.
+    """
+
+    def __init__(self, grid: CoverageGrid | None) -> None:
+        self.grid = grid
+        self._visited = np.empty(0, dtype=np.int64)
+
+    def add(self, behaviors: npt.NDArray[np.float64]) -> None:
+        """Count behaviors (P, B) as visited."""
+        if self.grid is not None:
+            self._visited = np.union1d(self._visited, self.grid.cells(behaviors))
+
+    @property
+    def all(self) -> float | None:
+        """Share of all cells that were visited (the paper's figure)."""
+        return None if self.grid is None else len(self._visited) / self._n_cells
+
+    @property
+    def reachable(self) -> float | None:
+        """Share of the reachable cells that were visited; of all where reachability is unknown."""
+        if self.grid is None or self.grid.reachable is None:
+            return self.all
+        reachable = self.grid.reachable.ravel()
+        return float(reachable[self._visited].sum() / reachable.sum())
+
+    @property
+    def _n_cells(self) -> int:
+        assert self.grid is not None
+        return int(self.grid.n_cells ** len(self.grid.dimensions))
+
+    def state_dict(self) -> dict[str, Any]:
+        """The visited cells."""
+        return {"visited": th.from_numpy(self._visited.copy())}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        self._visited = state["visited"].cpu().numpy().copy()
+
+
+def coverage_grid(env: VecEnv) -> CoverageGrid | None:
+    """What the env says to count, or its whole behavior space, or None where it has none."""
+    grid = _attribute(env, "coverage_grid")
+    if grid is not None:
+        return grid  # type: ignore[no-any-return]
+    space = _attribute(env, "behavior_space")
+    if not isinstance(space, spaces.Box) or not space.is_bounded():
+        return None
+    dimensions = tuple(range(space.shape[0]))
+    return CoverageGrid(dimensions, space.low.astype(np.float64), space.high.astype(np.float64))
+
+
+def _attribute(env: VecEnv, name: str) -> Any:
+    """The attribute of the first single env, whatever wraps it; None where it has none."""
+    try:
+        return env.get_attr(name, indices=0)[0]
+    except AttributeError:
+        return None

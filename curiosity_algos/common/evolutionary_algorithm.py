@@ -1,0 +1,369 @@
+"""The loop that every population algorithm shares, behind Stable-Baselines3's API."""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, Self
+
+import gymnasium as gym
+import numpy as np
+import torch as th
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.save_util import save_to_zip_file
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
+from curiosity_algos.common.checkpoint import atomic_file, check_is_checkpoint, checkpoint_path
+from curiosity_algos.common.coverage import Coverage, coverage_grid
+from curiosity_algos.common.interrupt import deferred_interrupt
+from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
+from curiosity_algos.common.progress_bar import ProgressBar
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.evaluation.batches import GymnasiumView, describe
+from curiosity_algos.evaluation.evaluator import (
+    AnyEnv,
+    Evaluator,
+    check_policy_kwargs,
+    make_evaluator,
+)
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+
+class EvolutionaryAlgorithm(BaseAlgorithm):
+    """Asks for parameters, evaluates them, tells what came of it, until the budget is spent.
+
+    A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is
+    here: the budget, callbacks, logging, coverage, the best policy, save and load.
+
+    A timestep is one environment step of one individual. Callbacks are called once a generation, so
+    their frequencies count generations.
+
+    Args:
+        env: An environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv. Observations must be
+            a 1-D Box, actions a bounded 1-D Box or Discrete.
+        policy: "MlpPolicy", or a subclass of it.
+        learning_rate: Of the search's step, where it has one.
+        policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
+        n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
+            not depend on it.
+        seed: Seed of everything random; None: fresh entropy.
+        device: Where the bonus' networks are, as in SB3; policies are evaluated on the CPU.
+        verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
+        tensorboard_log: Folder of TensorBoard's files; None: none.
+        _init_setup_model: As in SB3: `load` builds the model later.
+
+    Attributes:
+        generation: Generations finished.
+        best_return: Highest return of an individual so far; -inf before the first generation.
+        first_success_timesteps: Timesteps when an individual first succeeded, or None.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the env's spaces are not supported.
+    """
+
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": MlpPolicy}
+    policy: MlpPolicy
+    evaluator: Evaluator | None
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        learning_rate: float = 0.0,
+        policy_kwargs: dict[str, Any] | None = None,
+        n_threads: int | None = None,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+        verbose: int = 0,
+        tensorboard_log: str | None = None,
+        _init_setup_model: bool = True,
+    ) -> None:
+        _check_argument_order(type(self).__name__, env, policy)
+        net_arch = check_policy_kwargs(policy_kwargs)
+        env = gym.make(env) if isinstance(env, str) else env
+        if env is not None:
+            build_mlp(*describe(env), net_arch)
+        super().__init__(
+            policy,
+            env,  # type: ignore[arg-type]
+            learning_rate=learning_rate,
+            policy_kwargs={"net_arch": net_arch},
+            tensorboard_log=tensorboard_log,
+            verbose=verbose,
+            device=device,
+            support_multi_env=True,
+            seed=seed,
+        )
+        self.n_threads = n_threads
+        self.generation = 0
+        self.best_return = -np.inf
+        self.first_success_timesteps: int | None = None
+        self._best_parameters: Float32Array | None = None
+        self._has_reward = False
+        self._coverage_grid = None if self.env is None else coverage_grid(self.env)
+        if _init_setup_model:
+            self._setup_model()
+
+    # -- what an algorithm writes ---------------------------------------------------------------
+
+    @abstractmethod
+    def _make_search(self, seed: np.random.SeedSequence) -> None:
+        """Create what the algorithm holds; everything random grows from `seed`."""
+
+    @abstractmethod
+    def _ask(self) -> Float32Array:
+        """The parameters to evaluate next, shape (P, n_parameters)."""
+
+    @abstractmethod
+    def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
+        """Learn from the population just evaluated; metrics to log."""
+
+    @abstractmethod
+    def _center(self) -> Float32Array:
+        """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
+
+    @abstractmethod
+    def _state_names(self) -> list[str]:
+        """Attributes with `state_dict` and `load_state_dict` that a resumed run needs."""
+
+    # -- the model ------------------------------------------------------------------------------
+
+    def _setup_model(self) -> None:
+        self.policy = self.policy_class(
+            self.observation_space, self.action_space, **self.policy_kwargs
+        )  # type: ignore[assignment]
+        self._coverage = Coverage(self._coverage_grid)
+        search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
+        self._episodes = EpisodeSeeds(episode_seed)
+        self._make_search(search_seed)
+        self._make_evaluator()
+        self._show_best()
+
+    def _make_evaluator(self) -> None:
+        self.evaluator = None
+        if self.env is not None:
+            self.evaluator = make_evaluator(self.env, self.policy_kwargs, self.n_threads)
+
+    @staticmethod
+    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        if isinstance(env, VectorEnv):
+            return GymnasiumView(env)
+        return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
+
+    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
+        """Train on another environment with the same spaces; its coverage starts anew.
+
+        Args:
+            env: As in the constructor.
+            force_reset: As in SB3.
+        """
+        env = gym.make(env) if isinstance(env, str) else env
+        wrapped = self._wrap_env(env, self.verbose)
+        self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
+        super().set_env(wrapped, force_reset)
+        self._make_evaluator()
+        grid = coverage_grid(wrapped)
+        if grid != self._coverage_grid:
+            self._coverage_grid = grid
+            self._coverage = Coverage(grid)
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the reachable cells that final states visited; None: nothing to count."""
+        return self._coverage.reachable
+
+    # -- the loop -------------------------------------------------------------------------------
+
+    def learn(
+        self,
+        total_timesteps: float,
+        callback: MaybeCallback = None,
+        log_interval: int = 1,
+        tb_log_name: str | None = None,
+        reset_num_timesteps: bool = True,
+        progress_bar: bool = False,
+    ) -> Self:
+        """Search until the generation that reaches the budget has ended.
+
+        Ctrl-C takes effect at the end of the running generation, so that the model can be saved.
+
+        Args:
+            total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
+            callback: SB3 callbacks; called once a generation.
+            log_interval: Generations between two logs.
+            tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
+            reset_num_timesteps: Count timesteps from 0 again; False: go on, as after `load`.
+            progress_bar: Show a bar of timesteps.
+
+        Raises:
+            ValueError: If the budget is negative or not finite, or no env is set.
+        """
+        if not 0.0 <= total_timesteps < np.inf:
+            raise ValueError(
+                f"`total_timesteps` must be finite and at least 0, got {total_timesteps}."
+            )
+        if self.env is None:
+            raise ValueError("`env` must be set before learning: call set_env(env).")
+        name = tb_log_name or type(self).__name__
+        total, callback = self._setup_learn(
+            int(total_timesteps), callback, reset_num_timesteps, name, progress_bar=False
+        )
+        if progress_bar:
+            callback = CallbackList([callback, ProgressBar()])
+            callback.init_callback(self)
+        callback.on_training_start({"self": self, "total_timesteps": total}, {})
+        while self.num_timesteps < total:
+            with deferred_interrupt():
+                callback.on_rollout_start()
+                rollouts, metrics = self._run_generation()
+                callback.update_locals({"rollouts": rollouts})
+                callback.on_rollout_end()
+                if self.generation % log_interval == 0:
+                    self._log(rollouts, metrics)
+                if not callback.on_step():
+                    break
+        callback.on_training_end()
+        return self
+
+    def _run_generation(self) -> tuple[Rollouts, Mapping[str, float]]:
+        assert self.evaluator is not None
+        parameters = self._ask()
+        rollouts = self.evaluator.evaluate(parameters, self._episodes.draw())
+        metrics = self._tell(rollouts)
+        self._record(parameters, rollouts)
+        return rollouts, metrics
+
+    def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
+        """Count the generation in: timesteps, first success, coverage, best policy."""
+        if self.first_success_timesteps is None and rollouts.success.any():
+            steps = np.cumsum(rollouts.lengths)[np.argmax(rollouts.success)]
+            self.first_success_timesteps = self.num_timesteps + int(steps)
+        self.num_timesteps += rollouts.timesteps
+        self.generation += 1
+        self._coverage.add(rollouts.behaviors)
+        self._has_reward |= bool(np.any(rollouts.returns))
+        best = int(np.argmax(rollouts.returns))
+        if rollouts.returns[best] > self.best_return:
+            self.best_return = float(rollouts.returns[best])
+            self._best_parameters = parameters[best].copy()
+        self._show_best()
+
+    def _show_best(self) -> None:
+        """Let `predict` act with the best policy, or the center while no reward was found."""
+        found = self._best_parameters if self._has_reward else None
+        self.policy.vector[:] = self._center() if found is None else found
+
+    def _log(self, rollouts: Rollouts, metrics: Mapping[str, float]) -> None:
+        elapsed = max((time.time_ns() - self.start_time) / 1e9, 1e-9)
+        values: dict[str, Any] = {
+            "rollout/ep_rew_mean": rollouts.returns.mean(),
+            "rollout/ep_rew_max": rollouts.returns.max(),
+            "rollout/ep_len_mean": rollouts.lengths.mean(),
+            "rollout/success_rate": rollouts.success.mean(),
+            **metrics,
+            "time/fps": int((self.num_timesteps - self._num_timesteps_at_start) / elapsed),
+            "time/generations": self.generation,
+            "time/total_timesteps": self.num_timesteps,
+        }
+        if self.coverage is not None:
+            values["coverage/reachable"] = self.coverage
+            values["coverage/all"] = self._coverage.all
+        for key, value in values.items():
+            self.logger.record(key, value)
+        self.logger.dump(self.num_timesteps)
+
+    # -- save and load --------------------------------------------------------------------------
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        # Named here or silently re-initialized by `load`: SB3 builds the model anew.
+        return ["policy", "_coverage", "_episodes", *self._state_names()], []
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "evaluator"]
+
+    def save(
+        self,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        exclude: Iterable[str] | None = None,
+        include: Iterable[str] | None = None,
+    ) -> None:
+        """Save everything that a run needs to go on bit for bit.
+
+        The file takes the place of an older one only once it is wholly on disk.
+
+        Args:
+            path: Of the file; `.zip` is added where it has no suffix.
+            exclude: Names to leave out; "buffer" leaves out the bonus' transitions.
+            include: Names to save although they are left out by default.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+        """
+        if isinstance(path, io.BufferedIOBase):
+            self._save_to(path, set(exclude or ()), set(include or ()))
+            return
+        with atomic_file(checkpoint_path(path)) as file:
+            self._save_to(file, set(exclude or ()), set(include or ()))
+
+    def _save_to(self, file: io.BufferedIOBase, exclude: set[str], include: set[str]) -> None:
+        parameters = self.get_parameters()
+        left_out = (exclude | set(self._excluded_save_params()) | set(parameters)) - include
+        data = {key: value for key, value in self.__dict__.items() if key not in left_out}
+        if "buffer" in exclude:
+            for state in parameters.values():
+                state.pop("buffer", None)
+        save_to_zip_file(file, data=data, params=parameters)
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str] | io.BufferedIOBase, *args: Any, **kwargs: Any
+    ) -> Self:
+        """Load a model; takes SB3's arguments (`env`, `device`, ...).
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is truncated, or no model of this package.
+        """
+        if not isinstance(path, io.BufferedIOBase):
+            check_is_checkpoint(path)
+        model = super().load(path, *args, **kwargs)  # type: ignore[arg-type]
+        model._show_best()
+        return model
+
+
+class EpisodeSeeds:
+    """Draws the seed of each generation's episodes.
+
+    Args:
+        seed: Where the draws begin.
+    """
+
+    def __init__(self, seed: np.random.SeedSequence) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def draw(self) -> int:
+        """The next seed, which all individuals of a generation share."""
+        return int(self._rng.integers(2**31))
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state of the draws."""
+        return {"rng": generator_state(self._rng)}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        load_generator_state(self._rng, state["rng"])
+
+
+def _check_argument_order(name: str, env: object, policy: object) -> None:
+    is_sb3_order = isinstance(env, str) and env in EvolutionaryAlgorithm.policy_aliases
+    if is_sb3_order or not isinstance(policy, str | type):
+        raise ValueError(f'Pass the environment first: {name}(env, policy="MlpPolicy").')

@@ -1,0 +1,247 @@
+"""A multilayer perceptron as one flat parameter vector, evaluated by one compiled function.
+
+The layout of the vector: for each layer its weights (inputs, outputs) row by row, then its biases.
+Hidden layers are ReLU. For a `Box` action space the output is `tanh` scaled to the box; for a
+`Discrete` one it is a score for each action, and the policy takes the largest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.type_aliases import PyTorchObs
+
+from curiosity_gym.compiled import compiled
+
+Float32Array = npt.NDArray[np.float32]
+
+DEFAULT_NET_ARCH = (32, 16)
+"""Hidden layers of the paper-sized policy: 36-32-16-2 has 1,746 parameters."""
+
+_ZERO, _ONE, _TWO, _FOUR = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.uint64(4)
+
+
+class Mlp(NamedTuple):
+    """Shape and output range of a policy, as the compiled functions take it."""
+
+    sizes: npt.NDArray[np.uint64]
+    """(n_layers + 1,): widths from the observation to the output."""
+    center: Float32Array
+    """(n_outputs,): middle of the action box."""
+    half_range: Float32Array
+    """(n_outputs,): half the width of the action box."""
+    is_discrete: bool
+
+    @property
+    def n_parameters(self) -> int:
+        """Length of the flat vector."""
+        inputs, outputs = self.sizes[:-1], self.sizes[1:]
+        return int(np.sum((inputs + 1) * outputs))
+
+
+def build_mlp(
+    observation_space: spaces.Space[Any],
+    action_space: spaces.Space[Any],
+    net_arch: Sequence[int] = DEFAULT_NET_ARCH,
+) -> Mlp:
+    """The network that maps `observation_space` to `action_space`.
+
+    Raises:
+        ValueError: If a space is not supported (supported: 1-D `Box` observations; 1-D bounded
+            `Box` or `Discrete` actions), or a layer's width is not positive.
+    """
+    if not isinstance(observation_space, spaces.Box) or len(observation_space.shape) != 1:
+        raise ValueError(
+            f"The observation space {observation_space} is not supported: it must be a 1-D Box "
+            "(flatten others with gymnasium.wrappers.FlattenObservation)."
+        )
+    if any(int(width) != width or width < 1 for width in net_arch):
+        raise ValueError(f"`net_arch` must hold positive layer widths, got {list(net_arch)}.")
+    low, high, is_discrete = _output_range(action_space)
+    sizes = np.array([observation_space.shape[0], *net_arch, low.size], dtype=np.uint64)
+    center = ((high + low) / 2.0).astype(np.float32)
+    return Mlp(sizes, center, ((high - low) / 2.0).astype(np.float32), is_discrete)
+
+
+def _output_range(
+    action_space: spaces.Space[Any],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]:
+    if isinstance(action_space, spaces.Discrete):
+        n_actions = int(action_space.n)
+        return np.zeros(n_actions), np.ones(n_actions), True
+    if (
+        isinstance(action_space, spaces.Box)
+        and len(action_space.shape) == 1
+        and action_space.is_bounded()
+    ):
+        return action_space.low.astype(np.float64), action_space.high.astype(np.float64), False
+    raise ValueError(
+        f"The action space {action_space} is not supported: it must be a bounded 1-D Box or "
+        "Discrete."
+    )
+
+
+@compiled
+def _tanh(x: np.float32) -> np.float32:
+    return _ONE - _TWO / (math.exp(_TWO * x) + _ONE)
+
+
+@compiled
+def _affine(
+    parameters: Float32Array,
+    offset: np.uint64,
+    n_in: np.uint64,
+    n_out: np.uint64,
+    source: Float32Array,
+    target: Float32Array,
+    is_first: bool,
+) -> None:
+    """One layer: target = relu(source) @ weights + biases; the first layer's source goes in as is.
+
+    Indices are unsigned and nothing is sliced: negative indices and views cost more than the sums.
+    """
+    biases = offset + n_in * n_out
+    for j in range(n_out):
+        target[j] = parameters[biases + j]
+    floor = -np.float32(np.inf) if is_first else _ZERO
+    n_fours = n_in - n_in % _FOUR
+    for i in range(np.uint64(0), n_fours, _FOUR):
+        a, b = max(source[i], floor), max(source[i + np.uint64(1)], floor)
+        c, d = max(source[i + np.uint64(2)], floor), max(source[i + np.uint64(3)], floor)
+        row_a = offset + i * n_out
+        row_b, row_c, row_d = row_a + n_out, row_a + n_out + n_out, row_a + n_out + n_out + n_out
+        # Four inputs a pass spare trips to memory.
+        for j in range(n_out):
+            target[j] += (a * parameters[row_a + j] + b * parameters[row_b + j]) + (
+                c * parameters[row_c + j] + d * parameters[row_d + j]
+            )
+    for i in range(n_fours, n_in):
+        a = max(source[i], floor)
+        row_a = offset + i * n_out
+        for j in range(n_out):
+            target[j] += a * parameters[row_a + j]
+
+
+@compiled
+def forward(
+    mlp: Mlp,
+    parameters: Float32Array,
+    observation: Float32Array,
+    even: Float32Array,
+    odd: Float32Array,
+    output: Float32Array,
+) -> None:
+    """One forward pass.
+
+    Args:
+        mlp: The network's shape.
+        parameters: (n_parameters,)
+        observation: (n_inputs,)
+        even: (widest layer,) scratch memory.
+        odd: Likewise.
+        output: (n_outputs,) overwritten: actions scaled to the box, or a score for each action.
+    """
+    last = mlp.sizes.shape[0] - 2
+    offset = np.uint64(0)
+    for layer in range(last + 1):
+        n_in, n_out = mlp.sizes[layer], mlp.sizes[layer + 1]
+        is_even = layer % 2 == 0
+        if layer == 0:
+            if last == 0:
+                _affine(parameters, offset, n_in, n_out, observation, output, True)
+            else:
+                _affine(parameters, offset, n_in, n_out, observation, even, True)
+        elif layer == last:
+            if is_even:
+                _affine(parameters, offset, n_in, n_out, odd, output, False)
+            else:
+                _affine(parameters, offset, n_in, n_out, even, output, False)
+        elif is_even:
+            _affine(parameters, offset, n_in, n_out, odd, even, False)
+        else:
+            _affine(parameters, offset, n_in, n_out, even, odd, False)
+        offset += (n_in + np.uint64(1)) * n_out
+    if not mlp.is_discrete:
+        for j in range(output.shape[0]):
+            output[j] = mlp.center[j] + mlp.half_range[j] * _tanh(output[j])
+
+
+@compiled
+def scratch(mlp: Mlp) -> tuple[Float32Array, Float32Array]:
+    """The two scratch arrays of `forward`."""
+    width = np.int64(mlp.sizes.max())
+    return np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+
+
+@compiled
+def forward_each(
+    mlp: Mlp, parameters: Float32Array, observations: Float32Array, outputs: Float32Array
+) -> None:
+    """Each policy on its own observation.
+
+    Args:
+        mlp: The networks' shape.
+        parameters: (n, n_parameters), or (1, n_parameters) for one policy on every observation.
+        observations: (n, n_inputs)
+        outputs: (n, n_outputs) overwritten.
+    """
+    even, odd = scratch(mlp)
+    last = parameters.shape[0] - 1
+    for i in range(observations.shape[0]):
+        forward(mlp, parameters[min(i, last)], observations[i], even, odd, outputs[i])
+
+
+def act(
+    mlp: Mlp, parameters: Float32Array, observations: npt.NDArray[Any]
+) -> npt.NDArray[np.float32] | npt.NDArray[np.int64]:
+    """Actions of policies on observations (n, n_inputs): (n, n_outputs) float32, or (n,) int64."""
+    outputs = np.empty((observations.shape[0], mlp.center.size), dtype=np.float32)
+    forward_each(mlp, parameters, np.ascontiguousarray(observations, dtype=np.float32), outputs)
+    return outputs.argmax(axis=1) if mlp.is_discrete else outputs
+
+
+class MlpPolicy(BasePolicy):
+    """The flat-vector MLP as an SB3 policy, deterministic.
+
+    `predict` runs the same compiled function as the evaluators: what was scored is what acts.
+
+    Args:
+        observation_space: A 1-D Box.
+        action_space: A bounded 1-D Box, or Discrete.
+        net_arch: Widths of the hidden layers.
+    """
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        net_arch: Sequence[int] = DEFAULT_NET_ARCH,
+    ) -> None:
+        super().__init__(observation_space, action_space)
+        self.net_arch = list(net_arch)
+        self.mlp = build_mlp(observation_space, action_space, self.net_arch)
+        self.flat = th.nn.Parameter(th.zeros(self.mlp.n_parameters), requires_grad=False)
+
+    @property
+    def vector(self) -> Float32Array:
+        """The flat parameter vector, shape (n_parameters,): a view, writes go through."""
+        vector: Float32Array = self.flat.numpy()
+        return vector
+
+    def forward(self, obs: PyTorchObs, deterministic: bool = True) -> th.Tensor:
+        """Actions for a batch of observations (n, n_inputs)."""
+        return self._predict(obs, deterministic)
+
+    def _predict(self, observation: PyTorchObs, deterministic: bool = True) -> th.Tensor:
+        assert isinstance(observation, th.Tensor)  # a 1-D Box is never a dictionary
+        return th.as_tensor(act(self.mlp, self.vector[None], observation.numpy()))
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "net_arch": self.net_arch}

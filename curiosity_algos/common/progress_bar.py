@@ -1,0 +1,28 @@
+"""A progress bar that counts timesteps: SB3's own adds the number of envs a call."""
+
+from __future__ import annotations
+
+from stable_baselines3.common.callbacks import BaseCallback
+from tqdm import tqdm
+
+
+class ProgressBar(BaseCallback):
+    """Shows timesteps done, coverage and the best return."""
+
+    def _on_training_start(self) -> None:
+        total = self.locals["total_timesteps"]
+        self._bar = tqdm(
+            total=total, initial=self.model.num_timesteps, unit="step", unit_scale=True
+        )
+
+    def _on_step(self) -> bool:
+        # The last generation goes over the budget; the bar ends at the budget.
+        assert self._bar.total is not None
+        self._bar.update(min(self.model.num_timesteps, self._bar.total) - self._bar.n)
+        coverage, best = self.model.coverage, self.model.best_return  # type: ignore[attr-defined]
+        shown = {} if coverage is None else {"coverage": f"{coverage:.1%}"}
+        self._bar.set_postfix({**shown, "best return": f"{best:.3f}"})
+        return True
+
+    def _on_training_end(self) -> None:
+        self._bar.close()

@@ -1,0 +1,1 @@
+"""Exploration bonuses, and the motivation made of them."""

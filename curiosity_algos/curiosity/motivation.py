@@ -1,0 +1,114 @@
+"""Curiosity of whole trajectories: what CuriosityES adds to the canonical evolution strategy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.curiosity.bonus import Bonus, single_torch_thread
+from curiosity_algos.curiosity.buffer import TransitionBuffer
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_gym.compiled import ThreadPool
+
+
+class CuriosityMotivation:
+    """Scores an individual by its trajectory's curiosity, and trains the bonus on what was seen.
+
+    The score is `sum_t gamma^(T-1-t) c_t` (eq. 10), T the episode's own length: a `gamma` below 1
+    weighs the end of an episode most, which also keeps long episodes from winning by length alone.
+
+    Args:
+        bonus: Gives the curiosity `c_t` of each transition.
+        buffer: What the bonus is trained on.
+        gamma: In [0, 1].
+        n_transitions: m, transitions of each individual that enter the buffer, drawn uniformly.
+        n_updates: p, gradient steps a generation.
+        batch_size: Transitions a gradient step.
+        seed: Seed of the draws.
+        n_threads: Threads that score; the scores do not depend on it.
+    """
+
+    def __init__(
+        self,
+        bonus: Bonus,
+        buffer: TransitionBuffer,
+        *,
+        gamma: float,
+        n_transitions: int,
+        n_updates: int,
+        batch_size: int,
+        seed: np.random.SeedSequence,
+        n_threads: int | None = None,
+    ) -> None:
+        self.bonus = bonus
+        self.buffer = buffer
+        self.gamma = gamma
+        self.n_transitions = n_transitions
+        self.n_updates = n_updates
+        self.batch_size = batch_size
+        self._rng = np.random.default_rng(seed)
+        self._pool = ThreadPool(n_threads)
+
+    def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        """Curiosity of each individual's trajectory, shape (P,)."""
+        observations, actions = rollouts.trajectories
+        lengths = rollouts.lengths
+        # Weights of a full episode; a shorter one takes its end, as its last transition weighs 1.
+        weights = self.gamma ** np.arange(lengths.max())[::-1]
+        scores = np.empty(len(rollouts))
+
+        def score_slice(begin: int, end: int) -> None:
+            # One individual at a time, whatever the slice: sums must not depend on the threads.
+            for i in range(begin, end):
+                length = lengths[i]
+                curiosity = self.bonus.score_trajectory(
+                    observations[i, : length + 1], actions[i, :length]
+                )
+                scores[i] = weights[-length:] @ curiosity
+
+        with single_torch_thread():
+            self._pool.run(score_slice, len(rollouts), len(rollouts))
+        return scores
+
+    def update(self, rollouts: Rollouts) -> dict[str, float]:
+        """Store m transitions of each individual, then train; mean losses of the generation."""
+        self._remember(rollouts)
+        with single_torch_thread():
+            losses = [
+                self.bonus.update(*self.buffer.sample(self.batch_size))
+                for _ in range(self.n_updates)
+            ]
+        return {
+            f"icm/{name}": float(np.mean([each[name] for each in losses])) for name in losses[0]
+        }
+
+    def _remember(self, rollouts: Rollouts) -> None:
+        trajectories, taken = rollouts.trajectories
+        n = len(rollouts)
+        times = self._rng.integers(0, rollouts.lengths[:, None], (n, self.n_transitions)).ravel()
+        individuals = np.repeat(np.arange(n), self.n_transitions)
+        observations = th.from_numpy(trajectories[individuals, times])
+        next_observations = th.from_numpy(trajectories[individuals, times + 1])
+        self.bonus.observe(observations)
+        actions = th.from_numpy(taken[individuals, times])
+        self.buffer.add(observations, actions, next_observations)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs."""
+        return {
+            "bonus": self.bonus.state_dict(),
+            "buffer": self.buffer.state_dict(),
+            "rng": generator_state(self._rng),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave; a buffer left out of the file stays empty."""
+        self.bonus.load_state_dict(state["bonus"])
+        if "buffer" in state:
+            self.buffer.load_state_dict(state["buffer"])
+        load_generator_state(self._rng, state["rng"])

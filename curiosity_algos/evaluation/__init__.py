@@ -1,0 +1,1 @@
+"""Populations of parameters in, rollouts out."""

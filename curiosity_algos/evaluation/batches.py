@@ -1,0 +1,175 @@
+"""The kinds of environment that users pass, seen as one.
+
+`SingleEnvBatch`, `GymnasiumBatch` and `Sb3Batch` step a batch of episodes that begin together; each
+shows the true last observation of an episode, whatever the kind's way to reset. What they return
+for an episode after its end is undefined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+
+Actions = npt.NDArray[Any]
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a batch: observations (n, O), rewards and ended (n,), and infos of the ended."""
+
+    observations: npt.NDArray[Any]
+    rewards: npt.NDArray[np.float64]
+    ended: Mask
+    infos: dict[int, dict[str, Any]]
+
+
+class Batch(Protocol):
+    """n episodes side by side."""
+
+    n: int
+
+    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+        """Begin n episodes, each with the same seed; observations (n, O)."""
+        ...
+
+    def step(self, actions: Actions, active: Mask) -> Step:
+        """Step the episodes; those not `active` have ended before."""
+        ...
+
+
+class SingleEnvBatch:
+    """Single envs in a Python loop; an episode that has ended costs nothing more."""
+
+    def __init__(self, envs: Sequence[gym.Env[Any, Any]]) -> None:
+        self._envs = envs
+        self.n = len(envs)
+
+    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+        """See `Batch`."""
+        self._observations = np.stack([env.reset(seed=seed)[0] for env in self._envs])
+        return self._observations.copy()
+
+    def step(self, actions: Actions, active: Mask) -> Step:
+        """See `Batch`."""
+        rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
+        infos = {}
+        for i in np.flatnonzero(active).tolist():
+            observation, reward, terminated, truncated, info = self._envs[i].step(actions[i])
+            self._observations[i], rewards[i] = observation, float(reward)
+            ended[i] = terminated or truncated
+            if ended[i]:
+                infos[i] = info
+        return Step(self._observations.copy(), rewards, ended, infos)
+
+
+class GymnasiumBatch:
+    """A Gymnasium VectorEnv in any of its autoreset modes."""
+
+    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
+        self._env = env
+        self.n = env.num_envs
+        self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+
+    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+        """See `Batch`."""
+        observations, _ = self._env.reset(
+            seed=None if seed is None else [seed] * self.n,  # type: ignore[arg-type]
+        )
+        return np.array(observations)
+
+    def step(self, actions: Actions, active: Mask) -> Step:
+        """See `Batch`."""
+        observations, rewards, terminated, truncated, infos = self._env.step(actions)
+        observations = np.array(observations)
+        ended = np.asarray(terminated | truncated)
+        if self._mode == AutoresetMode.SAME_STEP and ended.any():
+            for i in np.flatnonzero(ended).tolist():
+                observations[i] = infos["final_obs"][i]
+            infos = infos["final_info"]
+        elif self._mode == AutoresetMode.DISABLED and ended.any():
+            self._env.reset(options={"reset_mask": ended})
+        last = {i: _info_of(infos, i) for i in np.flatnonzero(ended & active).tolist()}
+        return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last)
+
+
+def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:
+    """One env's entries of a VectorEnv's infos (`_key` masks whether env i has `key`)."""
+    keys = [key for key in infos if f"_{key}" in infos and infos[f"_{key}"][i]]
+    return {key: infos[key][i] for key in keys if not isinstance(infos[key], dict)}
+
+
+class Sb3Batch:
+    """An SB3 VecEnv, which resets in the same step and hides the last observation in the infos."""
+
+    def __init__(self, env: VecEnv) -> None:
+        self._env = env
+        self.n = env.num_envs
+
+    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+        """See `Batch`."""
+        return np.stack(
+            [observation for observation, _ in self._env.env_method("reset", seed=seed)]
+        )
+
+    def step(self, actions: Actions, active: Mask) -> Step:
+        """See `Batch`."""
+        observations, rewards, ended, infos = self._env.step(actions)
+        observations = np.array(observations)
+        last = {i: infos[i] for i in np.flatnonzero(ended & active).tolist()}
+        for i, info in last.items():
+            observations[i] = info["terminal_observation"]
+        return Step(observations, rewards.astype(np.float64), ended, last)
+
+
+class GymnasiumView(DummyVecEnv):
+    """What SB3 sees of a Gymnasium VectorEnv, which it does not take: one env of the same kind.
+
+    The VectorEnv itself, `vector_env`, is what evaluates populations.
+    """
+
+    def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
+        self.vector_env = vector_env
+        env = _single_env_maker(vector_env)()
+        super().__init__([lambda: Monitor(env)])
+
+
+def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any, Any]]:
+    """How to make one env like those of `env`."""
+    inner = env.unwrapped
+    if hasattr(inner, "env_fns"):
+        maker: Callable[[], gym.Env[Any, Any]] = inner.env_fns[0]
+        return maker
+    spec = inner.spec
+    if spec is None:
+        raise ValueError(
+            "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, so "
+            "that a single env like its own can be made."
+        )
+    kwargs = {k: v for k, v in spec.kwargs.items() if k not in ("num_envs", "autoreset_mode")}
+    return lambda: gym.make(spec.id, **kwargs)
+
+
+def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+    """Observation and action space of a single env of `env`.
+
+    Raises:
+        ValueError: If `env` is no environment.
+    """
+    if isinstance(env, VectorEnv):
+        return env.single_observation_space, env.single_action_space
+    if isinstance(env, gym.Env | VecEnv):
+        return env.observation_space, env.action_space
+    raise ValueError(
+        "`env` must be an environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv, "
+        f"got {type(env).__name__}."
+    )

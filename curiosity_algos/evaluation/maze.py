@@ -1,0 +1,98 @@
+"""The maze's whole closed loop compiled: policy and dynamics, threads over individuals."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.common.policies import Float32Array, Mlp, forward, scratch
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_gym.compiled import ThreadPool, compiled
+from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, step
+
+SLICES_PER_THREAD = 4
+"""More slices than threads, as episodes differ in length."""
+
+
+@compiled
+def _rollout(
+    maze: Maze,
+    mlp: Mlp,
+    parameters: Float32Array,
+    even: Float32Array,
+    odd: Float32Array,
+    observations: Float32Array,
+    actions: Float32Array,
+    state: npt.NDArray[np.float64],
+) -> tuple[int, bool]:
+    """One episode: its length, and whether it ended at the goal."""
+    state[:] = maze.start
+    observe(maze, state, observations[0])
+    for t in range(maze.horizon):
+        forward(mlp, parameters, observations[t], even, odd, actions[t])
+        if step(maze, state, actions[t], observations[t + 1]):
+            return t + 1, True
+    return maze.horizon, False
+
+
+@compiled
+def _rollout_slice(
+    maze: Maze,
+    mlp: Mlp,
+    parameters: Float32Array,
+    begin: int,
+    end: int,
+    observations: Float32Array,
+    actions: Float32Array,
+    states: npt.NDArray[np.float64],
+    lengths: npt.NDArray[np.int64],
+    success: npt.NDArray[np.bool_],
+) -> None:
+    """Individuals `begin` to `end`, each writing only its own rows."""
+    even, odd = scratch(mlp)
+    for i in range(begin, end):
+        lengths[i], success[i] = _rollout(
+            maze, mlp, parameters[i], even, odd, observations[i], actions[i], states[i]
+        )
+
+
+class MazeEvaluator:
+    """Evaluates populations on one maze; the same bits for every number of threads.
+
+    Args:
+        maze: The maze, as `curiosity_gym.maze.dynamics.build_maze` gives it.
+        mlp: The policies' shape.
+        n_threads: None: as many as there are processors.
+    """
+
+    def __init__(self, maze: Maze, mlp: Mlp, n_threads: int | None = None) -> None:
+        self.maze = maze
+        self.mlp = mlp
+        self.n_parameters = mlp.n_parameters
+        self._pool = ThreadPool(n_threads)
+
+    def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
+        """One episode of each policy (P, n_parameters); mazes draw nothing: `seed` is unused."""
+        parameters = np.ascontiguousarray(parameters, dtype=np.float32)
+        n, horizon = len(parameters), self.maze.horizon
+        n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
+        observations = np.empty((n, horizon + 1, n_features), dtype=np.float32)
+        actions = np.empty((n, horizon, 2), dtype=np.float32)
+        states = np.empty((n, 4))
+        lengths = np.empty(n, dtype=np.int64)
+        success = np.empty(n, dtype=np.bool_)
+
+        def run(begin: int, end: int) -> None:
+            arrays = (observations, actions, states, lengths, success)
+            _rollout_slice(self.maze, self.mlp, parameters, begin, end, *arrays)
+
+        self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
+        return Rollouts(
+            returns=np.where(success, 1.0 - lengths / horizon, 0.0),
+            lengths=lengths,
+            success=success,
+            behaviors=states,
+            final_observations=observations[np.arange(n), lengths],
+            observations=observations,
+            actions=actions,
+        )

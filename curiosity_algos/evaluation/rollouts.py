@@ -1,0 +1,56 @@
+"""The one record of what a population did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """One episode of each of P individuals; trajectories are padded to the longest episode T.
+
+    Attributes:
+        returns: (P,) float64, sum of rewards.
+        lengths: (P,) int64, environment steps.
+        success: (P,) bool, `info["is_success"]` at the end; False where the env has none.
+        behaviors: (P, B) float64, `info["behavior"]` at the end; B = 0 where the env has none.
+        final_observations: (P, O) float32, the true last observation, never a reset one.
+        observations: (P, T + 1, O) float32; entries after an episode's end are undefined.
+        actions: (P, T, A) float32, or (P, T) int64 for Discrete actions; likewise.
+    """
+
+    returns: Float64Array
+    lengths: npt.NDArray[np.int64]
+    success: npt.NDArray[np.bool_]
+    behaviors: Float64Array
+    final_observations: Float32Array
+    observations: Float32Array | None = None
+    actions: npt.NDArray[np.float32] | npt.NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        """Number of individuals."""
+        return len(self.returns)
+
+    @property
+    def trajectories(
+        self,
+    ) -> tuple[Float32Array, npt.NDArray[np.float32] | npt.NDArray[np.int64]]:
+        """Observations and actions.
+
+        Raises:
+            ValueError: If the evaluator recorded none.
+        """
+        if self.observations is None or self.actions is None:
+            raise ValueError("These rollouts hold no trajectories.")
+        return self.observations, self.actions
+
+    @property
+    def timesteps(self) -> int:
+        """Environment steps taken by all individuals together."""
+        return int(self.lengths.sum())

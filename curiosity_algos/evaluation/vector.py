@@ -1,0 +1,117 @@
+"""Any environment: episodes in waves, a compiled policy acting for the whole batch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_algos.common.policies import Float32Array, Mlp, act
+from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+N_COPIES = 16
+"""Copies of a single env, so that the policy's call serves many of them."""
+
+
+class VectorEvaluator:
+    """Evaluates populations on any Gymnasium env, VectorEnv or SB3 VecEnv.
+
+    Episodes begin together, as many as the batch has envs, and every reset is seeded: results do
+    not depend on the number of envs.
+
+    Args:
+        env: The environment; a single one is copied by its spec where it has one.
+        mlp: The policies' shape.
+    """
+
+    def __init__(
+        self, env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv, mlp: Mlp
+    ) -> None:
+        self.mlp = mlp
+        self.n_parameters = mlp.n_parameters
+        self._batch = _as_batch(env)
+
+    def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
+        """One episode of each policy (P, n_parameters), each reset with the same seed."""
+        parameters = np.ascontiguousarray(parameters, dtype=np.float32)
+        n = self._batch.n
+        waves = [
+            self._play(parameters[begin : begin + n], seed)
+            for begin in range(0, len(parameters), n)
+        ]
+        return _concatenate(waves)
+
+    def _play(self, parameters: Float32Array, seed: int | None) -> Rollouts:
+        """One wave: at most as many policies as the batch has envs."""
+        n_policies, n = len(parameters), self._batch.n
+        # A last wave may be short: the envs left over act along, unheard.
+        parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
+        active = np.arange(n) < n_policies
+        observations = [self._batch.reset(seed).astype(np.float32)]
+        actions: list[npt.NDArray[Any]] = []
+        returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
+        infos: dict[int, dict[str, Any]] = {}
+        while active.any():
+            actions.append(act(self.mlp, parameters, observations[-1]))
+            step = self._batch.step(actions[-1], active)
+            observations.append(step.observations.astype(np.float32))
+            returns[active] += step.rewards[active]
+            lengths += active
+            infos |= step.infos
+            active &= ~step.ended
+        last = [infos[i] for i in range(n_policies)]
+        stacked = np.stack(observations, axis=1)[:n_policies]
+        return Rollouts(
+            returns=returns[:n_policies],
+            lengths=lengths[:n_policies],
+            success=np.array([bool(info.get("is_success", False)) for info in last]),
+            behaviors=np.array([info.get("behavior", ()) for info in last], dtype=np.float64),
+            final_observations=stacked[np.arange(n_policies), lengths[:n_policies]],
+            observations=stacked,
+            actions=np.stack(actions, axis=1)[:n_policies],
+        )
+
+
+def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv) -> Batch:
+    if isinstance(env, VectorEnv):
+        return GymnasiumBatch(env)
+    if isinstance(env, VecEnv):
+        return Sb3Batch(env)
+    return SingleEnvBatch(_copies(env))
+
+
+def _copies(env: gym.Env[Any, Any]) -> list[gym.Env[Any, Any]]:
+    """The env beside copies of it, or alone where its spec cannot make it again."""
+    try:
+        return [env, *(gym.make(env.spec) for _ in range(N_COPIES - 1))]  # type: ignore[arg-type]
+    except (AttributeError, TypeError, ValueError, gym.error.Error):
+        return [env]
+
+
+def _concatenate(waves: list[Rollouts]) -> Rollouts:
+    """Waves as one record, padded to the longest episode."""
+    longest = max(wave.lengths.max() for wave in waves)
+
+    def join(name: str, length: int | None = None) -> npt.NDArray[Any]:
+        arrays = [getattr(wave, name) for wave in waves]
+        return np.concatenate([_pad(a, length) if length else a for a in arrays])
+
+    return Rollouts(
+        returns=join("returns"),
+        lengths=join("lengths"),
+        success=join("success"),
+        behaviors=join("behaviors"),
+        final_observations=join("final_observations"),
+        observations=join("observations", longest + 1),
+        actions=join("actions", longest),
+    )
+
+
+def _pad(array: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:
+    missing = length - array.shape[1]
+    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))

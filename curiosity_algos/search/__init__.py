@@ -1,0 +1,1 @@
+"""Search strategies in parameter space."""

@@ -1,0 +1,43 @@
+"""Sphinx configuration: Markdown pages by MyST, the reference by autodoc from Google docstrings."""
+
+from curiosity_gym import __version__
+
+project = "curiosity"
+author = "The curiosity authors"
+project_copyright = "2026, The curiosity authors"
+release = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+]
+exclude_patterns = ["_build"]
+default_role = "code"  # single backticks in docstrings mean code
+
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autosummary_generate = False
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+# The sections of an environment's docstring, as in Gymnasium.
+napoleon_custom_sections = [
+    "Description",
+    "Action Space",
+    "Observation Space",
+    "Behavior",
+    "Rewards",
+    "Starting State",
+    "Episode End",
+    "Information",
+    "Version History",
+]
+
+html_theme = "furo"
+html_title = f"curiosity {release}"

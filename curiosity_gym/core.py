@@ -48,7 +48,7 @@ class CoverageGrid:
     def cells(self, behaviors: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Flat cell indices (n,) of behaviors (n, B); values out of bounds count at the edge."""
         values = (behaviors[:, self.dimensions] - self.low) / (self.high - self.low)
-        indices = np.clip(np.floor(values * self.n_cells).astype(np.int64), 0, self.n_cells - 1)
+        indices = np.clip(values * self.n_cells, 0, self.n_cells - 1).astype(np.int64)
         shape = (self.n_cells,) * len(self.dimensions)
         flat: npt.NDArray[np.int64] = np.ravel_multi_index(tuple(indices.T), shape)
         return flat

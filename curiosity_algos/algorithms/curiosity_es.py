@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.common.evolution_strategy import EvolutionStrategy
+from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_algos.common.policies import MlpPolicy
+from curiosity_algos.common.validation import check_at_least_one, check_choice, check_share
 from curiosity_algos.curiosity.bonus import Bonus
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.icm import ICM
@@ -63,17 +64,11 @@ class CuriosityES(EvolutionStrategy):
         no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
-        for name, share in (("phi", phi), ("gamma", gamma)):
-            if not 0.0 <= share <= 1.0:
-                raise ValueError(f"`{name}` must be in [0, 1], got {share}.")
-        sizes = {"n_transitions": n_transitions, "n_updates": n_updates}
-        for name, size in {**sizes, "batch_size": batch_size, "buffer_size": buffer_size}.items():
-            if not size >= 1:
-                raise ValueError(f"`{name}` must be at least 1, got {size}.")
-        if bonus not in BONUSES:
-            raise ValueError(f"`bonus` must be one of {sorted(BONUSES)}, got {bonus!r}.")
-        if no_reward not in ("ignore", "random"):
-            raise ValueError(f'`no_reward` must be "ignore" or "random", got {no_reward!r}.')
+        check_share(phi=phi, gamma=gamma)
+        check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
+        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+        check_choice(tuple(BONUSES), bonus=bonus)
+        check_choice(NO_REWARD, no_reward=no_reward)
         self.phi = phi
         self.gamma = gamma
         self.bonus = bonus

@@ -15,11 +15,15 @@ import numpy.typing as npt
 from curiosity_algos.common.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.common.policies import Float32Array, MlpPolicy
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.validation import check_at_least_one, check_choice, check_positive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.canonical import CanonicalSearch
 
 Float64Array = npt.NDArray[np.float64]
+
+STEPS = ("canonical", "paper")
+NO_REWARD = ("ignore", "random")
 
 
 class Motivation(Protocol):
@@ -115,17 +119,14 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         mirrored_sampling: bool = False,
         **kwargs: Any,
     ) -> None:
-        if not population_size >= 1:
-            raise ValueError(f"`population_size` must be at least 1, got {population_size}.")
-        if not 1 <= n_parents <= population_size:
+        check_at_least_one(population_size=population_size, n_parents=n_parents)
+        if n_parents > population_size:
             raise ValueError(
-                f"`n_parents` must be from 1 to `population_size` = {population_size}, "
+                f"`n_parents` must be at most `population_size` = {population_size}, "
                 f"got {n_parents}."
             )
-        _check_positive("sigma", sigma)
-        _check_positive("learning_rate", learning_rate)
-        if step not in ("canonical", "paper"):
-            raise ValueError(f'`step` must be "canonical" or "paper", got {step!r}.')
+        check_positive(sigma=sigma, learning_rate=learning_rate)
+        check_choice(STEPS, step=step)
         self.population_size = population_size
         self.n_parents = n_parents
         self.sigma = sigma
@@ -172,8 +173,3 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _state_names(self) -> list[str]:
         motivation = [] if self._motivation is None else ["_motivation"]
         return ["_search", "_fitness", *motivation]
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not 0.0 < value < np.inf:
-        raise ValueError(f"`{name}` must be finite and above 0, got {value}.")

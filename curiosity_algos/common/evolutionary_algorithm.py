@@ -27,6 +27,7 @@ from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.common.progress_bar import ProgressBar
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.validation import check_at_least_one
 from curiosity_algos.evaluation.batches import GymnasiumView, describe
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
@@ -205,8 +206,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             progress_bar: Show a bar of timesteps.
 
         Raises:
-            ValueError: If the budget is negative or not finite, or no env is set.
+            ValueError: If the budget is negative or not finite, `log_interval` is below 1, or no
+                env is set.
         """
+        check_at_least_one(log_interval=log_interval)
         if not 0.0 <= total_timesteps < np.inf:
             raise ValueError(
                 f"`total_timesteps` must be finite and at least 0, got {total_timesteps}."

@@ -16,6 +16,7 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import get_device
 from torch.nn import functional
 
+from curiosity_algos.common.validation import check_at_least_one, check_positive, check_share
 from curiosity_algos.curiosity.bonus import RunningNormalizer, action_size, mlp
 
 
@@ -37,7 +38,7 @@ class ICM(th.nn.Module):
         device: As in Stable-Baselines3.
 
     Raises:
-        ValueError: If `beta` or `learning_rate` is out of range.
+        ValueError: If an argument is out of range.
     """
 
     def __init__(
@@ -53,10 +54,9 @@ class ICM(th.nn.Module):
         seed: int | None = None,
         device: th.device | str = "auto",
     ) -> None:
-        if not 0.0 <= beta <= 1.0:
-            raise ValueError(f"`beta` must be in [0, 1], got {beta}.")
-        if not learning_rate > 0.0:
-            raise ValueError(f"`learning_rate` of the ICM must be above 0, got {learning_rate}.")
+        check_share(beta=beta)
+        check_positive(learning_rate=learning_rate)
+        check_at_least_one(n_features=n_features, hidden=hidden)
         super().__init__()
         assert observation_space.shape is not None
         n_observations, n_actions = int(observation_space.shape[0]), action_size(action_space)

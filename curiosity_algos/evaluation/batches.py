@@ -19,6 +19,17 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
+_VECTOR_KEYWORDS = {
+    "autoreset_mode",
+    "copy",
+    "n_threads",
+    "num_envs",
+    "vector_kwargs",
+    "vectorization_mode",
+    "wrappers",
+}
+"""Keywords in the spec of a vector environment that a single one does not take."""
+
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 
@@ -155,7 +166,7 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any
             "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, so "
             "that a single env like its own can be made."
         )
-    kwargs = {k: v for k, v in spec.kwargs.items() if k not in ("num_envs", "autoreset_mode")}
+    kwargs = {key: value for key, value in spec.kwargs.items() if key not in _VECTOR_KEYWORDS}
     return lambda: gym.make(spec.id, **kwargs)
 
 

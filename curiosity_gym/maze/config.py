@@ -6,6 +6,7 @@ import math
 import operator
 import os
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -66,16 +67,16 @@ def configure_maze(
     positive = {"max_speed": max_speed, "max_acceleration": max_acceleration}
     for name, value in {**positive, "lidar_range": lidar_range, "goal_radius": goal_radius}.items():
         _check_positive(name, value)
-    if not 0.0 <= restitution <= 1.0:
+    if not (isinstance(restitution, Real) and 0.0 <= restitution <= 1.0):
         raise ValueError(f"`restitution` must be from 0 to 1, got {restitution!r}.")
     if closest_approach(layout) >= goal_radius:
         raise ValueError(f"`goal_radius` must let the robot come near enough, got {goal_radius!r}.")
     maze = build_maze(
         layout,
-        horizon=_at_least_one("horizon", horizon),
+        horizon=check_count("horizon", horizon),
         max_speed=max_speed,
         max_acceleration=max_acceleration,
-        n_beams=_at_least_one("n_beams", n_beams),
+        n_beams=check_count("n_beams", n_beams),
         lidar_range=lidar_range,
         restitution=restitution,
         goal_radius=goal_radius,
@@ -100,11 +101,12 @@ def _spaces(
 
 
 def _check_positive(name: str, value: float) -> None:
-    if not 0.0 < value < math.inf:
+    if not (isinstance(value, Real) and 0.0 < value < math.inf):
         raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
 
 
-def _at_least_one(name: str, value: int) -> int:
+def check_count(name: str, value: int) -> int:
+    """Return `value`, or raise a `ValueError` unless it is a whole number of at least 1."""
     try:
         number = operator.index(value)
     except TypeError:
@@ -122,21 +124,31 @@ def start_state(layout: MazeLayout, maze: Maze, options: dict[str, Any] | None) 
     """
     if not options or options.get("state") is None:
         return maze.start.copy()
-    state = np.asarray(options["state"], dtype=np.float64)
-    if state.shape != (4,) or not np.isfinite(state).all():
-        raise ValueError(
-            f'`options["state"]` must be 4 finite numbers x, y, vx, vy, got {options["state"]!r}.'
-        )
+    state = _four_numbers(options["state"])
     if (np.abs(state[2:]) > maze.max_speed).any():
         raise ValueError(f'`options["state"]` must not be faster than {maze.max_speed:g} per axis.')
     x, y = state[:2]
-    low, high = layout.walls[:, :2] - ROBOT_RADIUS, layout.walls.reshape(-1, 2, 2).sum(axis=1)
-    inside = (state[:2] > low) & (state[:2] < high + ROBOT_RADIUS)
-    near_x = not ROBOT_RADIUS <= x <= layout.width - ROBOT_RADIUS
-    near_y = not ROBOT_RADIUS <= y <= layout.height - ROBOT_RADIUS
-    if inside.all(axis=1).any() or near_x or near_y:
+    low, high = layout.walls[:, :2], layout.walls.reshape(-1, 2, 2).sum(axis=1)
+    inside = (state[:2] > low - ROBOT_RADIUS) & (state[:2] < high + ROBOT_RADIUS)
+    is_in_world = (
+        ROBOT_RADIUS <= x <= layout.width - ROBOT_RADIUS
+        and ROBOT_RADIUS <= y <= layout.height - ROBOT_RADIUS
+    )
+    if not is_in_world or inside.all(axis=1).any():
         raise ValueError(
             f'`options["state"]` must leave the robot {ROBOT_RADIUS:g} from walls and border, '
             f"got ({x:g}, {y:g})."
+        )
+    return state
+
+
+def _four_numbers(value: object) -> npt.NDArray[np.float64]:
+    try:
+        state = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        state = np.empty(0)
+    if state.shape != (4,) or not np.isfinite(state).all():
+        raise ValueError(
+            f'`options["state"]` must be 4 finite numbers x, y, vx, vy, got {value!r:.60}.'
         )
     return state

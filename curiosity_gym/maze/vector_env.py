@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.maze.config import configure_maze, start_state
+from curiosity_gym.maze.config import check_count, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import FPS
@@ -99,8 +99,7 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if max_episode_steps is not None:
             kwargs["horizon"] = max_episode_steps
         config = configure_maze(layout, **kwargs)
-        if num_envs < 1:
-            raise ValueError(f"`num_envs` must be at least 1, got {num_envs}.")
+        num_envs = check_count("num_envs", num_envs)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
         self.num_envs = num_envs
@@ -120,9 +119,9 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self._pool = ThreadPool(n_threads)
         self._viewer: MazeViewer | None = None
         self._states = np.tile(self.maze.start, (num_envs, 1))
-        self._steps = np.zeros(num_envs, dtype=np.int64)
-        self._ended = np.ones(num_envs, dtype=np.bool_)
-        self._was_reset = False
+        self._steps = np.full(num_envs, -1)  # no episode yet
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._is_ready = False
         shape = (num_envs, N_BASE_FEATURES + len(self.maze.inverse_x))
         self._observations = np.zeros(shape, dtype=np.float32)
 
@@ -154,8 +153,8 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         mask = self._reset_mask(options)
         state = start_state(self.layout, self.maze, options)
         super().reset(seed=seed if isinstance(seed, int) else None)
-        self._was_reset = True
         self._begin(mask, state)
+        self._is_ready = bool((self._steps >= 0).all())
         return self._handed_out(), self._infos(mask)
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
@@ -174,7 +173,7 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """Begin an episode from `state` in the envs of `mask`."""
         self._states[mask] = state
         self._steps[mask] = 0
-        self._ended[mask] = False
+        self._ended = self._ended & ~mask
         _observe_masked(self.maze, self._states, mask, self._observations)
 
     def step(  # type: ignore[override]
@@ -198,7 +197,7 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
             raise ValueError(f"`actions` must be finite, of shape ({self.num_envs}, 2).")
         is_disabled = self.autoreset_mode == AutoresetMode.DISABLED
-        if not self._was_reset or (is_disabled and self._ended.any()):
+        if not self._is_ready or (is_disabled and self._ended.any()):
             raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
         resets = self._ended
         terminated, truncated = self._advance(actions, resets)
@@ -242,7 +241,7 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
 
     def _infos(self, mask: Mask, is_success: Mask | None = None) -> dict[str, Any]:
         """Infos of the envs of `mask`, in the form that Gymnasium's vector environments give."""
-        behavior = self._states.copy() if mask.all() else self._states * mask[:, None]
+        behavior = np.where(mask[:, None], self._states, 0.0)
         success = (
             np.zeros(self.num_envs, dtype=np.bool_) if is_success is None else is_success & mask
         )
@@ -262,6 +261,8 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: make the env with one.")
             return None
+        if not self._is_ready:
+            raise ResetNeeded("Call reset() before render().")
         if self._viewer is None:
             self._viewer = MazeViewer(
                 self.layout,

@@ -1,0 +1,38 @@
+"""Checks of arguments: one clear sentence, before anything changes."""
+
+from __future__ import annotations
+
+import math
+import operator
+
+
+def check_at_least_one(**values: object) -> None:
+    """Raise ValueError unless every value is a whole number of at least 1."""
+    for name, value in values.items():
+        try:
+            is_valid = operator.index(value) >= 1  # type: ignore[arg-type]
+        except TypeError:
+            is_valid = False
+        if not is_valid:
+            raise ValueError(f"`{name}` must be a whole number of at least 1, got {value!r}.")
+
+
+def check_positive(**values: object) -> None:
+    """Raise ValueError unless every value is a finite number above 0."""
+    for name, value in values.items():
+        if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+            raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
+
+
+def check_share(**values: object) -> None:
+    """Raise ValueError unless every value is a number from 0 to 1."""
+    for name, value in values.items():
+        if not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+            raise ValueError(f"`{name}` must be from 0 to 1, got {value!r}.")
+
+
+def check_choice(choices: tuple[str, ...], **values: object) -> None:
+    """Raise ValueError unless every value is one of the choices."""
+    for name, value in values.items():
+        if value not in choices:
+            raise ValueError(f"`{name}` must be one of {', '.join(choices)}, got {value!r}.")

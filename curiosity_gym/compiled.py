@@ -16,9 +16,12 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 def compiled(function: _F) -> _F:
     """Compile on the first call, keep the machine code on disk, release the GIL while it runs.
 
-    Fast-math stays off: reordered sums would give other bits in other callers.
+    Fast-math stays off: reordered sums would give other bits in other callers. Reference counting
+    is off too, as its atomic operations took more time than the dynamics: a compiled function works
+    on arrays that its Python caller holds, and creates none.
     """
-    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+    options = {"cache": True, "nogil": True, "error_model": "numpy", "forceinline": True}
+    decorate: Callable[[_F], Any] = numba.njit(**options, _nrt=False)
     return cast(_F, decorate(function))
 
 

@@ -173,16 +173,19 @@ def forward(
             output[j] = mlp.center[j] + mlp.half_range[j] * _tanh(output[j])
 
 
-@compiled
-def scratch(mlp: Mlp) -> tuple[Float32Array, Float32Array]:
-    """The two scratch arrays of `forward`."""
-    width = np.int64(mlp.sizes.max())
-    return np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+def scratch(mlp: Mlp, n: int) -> npt.NDArray[np.float32]:
+    """The two scratch arrays of `forward` for each of n callers, (2, n, widest layer)."""
+    return np.empty((2, n, int(mlp.sizes.max())), dtype=np.float32)
 
 
 @compiled
 def forward_each(
-    mlp: Mlp, parameters: Float32Array, observations: Float32Array, outputs: Float32Array
+    mlp: Mlp,
+    parameters: Float32Array,
+    observations: Float32Array,
+    even: Float32Array,
+    odd: Float32Array,
+    outputs: Float32Array,
 ) -> None:
     """Each policy on its own observation.
 
@@ -190,9 +193,10 @@ def forward_each(
         mlp: The networks' shape.
         parameters: (n, n_parameters), or (1, n_parameters) for one policy on every observation.
         observations: (n, n_inputs)
+        even: (widest layer,) scratch memory.
+        odd: Likewise.
         outputs: (n, n_outputs) overwritten.
     """
-    even, odd = scratch(mlp)
     last = parameters.shape[0] - 1
     for i in range(observations.shape[0]):
         forward(mlp, parameters[min(i, last)], observations[i], even, odd, outputs[i])
@@ -203,7 +207,9 @@ def act(
 ) -> npt.NDArray[np.float32] | npt.NDArray[np.int64]:
     """Actions of policies on observations (n, n_inputs): (n, n_outputs) float32, or (n,) int64."""
     outputs = np.empty((observations.shape[0], mlp.center.size), dtype=np.float32)
-    forward_each(mlp, parameters, np.ascontiguousarray(observations, dtype=np.float32), outputs)
+    observations = np.ascontiguousarray(observations, dtype=np.float32)
+    even, odd = scratch(mlp, 1)
+    forward_each(mlp, parameters, observations, even[0], odd[0], outputs)
     return outputs.argmax(axis=1) if mlp.is_discrete else outputs
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from curiosity_algos.common.policies import Float32Array, Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, step
+from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
 SLICES_PER_THREAD = 4
 """More slices than threads, as episodes differ in length."""
@@ -26,8 +26,7 @@ def _rollout(
     state: npt.NDArray[np.float64],
 ) -> tuple[int, bool]:
     """One episode: its length, and whether it ended at the goal."""
-    state[:] = maze.start
-    observe(maze, state, observations[0])
+    reset(maze, state, observations[0])
     for t in range(maze.horizon):
         forward(mlp, parameters, observations[t], even, odd, actions[t])
         if step(maze, state, actions[t], observations[t + 1]):
@@ -42,6 +41,8 @@ def _rollout_slice(
     parameters: Float32Array,
     begin: int,
     end: int,
+    even: Float32Array,
+    odd: Float32Array,
     observations: Float32Array,
     actions: Float32Array,
     states: npt.NDArray[np.float64],
@@ -49,10 +50,9 @@ def _rollout_slice(
     success: npt.NDArray[np.bool_],
 ) -> None:
     """Individuals `begin` to `end`, each writing only its own rows."""
-    even, odd = scratch(mlp)
     for i in range(begin, end):
         lengths[i], success[i] = _rollout(
-            maze, mlp, parameters[i], even, odd, observations[i], actions[i], states[i]
+            maze, mlp, parameters[i], even[i], odd[i], observations[i], actions[i], states[i]
         )
 
 
@@ -81,9 +81,10 @@ class MazeEvaluator:
         states = np.empty((n, 4))
         lengths = np.empty(n, dtype=np.int64)
         success = np.empty(n, dtype=np.bool_)
+        even, odd = scratch(self.mlp, n)
 
         def run(begin: int, end: int) -> None:
-            arrays = (observations, actions, states, lengths, success)
+            arrays = (even, odd, observations, actions, states, lengths, success)
             _rollout_slice(self.maze, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)

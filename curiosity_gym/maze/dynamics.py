@@ -273,6 +273,14 @@ def cast_beams(maze: Maze, x: float, y: float, beams: npt.NDArray[np.float32]) -
 
 
 @compiled
+def reset(maze: Maze, state: FloatArray, observation: npt.NDArray[np.float32]) -> None:
+    """Put the robot at the start, at rest, and write its observation."""
+    for i in range(state.shape[0]):
+        state[i] = maze.start[i]
+    observe(maze, state, observation)
+
+
+@compiled
 def observe(maze: Maze, state: FloatArray, observation: npt.NDArray[np.float32]) -> None:
     """Write the observation of `state`, shape (4 + n_beams,), every entry in [-1, 1]."""
     x, y = state[0], state[1]

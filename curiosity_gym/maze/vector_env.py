@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.maze.config import check_count, configure_maze, start_state
-from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, step
+from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import FPS
 from curiosity_gym.maze.viewer import MazeViewer
@@ -43,10 +43,9 @@ def _step_slice(
     """Envs `begin` to `end`: step them, or begin an episode where `resets` says so."""
     for i in range(begin, end):
         if resets[i]:
-            states[i] = maze.start
+            reset(maze, states[i], observations[i])
             steps[i] = 0
             terminated[i] = False
-            observe(maze, states[i], observations[i])
         else:
             terminated[i] = step(maze, states[i], actions[i], observations[i])
             steps[i] += 1

@@ -1,0 +1,297 @@
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiosity_gym.maze.dynamics import (
+    DT,
+    MARGIN,
+    build_maze,
+    cast_beams,
+    is_at_goal,
+    move,
+    observe,
+    step,
+)
+from curiosity_gym.maze.layouts import BUILT_IN, ROBOT_RADIUS, MazeLayout
+from curiosity_gym.maze.reachability import reachable_region
+
+TOLERANCE = 1e-2
+WIDTH, HEIGHT = 40.0, 30.0
+# Where the robot comes to rest beside the border, and beside a wall.
+STOP = ROBOT_RADIUS + MARGIN
+
+
+def make_maze(layout, **changes):
+    values = {
+        "horizon": 2000,
+        "max_speed": 20.0,
+        "max_acceleration": 5.0,
+        "n_beams": 32,
+        "lidar_range": 0.2 * math.hypot(layout.width, layout.height),
+        "restitution": 0.0,
+        "goal_radius": 2.0,
+    }
+    return build_maze(layout, **(values | changes))
+
+
+def make_layout(walls, start=(20.0, 15.0)):
+    return MazeLayout("test", WIDTH, HEIGHT, start, start, np.array(walls, dtype=float))
+
+
+def moved(maze, state, *accelerations):
+    state = np.array(state, dtype=float)
+    for ax, ay in accelerations:
+        move(maze, state, float(ax), float(ay))
+    return state
+
+
+# Whole and half numbers, so that walls touch, share edges and leave gaps as wide as the robot;
+# and any numbers, so that they do not.
+coordinates = st.one_of(
+    st.integers(-10, 90).map(lambda n: n / 2), st.floats(-5.0, 45.0, allow_nan=False)
+)
+sizes = st.one_of(st.integers(1, 40).map(lambda n: n / 2), st.floats(0.01, 20.0))
+walls = st.lists(st.tuples(coordinates, coordinates, sizes, sizes), min_size=1, max_size=8)
+
+
+@st.composite
+def layouts(draw):
+    """Layouts whose start, somewhere free, often just beside a wall, is the goal as well."""
+    rectangles = draw(walls)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    starts = rng.uniform([1.0, 1.0], [WIDTH - 1.0, HEIGHT - 1.0], (50, 2))
+    if draw(st.booleans()):
+        starts = np.round(2.0 * starts) / 2.0
+    for start in starts:
+        try:
+            return make_layout(rectangles, tuple(start))
+        except ValueError:
+            continue
+    return make_layout(rectangles[:0])
+
+
+def bang_bang(rng, n_steps):
+    """Full accelerations that switch after random times, some of them along an axis."""
+    values = rng.choice([-1.0, 0.0, 1.0], (n_steps, 2), p=[0.45, 0.1, 0.45])
+    return np.repeat(values, rng.integers(1, 12, n_steps), axis=0)[:n_steps]
+
+
+def depth_in_grown_walls(layout, positions):
+    """How deep (n,) positions (n, 2) are in walls and border grown by the robot's radius."""
+    low = layout.walls[:, :2] - ROBOT_RADIUS
+    high = layout.walls[:, :2] + layout.walls[:, 2:] + ROBOT_RADIUS
+    inside = np.minimum(positions[:, None] - low, high - positions[:, None]).min(axis=2)
+    world = np.array([layout.width, layout.height])
+    border = np.minimum(positions, world - positions).min(axis=1)
+    return np.maximum(inside.max(axis=1, initial=-np.inf), ROBOT_RADIUS - border)
+
+
+class TestMove:
+    @settings(max_examples=300, deadline=None)
+    @given(
+        layout=layouts(),
+        seed=st.integers(0, 2**32),
+        max_speed=st.one_of(st.sampled_from([20.0, 500.0]), st.floats(0.1, 500.0)),
+        restitution=st.sampled_from([0.0, 0.5, 1.0]),
+        is_fast=st.booleans(),
+    )
+    def test_never_enters_a_wall_nor_goes_through_one(
+        self, layout, seed, max_speed, restitution, is_fast
+    ):
+        rng = np.random.default_rng(seed)
+        acceleration = 10.0 * max_speed if is_fast else 5.0
+        maze = make_maze(
+            layout, max_speed=max_speed, restitution=restitution, max_acceleration=acceleration
+        )
+        velocity = rng.choice([-max_speed, 0.0, max_speed], 2)
+        state = np.array([*layout.start, *velocity])
+        states = [state.copy()]
+        for ax, ay in bang_bang(rng, 150):
+            move(maze, state, ax, ay)
+            states.append(state.copy())
+        states = np.array(states)
+        assert depth_in_grown_walls(layout, states[:, :2]).max() <= TOLERANCE
+        assert np.abs(states[:, 2:]).max() <= max_speed
+        assert (np.abs(np.diff(states[:, :2], axis=0)) <= max_speed * DT * (1 + 1e-9)).all()
+        # A thin wall can be jumped without ever being in it: the robot must stay where it can go.
+        size, radius = (layout.width, layout.height), ROBOT_RADIUS - TOLERANCE
+        region = reachable_region(layout.walls, size, layout.start, radius)
+        assert max(region.distance(tuple(position)) for position in states[:, :2]) <= 1e-9
+
+    @pytest.mark.parametrize("name", BUILT_IN)
+    @pytest.mark.parametrize("restitution", [0.0, 1.0])
+    @pytest.mark.parametrize("max_speed", [20.0, 500.0])
+    def test_never_enters_a_built_in_wall(self, name, restitution, max_speed):
+        layout = BUILT_IN[name]
+        maze = make_maze(layout, restitution=restitution, max_speed=max_speed)
+        state = maze.start.copy()
+        positions = []
+        for ax, ay in bang_bang(np.random.default_rng(0), 4000):
+            move(maze, state, ax, ay)
+            positions.append(state[:2].copy())
+        assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
+
+    @settings(max_examples=100, deadline=None)
+    @given(layout=layouts(), seed=st.integers(0, 2**32))
+    def test_bouncing_keeps_speed_and_sliding_never_gains_any(self, layout, seed):
+        rng = np.random.default_rng(seed)
+        velocity = rng.uniform(-20.0, 20.0, 2)
+        for restitution in (0.0, 1.0):
+            state = np.array([*layout.start, *velocity])
+            maze = make_maze(layout, restitution=restitution)
+            for _ in range(40):
+                before = np.abs(state[2:])
+                move(maze, state, 0.0, 0.0)
+                if restitution == 1.0:
+                    np.testing.assert_array_equal(np.abs(state[2:]), before)
+                else:
+                    assert set(np.abs(state[2:])) <= {0.0, *before}
+
+    def test_free_flight(self):
+        maze = make_maze(make_layout([]))
+        state = moved(maze, (20.0, 15.0, 1.0, -2.0), (1.0, -0.5), (0.0, 0.0))
+        velocity = np.array([1.5, -2.25])
+        np.testing.assert_allclose(state[2:], velocity)
+        np.testing.assert_allclose(state[:2], np.array([20.0, 15.0]) + 2 * DT * velocity)
+
+    def test_speed_is_limited_along_each_axis(self):
+        maze = make_maze(make_layout([]), max_speed=1.0)
+        state = moved(maze, (20.0, 15.0, 0.9, -0.9), (1.0, -1.0))
+        np.testing.assert_allclose(state, [20.1, 14.9, 1.0, -1.0])
+
+    @pytest.mark.parametrize(
+        ("velocity", "expected"),
+        [
+            ((20.0, 0.0), (25.0 - STOP, 15.0)),
+            ((-20.0, 0.0), (15.0 + STOP, 15.0)),
+            ((0.0, 20.0), (20.0, 20.0 - STOP)),
+            ((0.0, -20.0), (20.0, 10.0 + STOP)),
+        ],
+    )
+    def test_straight_hits_stop_at_the_wall(self, velocity, expected):
+        room = [[10, 5, 5, 20], [25, 5, 5, 20], [10, 20, 20, 5], [10, 5, 20, 5]]
+        state = moved(make_maze(make_layout(room)), (20.0, 15.0, *velocity), *[(0, 0)] * 4)
+        np.testing.assert_allclose(state, [*expected, 0.0, 0.0], atol=1e-12)
+
+    @pytest.mark.parametrize("corner", [(-20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)])
+    def test_the_border_stops_the_robot_in_its_corners(self, corner):
+        state = moved(make_maze(make_layout([])), (20.0, 15.0, *corner), *[(0, 0)] * 20)
+        expected = np.where(np.array(corner) < 0, STOP, np.array([WIDTH, HEIGHT]) - STOP)
+        np.testing.assert_allclose(state, [*expected, 0.0, 0.0], atol=1e-12)
+
+    def test_slides_along_a_wall_with_what_is_left_of_the_step(self):
+        maze = make_maze(make_layout([[25, 0, 5, 30]]))
+        state = moved(maze, (23.5, 15.0, 10.0, 5.0), (0.0, 0.0))
+        np.testing.assert_allclose(state, [25.0 - STOP, 15.5, 0.0, 5.0])
+
+    def test_slides_along_flush_walls_as_along_one(self):
+        one = make_maze(make_layout([[0, 5, 40, 2]]))
+        many = make_maze(make_layout([[0, 5, 10, 2], [10, 5, 10, 2], [18, 4, 22, 3]]))
+        actions = [(1.0, -1.0)] * 60
+        start = (2.0, 15.0, 0.0, 0.0)
+        np.testing.assert_array_equal(moved(one, start, *actions), moved(many, start, *actions))
+
+    @pytest.mark.parametrize("restitution", [0.5, 1.0])
+    def test_bounces_with_what_is_left_of_the_step(self, restitution):
+        maze = make_maze(make_layout([[25, 0, 5, 30]]), restitution=restitution)
+        state = moved(maze, (23.5, 15.0, 10.0, 5.0), (0.0, 0.0))
+        stop = 25.0 - STOP
+        overshoot = 24.5 - stop
+        expected = [stop - restitution * overshoot, 15.5, -10.0 * restitution, 5.0]
+        np.testing.assert_allclose(state, expected)
+
+    def test_passes_a_gap_a_little_wider_than_the_robot_and_no_narrower_one(self):
+        for gap, passes in ((2.1, True), (1.9, False)):
+            rows = [[20, 0, 2, 15 - gap / 2], [20, 15 + gap / 2, 2, 30]]
+            maze = make_maze(make_layout(rows, start=(10.0, 15.0)))
+            state = moved(maze, (10.0, 15.0, 20.0, 0.0), *[(0, 0)] * 8)
+            assert (state[0] > 22.0) == passes
+
+    def test_a_start_at_exactly_the_radius_can_leave_in_every_free_direction(self):
+        layout = make_layout([[20, 10, 10, 10]], start=(19.0, 15.0))
+        maze = make_maze(layout)
+        for action in ((-1, 0), (0, 1), (0, -1)):
+            state = moved(maze, maze.start, *[action] * 3)
+            assert np.dot(state[:2] - maze.start[:2], action) > 0.2
+        assert moved(maze, maze.start, (1, 0))[0] == 19.0
+
+
+def oracle_beam(obstacles, x, y, angle, lidar_range):
+    end = x + lidar_range * math.cos(angle), y + lidar_range * math.sin(angle)
+    hit = shapely.LineString([(x, y), end]).intersection(obstacles)
+    return lidar_range if hit.is_empty else shapely.Point(x, y).distance(hit)
+
+
+def assert_beams_agree(layout, position, **changes):
+    """Compare with shapely; a beam that grazes a corner may go past it or not."""
+    maze = make_maze(layout, **changes)
+    n_beams = len(maze.inverse_x)
+    lidar_range = changes.get("lidar_range", 0.2 * math.hypot(layout.width, layout.height))
+    beams = np.empty(n_beams, dtype=np.float32)
+    x, y = map(float, position)
+    cast_beams(maze, x, y, beams)
+    boxes = [shapely.box(a, b, a + w, b + h) for a, b, w, h in layout.walls]
+    border = shapely.box(0.0, 0.0, layout.width, layout.height).exterior
+    obstacles = shapely.union_all([*boxes, border])
+    for i, beam in enumerate(beams):
+        angle = 2.0 * math.pi * i / n_beams
+        expected = [
+            oracle_beam(obstacles, x, y, angle + turn, lidar_range) for turn in (-1e-6, 0, 1e-6)
+        ]
+        assert min(expected) - 1e-3 <= beam * lidar_range <= max(expected) + 1e-3
+
+
+class TestCastBeams:
+    @settings(max_examples=80, deadline=None)
+    @given(
+        layout=layouts(),
+        n_beams=st.sampled_from([1, 2, 7, 32]),
+        lidar_range=st.one_of(st.sampled_from([10.0, 60.0]), st.floats(0.5, 60.0)),
+    )
+    def test_agrees_with_shapely_in_random_layouts(self, layout, n_beams, lidar_range):
+        assert_beams_agree(layout, layout.start, n_beams=n_beams, lidar_range=lidar_range)
+
+    @pytest.mark.parametrize("name", BUILT_IN)
+    def test_agrees_with_shapely_in_the_built_in_layouts(self, name):
+        layout = BUILT_IN[name]
+        assert_beams_agree(layout, layout.start)
+        positions = np.random.default_rng(0).uniform(1.0, 199.0, (60, 2))
+        for position in positions[depth_in_grown_walls(layout, positions) < 0.0]:
+            assert_beams_agree(layout, position)
+
+    def test_beams_turn_counterclockwise_from_the_x_axis(self):
+        maze = make_maze(make_layout([], start=(5.0, 12.0)), n_beams=4, lidar_range=100.0)
+        beams = np.empty(4, dtype=np.float32)
+        cast_beams(maze, 5.0, 12.0, beams)
+        np.testing.assert_allclose(beams * 100.0, [35.0, 18.0, 5.0, 12.0], rtol=1e-6)
+
+
+def test_observe_scales_every_entry():
+    maze = make_maze(make_layout([]), max_speed=10.0, lidar_range=5.0)
+    observation = np.empty(36, dtype=np.float32)
+    observe(maze, np.array([10.0, 24.0, -5.0, 2.5]), observation)
+    np.testing.assert_allclose(observation[:4], [-0.5, 0.6, -0.5, 0.25], rtol=1e-6)
+    assert observation[4:].min() >= 0.0
+    assert observation[4:].max() == 1.0
+
+
+def test_is_at_goal_strictly_within_the_radius():
+    maze = make_maze(make_layout([]), goal_radius=2.0)
+    assert is_at_goal(maze, np.array([21.9, 15.0, 0.0, 0.0]))
+    assert not is_at_goal(maze, np.array([22.0, 15.0, 0.0, 0.0]))
+    assert not is_at_goal(maze, np.array([21.5, 16.5, 0.0, 0.0]))
+
+
+def test_step_clips_the_action():
+    maze = make_maze(BUILT_IN["hard"])
+    results = []
+    for action in ((9.0, -3.0), (1.0, -1.0)):
+        state, observation = maze.start.copy(), np.empty(36, dtype=np.float32)
+        step(maze, state, np.array(action, dtype=np.float32), observation)
+        results.append((state, observation))
+    np.testing.assert_array_equal(results[0][0], results[1][0])
+    np.testing.assert_array_equal(results[0][1], results[1][1])

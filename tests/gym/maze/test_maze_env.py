@@ -1,0 +1,425 @@
+import copy
+import math
+import pickle
+import warnings
+from collections import deque
+from itertools import pairwise, product
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+from curiosity_gym.maze.dynamics import DT
+from curiosity_gym.maze.layouts import BUILT_IN, MazeLayout, reachable_cells
+from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.registration import SPECS
+
+MAZE_IDS = [env_id for env_id, keywords in SPECS.items() if "layout" in keywords]
+FREE = np.zeros(2, dtype=np.float32)
+EAST = np.array([1.0, 0.0], dtype=np.float32)
+
+SPACING = 5.0
+CLEARANCE = 2.5
+
+
+def small_layout(goal=(35.0, 20.0)):
+    return MazeLayout("small", 40, 40, (5, 20), goal, [])
+
+
+def plan(layout):
+    """Corners of a shortest path from start to goal on a square lattice, clear of the walls."""
+    points = np.round(np.array([layout.start, layout.goal]) / SPACING).astype(int)
+    start, goal = map(tuple, points.tolist())
+    came_from, queue = {start: start}, deque([start])
+    while queue:
+        node = queue.popleft()
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            neighbor = node[0] + dx, node[1] + dy
+            if neighbor not in came_from and is_clear(layout, neighbor):
+                came_from[neighbor] = node
+                queue.append(neighbor)
+    path = [goal]
+    while path[-1] != start:
+        path.append(came_from[path[-1]])
+    path.reverse()
+    corners = zip(path, path[1:], path[2:], strict=False)
+    return SPACING * np.array([*(b for a, b, c in corners if not is_straight(a, b, c)), goal])
+
+
+def is_clear(layout, node):
+    point = SPACING * np.array(node)
+    low = layout.walls[:, :2] - CLEARANCE
+    high = layout.walls[:, :2] + layout.walls[:, 2:] + CLEARANCE
+    is_inside = (point >= CLEARANCE).all() and (point <= (layout.width, layout.height)).all()
+    return is_inside and not ((low < point) & (point < high)).all(axis=1).any()
+
+
+def is_straight(a, b, c):
+    return (b[0] - a[0], b[1] - a[1]) == (c[0] - b[0], c[1] - b[1])
+
+
+def towards(target, state, maze):
+    """The acceleration that comes to rest at the target, as fast as braking in time allows."""
+    gap = target - state[:2]
+    speed = np.minimum(np.sqrt(1.6 * maze.max_acceleration * np.abs(gap)), maze.max_speed)
+    wanted = np.sign(gap) * np.minimum(speed, np.abs(gap) / (2 * DT))
+    return ((wanted - state[2:]) / (DT * maze.max_acceleration)).astype(np.float32)
+
+
+def solve(env):
+    """Drive along the plan until the episode ends; all that its last step returned."""
+    env.reset()
+    state = env.unwrapped.maze.start
+    for target in plan(env.unwrapped.layout):
+        while np.abs(target - state[:2]).max() > 2.0:
+            *result, info = env.step(towards(target, state, env.unwrapped.maze))
+            state = info["behavior"]
+            assert result[2] or result[3] or result[1] == 0.0
+            if result[2] or result[3]:
+                return *result, info
+    raise AssertionError("The plan ends short of the goal.")
+
+
+@pytest.mark.parametrize("env_id", MAZE_IDS)
+class TestEveryMaze:
+    def test_passes_gymnasiums_checks(self, env_id):
+        pytest.importorskip("pygame")
+        env = gym.make(env_id)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            check_env(env.unwrapped)
+        env.close()
+
+    def test_passes_stable_baselines3s_checks(self, env_id):
+        env = gym.make(env_id)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            sb3_check_env(env)
+            sb3_check_env(env.unwrapped)
+
+    def test_a_plan_is_rewarded_at_the_goal_and_ends_there(self, env_id):
+        env = gym.wrappers.RecordEpisodeStatistics(gym.make(env_id))
+        _, reward, terminated, truncated, info = solve(env)
+        t = info["episode"]["l"]
+        assert terminated
+        assert not truncated
+        assert reward == info["episode"]["r"] == 1.0 - t / 2000
+        assert 0.0 < reward < 1.0
+        assert info["is_success"] is True
+        assert math.dist(info["position"], env.unwrapped.layout.goal) < 2.0
+
+    def test_random_walks_stay_in_reachable_cells_and_within_bounds(self, env_id):
+        env = gym.make(env_id).unwrapped
+        rng = np.random.default_rng(0)
+        observation, info = env.reset()
+        behaviors = [info["behavior"]]
+        for action in np.repeat(rng.choice([-1.0, 1.0], (40, 2)), 25, axis=0):
+            observation, reward, *_, info = env.step(action)
+            assert observation in env.observation_space
+            assert info["behavior"] in env.behavior_space
+            assert reward == 0.0
+            behaviors.append(info["behavior"])
+        visited = env.coverage_grid.cells(np.array(behaviors))
+        assert env.coverage_grid.reachable.ravel()[visited].all()
+        assert len(np.unique(visited)) > 5
+
+
+class TestSpaces:
+    def test_are_those_of_the_documentation(self):
+        env = MazeEnv("hard")
+        assert env.action_space == gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        assert env.observation_space.shape == (36,)
+        assert env.observation_space.dtype == np.float32
+        np.testing.assert_array_equal(env.observation_space.low[[0, 3, 4, 35]], [-1, -1, 0, 0])
+        np.testing.assert_array_equal(env.behavior_space.low, [0, 0, -20, -20])
+        np.testing.assert_array_equal(env.behavior_space.high, [200, 200, 20, 20])
+        assert env.horizon == 2000
+
+    def test_follow_the_keywords(self):
+        env = MazeEnv(small_layout(), n_beams=5, max_speed=3.0)
+        assert env.observation_space.shape == env.reset()[0].shape == (9,)
+        np.testing.assert_array_equal(env.behavior_space.high, [40, 40, 3, 3])
+
+    def test_coverage_counts_x_and_y_among_the_reachable_cells(self):
+        grid = MazeEnv("us").coverage_grid
+        assert grid.dimensions == (0, 1)
+        assert grid.n_cells == 50
+        np.testing.assert_array_equal(grid.reachable, reachable_cells(BUILT_IN["us"]))
+        behavior = np.array([[199.0, 3.0, -20.0, 20.0]])
+        assert grid.cells(behavior) == 49 * 50 + 0
+
+
+class TestReset:
+    def test_starts_at_rest_at_the_start(self):
+        observation, info = MazeEnv("hard").reset(seed=3)
+        np.testing.assert_array_equal(info["behavior"], [195, 5, 0, 0])
+        np.testing.assert_allclose(observation[:4], [0.95, -0.95, 0, 0], atol=1e-6)
+        assert info["is_success"] is False
+
+    def test_beams_are_cut_at_a_fifth_of_the_diagonal(self):
+        observation, _ = MazeEnv("hard").reset()
+        lidar_range = 0.2 * math.hypot(200, 200)
+        east, north, west, south = observation[4::8] * lidar_range
+        np.testing.assert_allclose([east, north, west, south], [5, 5, lidar_range, 5], rtol=1e-5)
+
+    def test_lidar_range_is_in_maze_units(self):
+        observation, _ = MazeEnv("hard", lidar_range=10.0).reset()
+        np.testing.assert_allclose(observation[[4, 20]], [0.5, 1.0], rtol=1e-5)
+
+    def test_starts_at_a_given_state(self):
+        env = MazeEnv("hard")
+        state = np.array([100.0, 5.0, -3.0, 2.0])
+        _, info = env.reset(options={"state": state})
+        np.testing.assert_array_equal(info["behavior"], state)
+        env.step(EAST)
+        np.testing.assert_array_equal(state, [100.0, 5.0, -3.0, 2.0])
+        np.testing.assert_array_equal(env.reset()[1]["behavior"], [195, 5, 0, 0])
+
+    @pytest.mark.parametrize(
+        "state",
+        [
+            (100.0, 15.0, 0.0, 0.0),  # in a wall
+            (100.0, 9.5, 0.0, 0.0),  # too near to one
+            (0.5, 5.0, 0.0, 0.0),
+            (5.0, 199.5, 0.0, 0.0),
+            (-5.0, 5.0, 0.0, 0.0),
+            (100.0, 5.0, 20.5, 0.0),
+            (100.0, 5.0, np.nan, 0.0),
+            (np.inf, 5.0, 0.0, 0.0),
+            (100.0, 5.0),
+            [[100.0, 5.0, 0.0, 0.0]],
+            "start",
+            ((1.0, 2.0), 3.0),
+        ],
+    )
+    def test_rejects_a_bad_state_and_keeps_the_episode(self, state):
+        env = MazeEnv("hard")
+        env.reset()
+        env.step(EAST)
+        before = env.step(EAST)[4]["behavior"]
+        with pytest.raises(ValueError, match="state"):
+            env.reset(options={"state": state})
+        speed = env.step(FREE)[4]["velocity"]
+        np.testing.assert_array_equal(speed, before[2:])
+
+
+class TestStep:
+    def test_moves_by_the_clipped_action(self):
+        env = MazeEnv(small_layout(), max_acceleration=2.0)
+        env.reset()
+        *_, info = env.step(np.array([7.0, -0.5], dtype=np.float32))
+        np.testing.assert_allclose(info["velocity"], [0.2, -0.1])
+        np.testing.assert_allclose(info["position"], [5.02, 19.99])
+
+    def test_reward_falls_with_the_steps_taken(self):
+        env = MazeEnv(small_layout(), horizon=50)
+        rewards = []
+        for speed in (20.0, 10.0):
+            env.reset(options={"state": (5.0, 20.0, speed, 0.0)})
+            terminated = False
+            while not terminated:
+                _, reward, terminated, truncated, info = env.step(FREE)
+                assert truncated is False
+                assert info["is_success"] is terminated
+                assert terminated or reward == 0.0
+            rewards.append(reward)
+        # More than 28 units, to the edge of the goal's area, at 2 and at 1 unit a step.
+        assert rewards == [1.0 - 15 / 50, 1.0 - 29 / 50]
+
+    def test_truncates_at_the_horizon_without_reward(self):
+        env = gym.make("CuriosityMaze-Snake-v0", horizon=7)
+        for _ in range(2):
+            env.reset()
+            ends = [env.step(FREE)[1:4] for _ in range(7)]
+            assert ends == [(0.0, False, False)] * 6 + [(0.0, False, True)]
+
+    def test_reaching_the_goal_at_the_horizon_terminates_alone(self):
+        env = MazeEnv(small_layout(), horizon=15)
+        env.reset(options={"state": (5.0, 20.0, 20.0, 0.0)})
+        for _ in range(14):
+            env.step(FREE)
+        _, reward, terminated, truncated, info = env.step(FREE)
+        assert (reward, terminated, truncated, info["is_success"]) == (0.0, True, False, True)
+
+    def test_needs_a_reset_first(self):
+        for env in (MazeEnv("us"), gym.make("CuriosityMaze-US-v0")):
+            with pytest.raises(ResetNeeded):
+                env.step(FREE)
+
+    @pytest.mark.parametrize("end", ["goal", "horizon"])
+    def test_needs_a_reset_after_the_end(self, end):
+        env = MazeEnv(small_layout(), horizon=16 if end == "goal" else 3)
+        env.reset(options={"state": (5.0, 20.0, 20.0, 0.0)})
+        while not any(env.step(FREE)[2:4]):
+            pass
+        with pytest.raises(ResetNeeded):
+            env.step(FREE)
+        env.reset()
+        env.step(FREE)
+
+    @pytest.mark.parametrize(
+        "action", [(np.nan, 0.0), (0.0, np.inf), (-np.inf, 0.0), (0.0,), (0.0, 0.0, 0.0), 0.0]
+    )
+    def test_rejects_a_bad_action_and_does_not_move(self, action):
+        env = MazeEnv("hard")
+        _, before = env.reset()
+        with pytest.raises(ValueError, match="action"):
+            env.step(np.array(action, dtype=np.float32))
+        *_, after = env.step(FREE)
+        np.testing.assert_array_equal(after["behavior"], before["behavior"])
+
+    def test_what_it_returned_is_never_overwritten(self):
+        env = MazeEnv("hard")
+        returned = [env.reset(options={"state": (100.0, 5.0, 0.0, 0.0)})]
+        returned += [env.step(EAST) for _ in range(3)]
+        kept = copy.deepcopy(returned)
+        env.step(EAST)
+        env.reset()
+        for now, then in zip(returned, kept, strict=True):
+            np.testing.assert_array_equal(now[0], then[0])
+            for key, value in then[-1].items():
+                np.testing.assert_array_equal(now[-1][key], value)
+
+    def test_writing_to_what_it_returned_changes_no_dynamics(self):
+        envs = MazeEnv("hard"), MazeEnv("hard")
+        for env in envs:
+            env.reset()
+        for _ in range(5):
+            results = [env.step(np.array([-1.0, 0.3], dtype=np.float32)) for env in envs]
+            np.testing.assert_array_equal(results[0][0], results[1][0])
+            for array in (results[1][0], *results[1][4].values()):
+                if isinstance(array, np.ndarray):
+                    array[:] = 77.0
+
+    def test_info_holds_fresh_float64_arrays(self):
+        env = MazeEnv("hard")
+        env.reset()
+        *_, info = env.step(EAST)
+        assert {key: np.asarray(value).dtype for key, value in info.items()} == {
+            "position": np.float64,
+            "velocity": np.float64,
+            "behavior": np.float64,
+            "is_success": np.bool_,
+        }
+        np.testing.assert_array_equal(info["behavior"], [*info["position"], *info["velocity"]])
+        arrays = [info["position"], info["velocity"], info["behavior"]]
+        assert not any(np.shares_memory(a, b) for a, b in pairwise([*arrays, arrays[0]]))
+
+    def test_is_deterministic_whatever_the_seed(self):
+        actions = np.random.default_rng(0).uniform(-1, 1, (50, 2)).astype(np.float32)
+        runs = []
+        for seed in (0, 1):
+            env = MazeEnv("labyrinth")
+            env.reset(seed=seed)
+            runs.append(np.array([env.step(action)[0] for action in actions]))
+        np.testing.assert_array_equal(*runs)
+
+
+class TestRestitution:
+    def test_is_zero_unless_asked_for(self):
+        for keywords, speed in (({}, 0.0), ({"restitution": 1.0}, 20.0)):
+            env = MazeEnv(small_layout(), **keywords)
+            env.reset(options={"state": (38.0, 5.0, 20.0, 0.0)})
+            assert env.step(FREE)[4]["velocity"][0] == -speed
+
+
+BAD_KEYWORDS = [
+    *product(["horizon", "n_beams"], [0, -1, 2.5, "many", None, np.nan]),
+    *product(
+        ["max_speed", "max_acceleration", "lidar_range", "goal_radius"],
+        [0.0, -1.0, np.nan, np.inf, "far"],
+    ),
+    *product(["restitution"], [-0.1, 1.1, np.nan, None]),
+    ("goal_radius", None),
+    ("render_mode", "ansi"),
+    ("layout", "spiral"),
+    ("layout", None),
+    ("layout", 3),
+]
+
+
+@pytest.mark.parametrize(("keyword", "value"), BAD_KEYWORDS)
+def test_rejects_bad_keywords_by_name(keyword, value):
+    with pytest.raises(ValueError, match=keyword):
+        MazeEnv(**({"layout": small_layout()} | {keyword: value}))
+
+
+def test_rejects_a_goal_radius_that_the_robot_cannot_come_within():
+    layout = small_layout(goal=(39.9, 20.0))
+    assert MazeEnv(layout, goal_radius=1.0)
+    with pytest.raises(ValueError, match="goal_radius"):
+        MazeEnv(layout, goal_radius=0.5)
+
+
+class TestCopies:
+    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+    def test_continue_the_episode_on_their_own(self, duplicate):
+        env = gym.make("CuriosityMaze-Hard-v0")
+        env.reset()
+        action = np.array([-1.0, 0.4], dtype=np.float32)
+        for _ in range(5):
+            env.step(action)
+        twin = duplicate(env)
+        ours = [env.step(action)[0] for _ in range(5)]
+        theirs = [twin.step(action)[0] for _ in range(5)]
+        np.testing.assert_array_equal(ours, theirs)
+        assert twin.unwrapped.layout == env.unwrapped.layout
+
+
+class TestRender:
+    def test_rgb_array_shows_the_robot_where_it_is(self):
+        env = gym.make("CuriosityMaze-Hard-v0", render_mode="rgb_array")
+        env.reset()
+        frames = [env.render()]
+        env.reset(options={"state": (100.0, 5.0, 0.0, 0.0)})
+        frames.append(env.render())
+        assert frames[0].shape == (500, 500, 3)
+        assert frames[0].dtype == np.uint8
+        changed = (frames[0] != frames[1]).any(axis=2)
+        assert changed[487, 250]
+        assert changed[487, 487]
+        assert not changed[:300, :300].any()
+
+    def test_rgb_array_list_collects_a_frame_a_step(self):
+        env = gym.make("CuriosityMaze-US-v0", render_mode="rgb_array_list")
+        env.reset()
+        for _ in range(3):
+            env.step(EAST)
+        frames = env.render()
+        assert len(frames) == 4
+        assert (frames[0] != frames[3]).any()
+
+    def test_human_shows_every_step_in_a_window(self, monkeypatch):
+        pygame = pytest.importorskip("pygame")
+        monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+        env = gym.make("CuriosityMaze-Snake-v0", render_mode="human")
+        env.reset()
+        first = pygame.surfarray.array3d(pygame.display.get_surface())
+        for _ in range(3):
+            env.step(np.array([0.0, 1.0], dtype=np.float32))
+        second = pygame.surfarray.array3d(pygame.display.get_surface())
+        assert (first != second).any()
+        env.close()
+        assert not pygame.display.get_init()
+
+    def test_needs_a_mode_and_an_episode(self):
+        env = MazeEnv("hard", render_mode="rgb_array")
+        with pytest.raises(ResetNeeded):
+            env.render()
+        env = MazeEnv("hard")
+        env.reset()
+        with pytest.warns(UserWarning, match="render_mode"):
+            assert env.render() is None
+
+    def test_videos_can_be_recorded(self, tmp_path):
+        pytest.importorskip("moviepy")
+        env = gym.make("CuriosityMaze-Hard-v0", render_mode="rgb_array", horizon=3)
+        env = gym.wrappers.RecordVideo(env, str(tmp_path), episode_trigger=lambda episode: True)
+        env.reset()
+        for _ in range(3):
+            env.step(EAST)
+        env.close()
+        assert list(tmp_path.glob("*.mp4"))

@@ -1,0 +1,351 @@
+import copy
+import multiprocessing
+import pickle
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+
+from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.maze.vector_env import MazeVectorEnv
+
+# The goal is near enough that random actions come upon it, and far enough that they often do not.
+NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])
+KEYWORDS = {"layout": NEAR_GOAL, "horizon": 25, "max_acceleration": 20.0, "n_beams": 8}
+N_ENVS = 6
+MODES = list(AutoresetMode)
+
+
+def make_native(num_envs=N_ENVS, **changes):
+    return MazeVectorEnv(num_envs=num_envs, **(KEYWORDS | changes))
+
+
+def make_sync(mode, num_envs=N_ENVS, **changes):
+    return SyncVectorEnv([partial(MazeEnv, **(KEYWORDS | changes))] * num_envs, autoreset_mode=mode)
+
+
+def random_actions(n_steps, num_envs=N_ENVS, seed=0):
+    """Some of them out of bounds; each repeated, so that the robots get somewhere."""
+    rng = np.random.default_rng(seed)
+    values = rng.uniform(-1.5, 1.5, (n_steps // 5 + 1, num_envs, 2))
+    return np.repeat(values, 5, axis=0)[:n_steps].astype(np.float32)
+
+
+def assert_identical(ours, theirs):
+    """The same types, dtypes, shapes and bits, through tuples and dicts."""
+    assert type(ours) is type(theirs)
+    if isinstance(ours, dict):
+        assert ours.keys() == theirs.keys()
+        for key in ours:
+            assert_identical(ours[key], theirs[key])
+    elif isinstance(ours, tuple):
+        for our, their in zip(ours, theirs, strict=True):
+            assert_identical(our, their)
+    elif isinstance(ours, np.ndarray):
+        assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape)
+        if ours.dtype == object:
+            for our, their in zip(ours, theirs, strict=True):
+                assert_identical(our, their)
+        else:
+            assert ours.tobytes() == theirs.tobytes()
+    else:
+        assert ours == theirs
+
+
+def run(envs, actions):
+    """Everything that reset and the steps return; with autoreset disabled, resets the ended."""
+    results = [envs.reset(seed=3)]
+    for action in actions:
+        results.append(envs.step(action))
+        ended = results[-1][2] | results[-1][3]
+        if envs.metadata["autoreset_mode"] == AutoresetMode.DISABLED and ended.any():
+            results.append(envs.reset(options={"reset_mask": ended.copy()}))
+    return results
+
+
+class TestAgainstSingleEnvs:
+    @pytest.mark.parametrize("mode", MODES)
+    @pytest.mark.parametrize("changes", [{}, {"restitution": 1.0, "horizon": 1}, {"num_envs": 1}])
+    def test_equals_gymnasiums_sync_vector_env(self, mode, changes):
+        actions = random_actions(150, num_envs=changes.get("num_envs", N_ENVS))
+        ours = run(make_native(autoreset_mode=mode, **changes), actions)
+        theirs = run(make_sync(mode, **changes), actions)
+        for our, their in zip(ours, theirs, strict=True):
+            assert_identical(our, their)
+        ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
+        assert ends.min() > 0 or changes
+        assert ends.sum() >= 5
+
+    @pytest.mark.parametrize("mode", MODES)
+    def test_equals_gymnasiums_sync_vector_env_from_a_given_state(self, mode):
+        mask = np.arange(N_ENVS) % 3 == 0
+        envs = make_native(autoreset_mode=mode), make_sync(mode)
+        for options in ({"state": (15.0, 4.0, -2.0, 1.0)}, {"state": (3.0, 3.0, 0.0, 0.0)}):
+            assert_identical(*(env.reset(options=dict(options)) for env in envs))
+            for action in random_actions(7):
+                assert_identical(*(env.step(action) for env in envs))
+            options["reset_mask"] = mask
+            assert_identical(*(env.reset(seed=0, options=dict(options)) for env in envs))
+            for action in random_actions(60 if mode != AutoresetMode.DISABLED else 7, seed=1):
+                assert_identical(*(env.step(action) for env in envs))
+
+    def test_equals_a_single_env_bit_for_bit(self):
+        vector, single = MazeVectorEnv("hard", num_envs=3), MazeEnv("hard")
+        vector.reset()
+        single.reset()
+        for action in random_actions(300, num_envs=3):
+            expected = single.step(action[1])
+            observations, rewards, terminated, truncated, infos = vector.step(action)
+            assert observations[1].tobytes() == expected[0].tobytes()
+            assert (rewards[1], terminated[1], truncated[1]) == expected[1:4]
+            for key, value in expected[4].items():
+                np.testing.assert_array_equal(infos[key][1], value)
+
+    def test_has_the_same_spaces_and_attributes(self):
+        ours, theirs = make_native(), make_sync("NextStep")
+        single = theirs.envs[0]
+        for name in ("observation_space", "action_space"):
+            assert getattr(ours, name) == getattr(theirs, name)
+            assert getattr(ours, f"single_{name}") == getattr(theirs, f"single_{name}")
+        assert ours.behavior_space == single.behavior_space
+        assert ours.coverage_grid == single.coverage_grid
+        assert ours.layout == single.layout
+        assert ours.horizon == single.horizon
+        assert ours.metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"]
+
+
+class TestThreads:
+    @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+    def test_results_do_not_depend_on_their_number(self, mode):
+        actions = random_actions(60, num_envs=700)
+        runs = [
+            run(make_native(700, autoreset_mode=mode, n_threads=n_threads), actions)
+            for n_threads in (1, 2, 5)
+        ]
+        for other in runs[1:]:
+            for ours, theirs in zip(runs[0], other, strict=True):
+                assert_identical(ours, theirs)
+
+    def test_results_do_not_depend_on_the_number_of_envs(self):
+        actions = random_actions(60, num_envs=700)
+        many = run(make_native(700), actions)
+        few = run(make_native(2), actions[:, :2])
+        for ours, theirs in zip(few, many, strict=True):
+            np.testing.assert_array_equal(ours[0], theirs[0][:2])
+
+
+class TestBuffers:
+    @pytest.mark.parametrize("mode", MODES)
+    def test_are_never_overwritten_later(self, mode):
+        envs = make_native(autoreset_mode=mode)
+        actions = random_actions(60)
+        kept = []
+        results = [envs.reset()]
+        for action in actions:
+            kept.append(copy.deepcopy(results[-1]))
+            results.append(envs.step(action))
+            if mode == AutoresetMode.DISABLED and (ended := results[-1][2] | results[-1][3]).any():
+                envs.reset(options={"reset_mask": ended})
+        for now, then in zip(results[:-1], kept, strict=True):
+            assert_identical(now, then)
+
+    def test_writing_to_them_changes_no_dynamics(self):
+        envs, twins = make_native(autoreset_mode="SameStep"), make_native(autoreset_mode="SameStep")
+        assert_identical(envs.reset(), twins.reset())
+        for action in random_actions(60):
+            ours, theirs = envs.step(action), twins.step(action)
+            assert_identical(ours, theirs)
+            for array in (*ours[:4], *(v for v in ours[4].values() if isinstance(v, np.ndarray))):
+                array[...] = 1
+
+    def test_of_observations_are_shared_without_copies(self):
+        envs, twins = make_native(copy=False), make_native()
+        observations = envs.reset()[0]
+        twins.reset()
+        for action in random_actions(40):
+            assert envs.step(action)[0] is observations
+            np.testing.assert_array_equal(observations, twins.step(action)[0])
+
+    def test_actions_stay_as_they_are(self):
+        envs = make_native()
+        envs.reset()
+        actions = np.full((N_ENVS, 2), 3.0, dtype=np.float32)
+        envs.step(actions)
+        assert (actions == 3.0).all()
+
+
+class TestReset:
+    def test_mask_leaves_the_others_alone(self):
+        envs = make_native(autoreset_mode="Disabled")
+        envs.reset()
+        before = envs.step(random_actions(1)[0])[0]
+        mask = np.arange(N_ENVS) < 2
+        options = {"reset_mask": mask}
+        after, infos = envs.reset(options=options)
+        assert options == {"reset_mask": mask}
+        np.testing.assert_array_equal(after[2:], before[2:])
+        assert (after[:2] != before[:2]).any()
+        np.testing.assert_array_equal(infos["_behavior"], mask)
+
+    @pytest.mark.parametrize(
+        "options",
+        [
+            {"state": (0.0, 0.0, 0.0, 0.0)},
+            {"state": (5.0, 10.0)},
+            {"reset_mask": [True] * N_ENVS},
+            {"reset_mask": np.ones(N_ENVS)},
+            {"reset_mask": np.ones(N_ENVS + 1, dtype=bool)},
+            {"reset_mask": np.zeros(N_ENVS, dtype=bool)},
+        ],
+    )
+    def test_rejects_bad_options_and_keeps_the_episodes(self, options):
+        envs, twins = make_native(), make_native()
+        for each in (envs, twins):
+            each.reset()
+        with pytest.raises(ValueError, match=next(iter(options))):
+            envs.reset(options=options)
+        for action in random_actions(3):
+            assert_identical(envs.step(action), twins.step(action))
+
+    def test_takes_a_seed_for_each_env(self):
+        assert make_native().reset(seed=list(range(N_ENVS)))[0].shape[0] == N_ENVS
+        with pytest.raises(ValueError, match="seed"):
+            make_native().reset(seed=[1, 2])
+
+
+class TestStep:
+    def test_needs_every_env_to_have_been_reset(self):
+        envs = make_native()
+        actions = random_actions(1)[0]
+        with pytest.raises(ResetNeeded):
+            envs.step(actions)
+        for mask in (np.arange(N_ENVS) < 2, np.arange(N_ENVS) >= 2):
+            with pytest.raises(ResetNeeded):
+                envs.step(actions)
+            envs.reset(options={"reset_mask": mask})
+        envs.step(actions)
+
+    def test_needs_a_reset_after_an_end_with_autoreset_disabled(self):
+        envs = make_native(autoreset_mode=AutoresetMode.DISABLED, horizon=1)
+        envs.reset()
+        envs.step(random_actions(1)[0])
+        with pytest.raises(ResetNeeded):
+            envs.step(random_actions(1)[0])
+
+    @pytest.mark.parametrize(
+        "actions",
+        [
+            np.full((N_ENVS, 2), np.nan),
+            np.where(np.arange(2 * N_ENVS).reshape(N_ENVS, 2) == 7, np.inf, 0.0),
+            np.zeros((N_ENVS, 3)),
+            np.zeros((N_ENVS - 1, 2)),
+            np.zeros(2 * N_ENVS),
+        ],
+    )
+    def test_rejects_bad_actions_and_does_not_move(self, actions):
+        envs, twins = make_native(), make_native()
+        for each in (envs, twins):
+            each.reset()
+        with pytest.raises(ValueError, match="actions"):
+            envs.step(actions)
+        assert_identical(envs.step(random_actions(1)[0]), twins.step(random_actions(1)[0]))
+
+
+class TestMakeVec:
+    def test_makes_it_with_the_mode_in_its_metadata(self, recwarn):
+        envs = gym.make_vec(
+            "CuriosityMaze-Hard-v0",
+            num_envs=4,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode="SameStep",
+            n_beams=3,
+        )
+        assert isinstance(envs, MazeVectorEnv)
+        assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        assert "autoreset_mode" not in MazeVectorEnv.metadata
+        assert envs.reset(seed=0)[0].shape == (4, 7)
+        assert not recwarn.list
+
+    def test_takes_max_episode_steps_for_the_horizon(self):
+        envs = gym.make_vec("CuriosityMaze-US-v0", num_envs=2, max_episode_steps=3)
+        assert envs.horizon == envs.maze.horizon == 3
+        envs.reset()
+        ends = [envs.step(np.zeros((2, 2), dtype=np.float32))[3].tolist() for _ in range(3)]
+        assert ends == [[False] * 2, [False] * 2, [True] * 2]
+
+    @pytest.mark.parametrize(
+        "wrapper", [gym.wrappers.vector.RecordEpisodeStatistics, gym.wrappers.vector.DictInfoToList]
+    )
+    def test_works_in_gymnasiums_vector_wrappers(self, wrapper):
+        envs = wrapper(make_native(autoreset_mode="SameStep"))
+        envs.reset()
+        for action in random_actions(60):
+            infos = envs.step(action)[4]
+        assert len(infos) >= 4
+
+    @pytest.mark.parametrize(
+        ("keyword", "value"),
+        [
+            ("num_envs", 0),
+            ("num_envs", 1.5),
+            ("n_threads", 0),
+            ("render_mode", "human"),
+            ("autoreset_mode", "Sometimes"),
+            ("horizon", 0),
+            ("max_episode_steps", 0),
+            ("restitution", 2.0),
+            ("layout", "spiral"),
+        ],
+    )
+    def test_rejects_bad_keywords(self, keyword, value):
+        with pytest.raises(ValueError, match=str(value) if isinstance(value, str) else "must be"):
+            make_native(**{keyword: value})
+
+
+class TestRender:
+    def test_gives_a_frame_of_each_env_as_single_envs_do(self):
+        ours = make_native(render_mode="rgb_array")
+        theirs = make_sync(AutoresetMode.NEXT_STEP, render_mode="rgb_array")
+        for envs in (ours, theirs):
+            run(envs, random_actions(30))
+        for frame, expected in zip(ours.render(), theirs.render(), strict=True):
+            np.testing.assert_array_equal(frame, expected)
+        ours.close()
+
+    def test_needs_a_mode_and_episodes(self):
+        with pytest.raises(ResetNeeded):
+            make_native(render_mode="rgb_array").render()
+        with pytest.warns(UserWarning, match="render_mode"):
+            assert make_native().render() is None
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+def test_copies_continue_on_their_own(duplicate):
+    envs = make_native(400, n_threads=2)
+    run(envs, random_actions(10, num_envs=400))
+    twins = duplicate(envs)
+    for action in random_actions(30, num_envs=400, seed=1):
+        assert_identical(envs.step(action), twins.step(action))
+
+
+@pytest.mark.parametrize("start_method", ["fork", "spawn"])
+def test_single_envs_work_in_processes_started_after_compiled_calls_on_threads(start_method):
+    if start_method not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"no {start_method} here")
+    run(make_native(700, n_threads=2), random_actions(5, num_envs=700))
+    make_env = partial(gym.make, "curiosity_gym:CuriosityMaze-Hard-v0")
+    envs = AsyncVectorEnv([make_env] * 2, context=start_method)
+    native = MazeVectorEnv("hard", num_envs=2)
+    try:
+        for ours, theirs in zip(
+            run(native, random_actions(20, num_envs=2)),
+            run(envs, random_actions(20, num_envs=2)),
+            strict=True,
+        ):
+            assert_identical(ours, theirs)
+    finally:
+        envs.close()

@@ -1,0 +1,148 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from gymnasium.error import DependencyNotInstalled
+from PIL import ImageColor
+
+from curiosity_gym.maze import viewer as viewer_module
+from curiosity_gym.maze.layouts import BUILT_IN, MazeLayout
+from curiosity_gym.maze.viewer import MazeViewer
+
+SIZE = 500
+SCALE = 2.5
+AT_REST = (55.0, 105.0, 0.0, 0.0)
+NO_BEAMS = np.zeros(32)
+
+
+def make_viewer(layout="hard", **changes):
+    layout = BUILT_IN[layout] if isinstance(layout, str) else layout
+    return MazeViewer(layout, **({"n_beams": 32, "beam_range": 50.0, "goal_radius": 2.0} | changes))
+
+
+def color_at(frame, x, y, scale=SCALE):
+    return tuple(frame[frame.shape[0] - 1 - int(y * scale), int(x * scale)])
+
+
+def rgb(name):
+    return ImageColor.getrgb(getattr(viewer_module, name))
+
+
+@pytest.fixture
+def dummy_screen(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    return pytest.importorskip("pygame")
+
+
+class TestDraw:
+    @pytest.mark.parametrize("name", BUILT_IN)
+    def test_shows_the_maze_with_y_up(self, name):
+        layout = BUILT_IN[name]
+        frame = make_viewer(name).draw((*layout.goal, 0.0, 0.0), NO_BEAMS)
+        assert frame.shape == (SIZE, SIZE, 3)
+        assert frame.dtype == np.uint8
+        assert color_at(frame, *layout.start) == rgb("START")
+        assert color_at(frame, *layout.goal) == rgb("ROBOT")
+        for x, y, width, height in layout.walls:
+            assert color_at(frame, x + width / 2, y + height / 2) == rgb("WALL")
+        is_wall = (frame == rgb("WALL")).all(axis=2)
+        centers = (np.arange(SIZE) + 0.5) / SCALE
+        x, y = np.meshgrid(centers, centers[::-1])
+        low, high = layout.walls[:, :2], layout.walls[:, :2] + layout.walls[:, 2:]
+        expected = np.zeros((SIZE, SIZE), dtype=bool)
+        for (left, bottom), (right, top) in zip(low, high, strict=True):
+            expected |= (left < x) & (x < right) & (bottom < y) & (y < top)
+        inside = np.s_[1:-1, 1:-1]  # the border is drawn in the color of the walls
+        np.testing.assert_array_equal(is_wall[inside], expected[inside])
+
+    def test_shows_the_goal_and_its_area(self):
+        frame = make_viewer(goal_radius=8.0).draw(AT_REST, NO_BEAMS)
+        x, y = BUILT_IN["hard"].goal
+        assert color_at(frame, x, y) == rgb("GOAL")
+        assert color_at(frame, x + 7.0, y) == rgb("GOAL_AREA")
+        assert color_at(frame, x, y - 7.0) == rgb("GOAL_AREA")
+        assert color_at(frame, x, y + 8.8) == rgb("FLOOR")
+
+    @pytest.mark.parametrize("i", [0, 8, 16, 24])
+    def test_beam_points_to_its_angle(self, i):
+        beams = NO_BEAMS.copy()
+        beams[i] = 20.0
+        viewer = make_viewer()
+        changed = (viewer.draw(AT_REST, beams) != viewer.draw(AT_REST, NO_BEAMS)).any(axis=2)
+        rows, columns = np.nonzero(changed)
+        direction = np.array([columns.mean() / SCALE - 55.0, (SIZE - rows.mean()) / SCALE - 105.0])
+        angle = np.arctan2(direction[1], direction[0])
+        assert np.cos(angle - 2.0 * np.pi * i / 32) > 0.99
+        assert np.hypot(columns - 55.0 * SCALE, SIZE - rows - 105.0 * SCALE).max() == (
+            pytest.approx(20.0 * SCALE, abs=3.0)
+        )
+
+    def test_only_beams_that_hit_end_in_a_dot(self):
+        viewer = make_viewer(beam_range=20.0)
+        beams = NO_BEAMS + np.float32(20.0)
+        beams[0] = 15.0
+        frame = viewer.draw(AT_REST, beams)
+        assert (frame == rgb("HIT")).all(axis=2).any()
+        beams[0] = 20.0
+        assert not (viewer.draw(AT_REST, beams) == rgb("HIT")).all(axis=2).any()
+
+    def test_velocity_tick_points_where_the_robot_goes(self):
+        frame = make_viewer().draw((55.0, 105.0, 0.0, 20.0), NO_BEAMS)
+        assert color_at(frame, 55.0, 112.0) == rgb("VELOCITY")
+        assert color_at(frame, 55.0, 98.0) == rgb("FLOOR")
+
+    def test_frames_are_independent(self):
+        viewer = make_viewer()
+        first = viewer.draw(AT_REST, NO_BEAMS)
+        expected = first.copy()
+        first[:] = 0
+        viewer.draw((100.0, 60.0, 5.0, 5.0), NO_BEAMS + 10.0)
+        np.testing.assert_array_equal(viewer.draw(AT_REST, NO_BEAMS), expected)
+
+    def test_other_worlds_keep_their_shape_on_even_sides(self):
+        layout = MazeLayout("flat", 61.0, 23.0, (5, 5), (8, 5), np.array([[30, 0, 10, 10]]))
+        frame = make_viewer(layout, size=301).draw((20, 10, 0, 0), NO_BEAMS)
+        assert frame.shape == (114, 300, 3)
+        assert color_at(frame, 35.0, 5.0, 300 / 61) == rgb("WALL")
+        assert color_at(frame, 35.0, 15.0, 300 / 61) == rgb("FLOOR")
+
+    def test_any_number_of_beams(self):
+        frame = make_viewer(n_beams=0).draw(AT_REST, np.empty(0))
+        assert frame.shape == (SIZE, SIZE, 3)
+
+
+class TestShow:
+    def test_window_holds_the_frame(self, dummy_screen):
+        viewer = make_viewer(fps=1000)
+        for x in (55.0, 60.0):
+            frame = viewer.draw((x, 105.0, 0.0, 0.0), NO_BEAMS)
+            viewer.show(frame)
+            window = dummy_screen.surfarray.array3d(dummy_screen.display.get_surface())
+            np.testing.assert_array_equal(window.transpose(1, 0, 2), frame)
+        viewer.close()
+
+    def test_close_may_be_repeated_and_undone(self, dummy_screen):
+        viewer = make_viewer(fps=1000)
+        viewer.close()
+        frame = viewer.draw(AT_REST, NO_BEAMS)
+        for _ in range(2):
+            viewer.show(frame)
+            assert dummy_screen.display.get_init()
+            viewer.close()
+            viewer.close()
+            assert not dummy_screen.display.get_init()
+
+    def test_missing_pygame_is_named(self, monkeypatch):
+        monkeypatch.setitem(sys.modules, "pygame", None)
+        viewer = make_viewer()
+        with pytest.raises(DependencyNotInstalled, match=r'pip install "curiosity\[render\]"\.$'):
+            viewer.show(viewer.draw(AT_REST, NO_BEAMS))
+
+
+def test_import_loads_neither_pygame_nor_matplotlib():
+    code = (
+        "import sys, curiosity_gym.maze.viewer, curiosity_gym.maze.plots;"
+        "sys.exit(bool({'pygame', 'matplotlib'} & set(sys.modules)))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from curiosity_gym.core import CoverageGrid
+
+
+def make_grid(**changes):
+    values = {"dimensions": (0, 2), "low": np.array([0.0, -1.0]), "high": np.array([10.0, 1.0])}
+    return CoverageGrid(**(values | {"n_cells": 5} | changes))
+
+
+def test_cells_count_along_the_chosen_entries_alone():
+    behaviors = np.array([[0.0, 99.0, -1.0], [9.9, -99.0, 0.99], [4.5, 0.0, -0.7]])
+    np.testing.assert_array_equal(make_grid().cells(behaviors), [0, 24, 2 * 5 + 0])
+
+
+def test_values_out_of_bounds_and_at_the_upper_bound_count_at_the_edge():
+    behaviors = np.array([[10.0, 0.0, 1.0], [1e9, 0.0, 1e9], [-3.0, 0.0, -1e300]])
+    cells = make_grid().cells(behaviors)
+    np.testing.assert_array_equal(cells, [24, 24, 0])
+    assert cells.dtype == np.int64
+
+
+def test_cells_agree_with_numpys_histogram():
+    rng = np.random.default_rng(0)
+    behaviors = rng.uniform([0.0, 0.0, -1.0], [10.0, 1.0, 1.0], (500, 3))
+    counts = np.bincount(make_grid().cells(behaviors), minlength=25).reshape(5, 5)
+    edges = np.linspace(0.0, 10.0, 6), np.linspace(-1.0, 1.0, 6)
+    np.testing.assert_array_equal(counts, np.histogram2d(*behaviors[:, [0, 2]].T, bins=edges)[0])
+
+
+def test_no_behaviors_have_no_cells():
+    assert make_grid().cells(np.empty((0, 3))).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"dimensions": (0, 1)},
+        {"low": np.array([0.0, -2.0])},
+        {"n_cells": 6},
+        {"reachable": np.ones((5, 5), dtype=bool)},
+    ],
+)
+def test_grids_are_equal_when_they_count_the_same(changes):
+    assert make_grid() == make_grid()
+    assert make_grid(**changes) == make_grid(**changes)
+    assert make_grid() != make_grid(**changes)

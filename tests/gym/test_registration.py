@@ -1,0 +1,138 @@
+import json
+import subprocess
+import sys
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import curiosity_gym
+from curiosity_gym import MazeLayout, register_envs
+from curiosity_gym.maze.layouts import BUILT_IN
+from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.registration import SPECS
+
+NAMES = ["Snake", "US", "Hard", "Labyrinth"]
+HEAVY = ["numba", "torch", "dm_control", "pygame", "mujoco", "matplotlib"]
+TEXT = """
+#####
+#S.G#
+#####
+"""
+
+
+def run_python(code):
+    """What a fresh interpreter prints."""
+    command = [sys.executable, "-W", "error", "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("prefix", ["CuriosityMaze", "Maze"])
+def test_every_id_makes_its_maze_without_a_time_limit(name, prefix):
+    env_id = f"{prefix}-{name}-v0"
+    env = gym.make(env_id)
+    assert env.unwrapped.layout is BUILT_IN[name.lower()]
+    assert env.unwrapped.horizon == 2000
+    assert env.spec.max_episode_steps is None
+    envs = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
+    assert isinstance(envs, MazeVectorEnv)
+    assert envs.layout is BUILT_IN[name.lower()]
+
+
+def test_the_ids_are_those_of_the_documentation_and_no_others():
+    expected = {f"{prefix}-{name}-v0" for prefix in ("CuriosityMaze", "Maze") for name in NAMES}
+    assert set(SPECS) == expected | {"CuriosityMaze-v0"}
+
+
+def test_registering_again_neither_warns_nor_replaces():
+    specs = {env_id: gym.spec(env_id) for env_id in SPECS}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        register_envs()
+    assert all(gym.spec(env_id) is spec for env_id, spec in specs.items())
+
+
+def test_a_fresh_interpreter_needs_no_import_of_its_own():
+    code = (
+        "import gymnasium as gym\n"
+        "env = gym.make('curiosity_gym:CuriosityMaze-Hard-v0')\n"
+        "print(env.reset(seed=0)[1]['behavior'].tolist())"
+    )
+    assert json.loads(run_python(code)) == [195.0, 5.0, 0.0, 0.0]
+
+
+def test_importing_the_package_imports_nothing_heavy_and_can_be_repeated():
+    code = (
+        "import importlib, json, sys\n"
+        "import curiosity_gym\n"
+        "from curiosity_gym import MazeLayout\n"
+        "importlib.reload(curiosity_gym)\n"
+        f"print(json.dumps([name for name in {HEAVY} if name in sys.modules]))"
+    )
+    assert json.loads(run_python(code)) == []
+
+
+def test_the_package_exports_what_it_names():
+    assert curiosity_gym.MazeLayout is MazeLayout
+    assert all(hasattr(curiosity_gym, name) for name in curiosity_gym.__all__)
+
+
+class TestCustomMaze:
+    @pytest.mark.parametrize("vectorization_mode", [None, "sync"])
+    def test_needs_a_layout(self, vectorization_mode):
+        with pytest.raises(ValueError, match="layout"):
+            gym.make("CuriosityMaze-v0")
+        with pytest.raises(ValueError, match="layout"):
+            gym.make_vec("CuriosityMaze-v0", vectorization_mode=vectorization_mode)
+
+    def test_takes_a_layout_a_path_or_text(self, tmp_path):
+        layout = MazeLayout.from_ascii(TEXT)
+        path = tmp_path / "maze.json"
+        layout.to_json(path)
+        for value in (layout, path, str(path), TEXT):
+            env = gym.make("CuriosityMaze-v0", layout=value)
+            assert env.unwrapped.layout == layout
+            np.testing.assert_array_equal(env.reset()[1]["position"], [15.0, 15.0])
+
+
+FIELDS = {
+    "name": "maze",
+    "width": 50.0,
+    "height": 50.0,
+    "start": [5.0, 5.0],
+    "goal": [45.0, 45.0],
+    "walls": [[20.0, 0.0, 10.0, 40.0]],
+}
+MALFORMED = {
+    "start in a wall": ({"start": [25.0, 5.0]}, "start"),
+    "goal in a wall": ({"goal": [25.0, 5.0]}, "goal"),
+    "negative size": ({"walls": [[20.0, 0.0, -10.0, 40.0]]}, "walls"),
+    "goal out of reach": ({"walls": [[20.0, 0.0, 10.0, 50.0]]}, "goal"),
+    "NaN": ({"width": float("nan")}, "width"),
+    "goal out of the world": ({"goal": [60.0, 45.0]}, "goal"),
+    "three numbers a wall": ({"walls": [[20.0, 0.0, 10.0]]}, "walls"),
+    "unknown key": ({"doors": []}, "layout"),
+}
+
+
+@pytest.mark.parametrize(("changes", "field"), MALFORMED.values(), ids=MALFORMED)
+@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
+def test_malformed_layouts_are_errors_that_name_the_field(changes, field, make, tmp_path):
+    path = tmp_path / "maze.json"
+    path.write_text(json.dumps(FIELDS))
+    make("CuriosityMaze-v0", layout=path).close()
+    path.write_text(json.dumps(FIELDS | changes))
+    with pytest.raises(ValueError, match=field):
+        make("CuriosityMaze-v0", layout=path)
+
+
+@pytest.mark.parametrize("text", ["{", "", "[1, 2]"])
+def test_files_that_hold_no_layout_are_errors(text, tmp_path):
+    path = tmp_path / "maze.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="layout"):
+        gym.make("CuriosityMaze-v0", layout=path)

@@ -20,8 +20,8 @@ def compiled(function: _F) -> _F:
     is off too, as its atomic operations took more time than the dynamics: a compiled function works
     on arrays that its Python caller holds, and creates none.
     """
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "forceinline": True}
-    decorate: Callable[[_F], Any] = numba.njit(**options, _nrt=False)
+    njit: Any = numba.njit  # its types do not know `_nrt`
+    decorate = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)
     return cast(_F, decorate(function))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pathlib
 import zipfile
@@ -48,24 +49,31 @@ def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
     return path if path.suffix else path.with_suffix(".zip")
 
 
-def check_is_checkpoint(path: str | os.PathLike[str]) -> None:
-    """Check that `path` is a whole file of this package or of SB3.
+def check_is_checkpoint(path: str | os.PathLike[str], algorithm: str) -> None:
+    """Check that `path` is a whole model of `algorithm`, the name of a class of this package.
 
     Raises:
         FileNotFoundError: If there is no such file.
-        ValueError: If it is truncated or foreign.
+        ValueError: If it is truncated, foreign, or of another algorithm.
     """
     file = pathlib.Path(path)
     if not file.exists():
         file = checkpoint_path(path)
     if not file.is_file():
         raise FileNotFoundError(f"`path` must be a saved model, there is no file {file}.")
+    found = _saved_algorithm(file)
+    if found != algorithm:
+        what = "not a whole file of this package" if found is None else f"one of {found}"
+        raise ValueError(f"`path` must be a saved {algorithm}, {file} is {what}.")
+
+
+def _saved_algorithm(file: pathlib.Path) -> str | None:
+    """Name of the class that the file holds, or None where it is damaged or foreign."""
     try:
         with zipfile.ZipFile(file) as archive:
-            is_ours = {"data", "policy.pth"} <= set(archive.namelist()) and not archive.testzip()
-    except (zipfile.BadZipFile, EOFError, OSError):
-        is_ours = False
-    if not is_ours:
-        raise ValueError(
-            f"`path` must be a model saved by this package, {file} is not a whole one."
-        )
+            if archive.testzip() is not None:
+                return None
+            name = json.loads(archive.read("data")).get("algorithm")
+    except (zipfile.BadZipFile, EOFError, KeyError, OSError, ValueError):
+        return None
+    return name if isinstance(name, str) else None

@@ -26,7 +26,7 @@ from curiosity_algos.common.coverage import Coverage, coverage_grid
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.common.progress_bar import ProgressBar
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.randomness import EpisodeSeeds
 from curiosity_algos.common.validation import check_at_least_one
 from curiosity_algos.evaluation.batches import GymnasiumView, describe
 from curiosity_algos.evaluation.evaluator import (
@@ -104,6 +104,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             support_multi_env=True,
             seed=seed,
         )
+        self.algorithm = type(self).__name__  # tells a file's reader which class to load it with
         self.n_threads = n_threads
         self.generation = 0
         self.best_return = -np.inf
@@ -334,36 +335,13 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this package.
+            ValueError: If the file is truncated, or no model of this class.
         """
         if not isinstance(path, io.BufferedIOBase):
-            check_is_checkpoint(path)
+            check_is_checkpoint(path, cls.__name__)
         model = super().load(path, *args, **kwargs)  # type: ignore[arg-type]
         model._show_best()
         return model
-
-
-class EpisodeSeeds:
-    """Draws the seed of each generation's episodes.
-
-    Args:
-        seed: Where the draws begin.
-    """
-
-    def __init__(self, seed: np.random.SeedSequence) -> None:
-        self._rng = np.random.default_rng(seed)
-
-    def draw(self) -> int:
-        """The next seed, which all individuals of a generation share."""
-        return int(self._rng.integers(2**31))
-
-    def state_dict(self) -> dict[str, Any]:
-        """The state of the draws."""
-        return {"rng": generator_state(self._rng)}
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        load_generator_state(self._rng, state["rng"])
 
 
 def _check_argument_order(name: str, env: object, policy: object) -> None:

@@ -1,8 +1,10 @@
-"""The state of a NumPy generator as plain text, as checkpoints hold it."""
+"""Random generators whose state checkpoints hold, as plain text."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -15,3 +17,26 @@ def generator_state(generator: np.random.Generator) -> str:
 def load_generator_state(generator: np.random.Generator, state: str) -> None:
     """Bring a generator of the same kind to a state that `generator_state` gave."""
     generator.bit_generator.state = json.loads(state)
+
+
+class EpisodeSeeds:
+    """Draws the seed of each generation's episodes.
+
+    Args:
+        seed: Where the draws begin.
+    """
+
+    def __init__(self, seed: np.random.SeedSequence) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def draw(self) -> int:
+        """The next seed, which all individuals of a generation share."""
+        return int(self._rng.integers(2**31))
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state of the draws."""
+        return {"rng": generator_state(self._rng)}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        load_generator_state(self._rng, state["rng"])

@@ -71,7 +71,5 @@ def coverage_grid(env: VecEnv) -> CoverageGrid | None:
 
 def _attribute(env: VecEnv, name: str) -> Any:
     """The attribute of the first single env, whatever wraps it; None where it has none."""
-    try:
-        return env.get_attr(name, indices=0)[0]
-    except AttributeError:
-        return None
+    # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
+    return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None

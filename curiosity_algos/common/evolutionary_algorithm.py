@@ -18,6 +18,7 @@ from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.save_util import save_to_zip_file
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
+from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
@@ -91,7 +92,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         _check_argument_order(type(self).__name__, env, policy)
         net_arch = check_policy_kwargs(policy_kwargs)
         env = gym.make(env) if isinstance(env, str) else env
-        if env is not None:
+        if env is not None or _init_setup_model:
             build_mlp(*describe(env), net_arch)
         super().__init__(
             policy,
@@ -167,13 +168,22 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         Args:
             env: As in the constructor.
             force_reset: As in SB3.
+
+        Raises:
+            ValueError: If the spaces are others, or the env is not supported.
         """
         env = gym.make(env) if isinstance(env, str) else env
         wrapped = self._wrap_env(env, self.verbose)
+        check_for_correct_spaces(wrapped, self.observation_space, self.action_space)
+        evaluator = make_evaluator(wrapped, self.policy_kwargs, self.n_threads)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
-        self._make_evaluator()
-        grid = coverage_grid(wrapped)
+        self.evaluator = evaluator
+        self._match_coverage(wrapped)
+
+    def _match_coverage(self, env: VecEnv) -> None:
+        """Count in the grid of `env`, anew if it is another one than before."""
+        grid = coverage_grid(env)
         if grid != self._coverage_grid:
             self._coverage_grid = grid
             self._coverage = Coverage(grid)
@@ -329,9 +339,19 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
 
     @classmethod
     def load(
-        cls, path: str | os.PathLike[str] | io.BufferedIOBase, *args: Any, **kwargs: Any
+        cls,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        env: AnyEnv | None = None,
+        *args: Any,
+        **kwargs: Any,
     ) -> Self:
-        """Load a model; takes SB3's arguments (`env`, `device`, ...).
+        """Load a model.
+
+        Args:
+            path: Of the file; `.zip` may be left out.
+            env: As in the constructor; None: the model can predict, and learn after `set_env`.
+            *args: As in SB3 (`device`, `custom_objects`, ...).
+            **kwargs: Likewise; other names replace the model's attributes.
 
         Raises:
             FileNotFoundError: If there is no such file.
@@ -339,7 +359,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         """
         if not isinstance(path, io.BufferedIOBase):
             check_is_checkpoint(path, cls.__name__)
-        model = super().load(path, *args, **kwargs)  # type: ignore[arg-type]
+        env = gym.make(env) if isinstance(env, str) else env
+        model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
+        if model.env is not None:
+            model._match_coverage(model.env)
         model._show_best()
         return model
 

@@ -37,6 +37,10 @@ class Mlp(NamedTuple):
     """(n_outputs,): middle of the action box."""
     half_range: Float32Array
     """(n_outputs,): half the width of the action box."""
+    low: Float32Array
+    """(n_outputs,): lower bounds of the action box."""
+    high: Float32Array
+    """(n_outputs,): upper bounds of the action box."""
     is_discrete: bool
 
     @property
@@ -66,14 +70,20 @@ def build_mlp(
         raise ValueError(f"`net_arch` must hold positive layer widths, got {list(net_arch)}.")
     low, high, is_discrete = _output_range(action_space)
     sizes = np.array([observation_space.shape[0], *net_arch, low.size], dtype=np.uint64)
-    center = ((high + low) / 2.0).astype(np.float32)
-    return Mlp(sizes, center, ((high - low) / 2.0).astype(np.float32), is_discrete)
+    return Mlp(
+        sizes,
+        center=((high + low) / 2.0).astype(np.float32),
+        half_range=((high - low) / 2.0).astype(np.float32),
+        low=low.astype(np.float32),
+        high=high.astype(np.float32),
+        is_discrete=is_discrete,
+    )
 
 
 def _output_range(
     action_space: spaces.Space[Any],
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]:
-    if isinstance(action_space, spaces.Discrete):
+    if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         n_actions = int(action_space.n)
         return np.zeros(n_actions), np.ones(n_actions), True
     if (
@@ -83,8 +93,8 @@ def _output_range(
     ):
         return action_space.low.astype(np.float64), action_space.high.astype(np.float64), False
     raise ValueError(
-        f"The action space {action_space} is not supported: it must be a bounded 1-D Box or "
-        "Discrete."
+        f"The action space {action_space} is not supported: it must be a bounded 1-D Box, or "
+        "Discrete from 0."
     )
 
 
@@ -170,7 +180,9 @@ def forward(
         offset += (n_in + np.uint64(1)) * n_out
     if not mlp.is_discrete:
         for j in range(output.shape[0]):
-            output[j] = mlp.center[j] + mlp.half_range[j] * _tanh(output[j])
+            action = mlp.center[j] + mlp.half_range[j] * _tanh(output[j])
+            # Rounding may leave the box; SB3's `predict` clips, and both must agree.
+            output[j] = min(max(action, mlp.low[j]), mlp.high[j])
 
 
 def scratch(mlp: Mlp, n: int) -> npt.NDArray[np.float32]:
@@ -250,4 +262,8 @@ class MlpPolicy(BasePolicy):
         return th.as_tensor(act(self.mlp, self.vector[None], observation.numpy()))
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "net_arch": self.net_arch}
+        return {
+            "observation_space": self.observation_space,
+            "action_space": self.action_space,
+            "net_arch": self.net_arch,
+        }

@@ -63,6 +63,7 @@ class CuriosityMotivation:
         scores = np.empty(len(rollouts))
 
         def score_slice(begin: int, end: int) -> None:
+            th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
             # One individual at a time, whatever the slice: sums must not depend on the threads.
             for i in range(begin, end):
                 length = lengths[i]
@@ -77,8 +78,8 @@ class CuriosityMotivation:
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
-        self._remember(rollouts)
         with single_torch_thread():
+            self._remember(rollouts)
             losses = [
                 self.bonus.update(*self.buffer.sample(self.batch_size))
                 for _ in range(self.n_updates)

@@ -93,9 +93,10 @@ class GymnasiumBatch:
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `Batch`."""
-        observations, _ = self._env.reset(
-            seed=None if seed is None else [seed] * self.n,  # type: ignore[arg-type]
-        )
+        # An env with one generator for all its episodes takes one seed: their starts may differ.
+        is_one_generator = not hasattr(self._env.unwrapped, "env_fns")
+        seeds = seed if seed is None or is_one_generator else [seed] * self.n
+        observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         return np.array(observations)
 
     def step(self, actions: Actions, active: Mask) -> Step:

@@ -11,6 +11,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.common.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
+from curiosity_algos.common.validation import check_at_least_one
 from curiosity_algos.evaluation.batches import GymnasiumView, describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -52,8 +53,11 @@ def make_evaluator(
         n_threads: Threads of the compiled evaluators; None: as many as there are processors.
 
     Raises:
-        ValueError: If the env's spaces or its VecEnv wrappers are not supported.
+        ValueError: If the env's spaces or its VecEnv wrappers are not supported, or another
+            argument is out of its range.
     """
+    if n_threads is not None:
+        check_at_least_one(n_threads=n_threads)
     env = gym.make(env) if isinstance(env, str) else env
     observation_space, action_space = describe(env)
     net_arch = check_policy_kwargs(policy_kwargs)
@@ -65,12 +69,14 @@ def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
     """The hidden layers' widths.
 
     Raises:
-        ValueError: If a key other than `net_arch` is there.
+        ValueError: If a key other than `net_arch` is there, or `net_arch` is no list.
     """
     given = dict(policy_kwargs or {})
     net_arch = given.pop("net_arch", DEFAULT_NET_ARCH)
     if given:
         raise ValueError(f"`policy_kwargs` may hold `net_arch` alone, got {sorted(given)} too.")
+    if not isinstance(net_arch, list | tuple):
+        raise ValueError(f"`net_arch` must be a list of layer widths, got {net_arch!r}.")
     return list(net_arch)
 
 
@@ -86,20 +92,21 @@ def _fastest(env: MadeEnv, mlp: Mlp, n_threads: int | None) -> Evaluator:
         )
     if isinstance(env, DummyVecEnv):
         return _fastest(env.envs[0], mlp, n_threads)
-    if isinstance(env, MazeVectorEnv):
+    # Exactly these types: a subclass may step or reward in another way.
+    if type(env) is MazeVectorEnv:
         return MazeEvaluator(env.maze, mlp, n_threads)
     if isinstance(env, Monitor):
         # A monitor's spec cannot make copies of it; what it records is SB3's, not ours.
         return _fastest(env.env, mlp, n_threads)
     if isinstance(env, gym.Env):
         maze_env = _bare(env)
-        if isinstance(maze_env, MazeEnv):
+        if type(maze_env) is MazeEnv:
             return MazeEvaluator(maze_env.maze, mlp, n_threads)
     return VectorEvaluator(env, mlp)
 
 
 def _bare(env: gym.Env[Any, Any]) -> gym.Env[Any, Any]:
     """The env within wrappers that change nothing, or the first wrapper that does."""
-    while isinstance(env, _TRANSPARENT):
+    while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
         env = env.env
     return env

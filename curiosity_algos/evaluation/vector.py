@@ -22,7 +22,7 @@ class VectorEvaluator:
     """Evaluates populations on any Gymnasium env, VectorEnv or SB3 VecEnv.
 
     Episodes begin together, as many as the batch has envs, and every reset is seeded: results do
-    not depend on the number of envs.
+    not depend on the number of envs, unless a VectorEnv draws all its starts from one generator.
 
     Args:
         env: The environment; a single one is copied by its spec where it has one.

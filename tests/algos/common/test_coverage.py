@@ -1,0 +1,71 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+from curiosity_algos.common.coverage import Coverage, coverage_grid
+from curiosity_gym.core import CoverageGrid
+
+REACHABLE = np.array([[True, True, False], [False, False, False], [False, False, True]])
+GRID = CoverageGrid((0, 1), np.zeros(2), np.full(2, 3.0), n_cells=3, reachable=REACHABLE)
+
+
+class BehaviorEnv(gym.Env):
+    observation_space = action_space = spaces.Box(-1, 1, (1,))
+
+    def __init__(self, high=2.0):
+        self.behavior_space = spaces.Box(-1, high, (2,))
+
+
+def test_shares_count_each_visited_cell_once():
+    coverage = Coverage(GRID)
+    assert (coverage.all, coverage.reachable) == (0.0, 0.0)
+    coverage.add(np.array([[0.5, 0.5], [0.6, 0.4], [1.5, 1.5]]))
+    coverage.add(np.array([[0.5, 0.5], [0.5, 1.5]]))
+    assert coverage.all == pytest.approx(3 / 9)
+    assert coverage.reachable == pytest.approx(2 / 3)
+
+
+def test_unknown_reachability_counts_all_cells():
+    coverage = Coverage(CoverageGrid((1,), np.zeros(1), np.ones(1), n_cells=4))
+    coverage.add(np.array([[9.0, 0.1], [9.0, 0.9]]))
+    assert coverage.reachable == coverage.all == 0.5
+
+
+def test_nothing_to_count_is_none():
+    coverage = Coverage(None)
+    coverage.add(np.zeros((3, 0)))
+    assert coverage.all is None
+    assert coverage.reachable is None
+
+
+def test_the_state_goes_over():
+    one, other = Coverage(GRID), Coverage(GRID)
+    one.add(np.array([[0.5, 0.5], [2.5, 2.5]]))
+    other.load_state_dict(one.state_dict())
+    assert other.reachable == one.reachable
+    other.add(np.array([[0.5, 1.5]]))
+    assert (one.reachable, other.reachable) == (2 / 3, 1.0)
+
+
+def test_the_grid_of_an_env_is_its_own_or_its_behavior_space(make_maze):
+    maze = make_maze()
+    assert coverage_grid(DummyVecEnv([lambda: maze])) == maze.unwrapped.coverage_grid
+    grid = coverage_grid(DummyVecEnv([BehaviorEnv]))
+    assert grid.dimensions == (0, 1)
+    np.testing.assert_array_equal([grid.low, grid.high], [[-1, -1], [2, 2]])
+
+
+def test_an_env_without_a_bounded_behavior_space_has_no_grid():
+    assert coverage_grid(DummyVecEnv([lambda: gym.make("CartPole-v1")])) is None
+    assert coverage_grid(DummyVecEnv([lambda: BehaviorEnv(np.inf)])) is None
+
+
+def test_worker_processes_survive_the_question():
+    env = SubprocVecEnv([lambda: gym.make("CartPole-v1")], start_method="fork")
+    try:
+        assert coverage_grid(env) is None
+        assert env.reset().shape == (1, 4)
+    finally:
+        env.close()

@@ -1,0 +1,215 @@
+from itertools import pairwise
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiosity_algos.common.policies import MlpPolicy, act, build_mlp
+
+NET_ARCHS = [[], [32, 16], [5], [7, 3, 2], [33, 1, 17, 4]]
+
+
+def box(n, low=-1.0, high=1.0):
+    return spaces.Box(low, high, (n,))
+
+
+def layers_of(vector, sizes):
+    """Weights (inputs, outputs) and biases of each layer, by the documented layout."""
+    layers, offset = [], 0
+    for n_in, n_out in pairwise(sizes):
+        weights = vector[offset : offset + n_in * n_out].reshape(n_in, n_out)
+        offset += n_in * n_out
+        layers.append((weights, vector[offset : offset + n_out]))
+        offset += n_out
+    assert offset == len(vector)
+    return layers
+
+
+def torch_outputs(vector, sizes, observations):
+    """The network before its output range, by torch in double precision."""
+    x = th.from_numpy(observations).double()
+    for i, (weights, biases) in enumerate(layers_of(vector, sizes)):
+        linear = th.nn.Linear(*weights.shape, dtype=th.float64)
+        linear.weight.data[:] = th.from_numpy(weights.T)
+        linear.bias.data[:] = th.from_numpy(biases)
+        x = linear(th.relu(x) if i else x)
+    return x.detach().numpy()
+
+
+class TestForward:
+    @pytest.mark.parametrize("net_arch", NET_ARCHS, ids=str)
+    @pytest.mark.parametrize(("n_observations", "n_actions"), [(36, 2), (1, 1), (7, 5)])
+    def test_box_actions_equal_torch(self, net_arch, n_observations, n_actions):
+        rng = np.random.default_rng(0)
+        low, high = (
+            np.float32(rng.uniform(-3, 0, n_actions)),
+            np.float32(rng.uniform(1, 4, n_actions)),
+        )
+        mlp = build_mlp(box(n_observations), spaces.Box(low, high), net_arch)
+        parameters = rng.normal(0, 0.5, (4, mlp.n_parameters)).astype(np.float32)
+        observations = rng.normal(0, 1, (4, n_observations)).astype(np.float32)
+        actions = act(mlp, parameters, observations)
+        sizes = [n_observations, *net_arch, n_actions]
+        outputs = [
+            torch_outputs(vector, sizes, observation[None])[0]
+            for vector, observation in zip(parameters, observations, strict=True)
+        ]
+        expected = (low + high) / 2 + (high - low) / 2 * np.tanh(outputs)
+        assert actions.dtype == np.float32
+        np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
+
+    @pytest.mark.parametrize("net_arch", NET_ARCHS, ids=str)
+    def test_discrete_actions_are_the_largest_output(self, net_arch):
+        rng = np.random.default_rng(1)
+        mlp = build_mlp(box(6), spaces.Discrete(4), net_arch)
+        vector = rng.normal(0, 0.5, mlp.n_parameters).astype(np.float32)
+        observations = rng.normal(0, 1, (50, 6)).astype(np.float32)
+        actions = act(mlp, vector[None], observations)
+        outputs = torch_outputs(vector, [6, *net_arch, 4], observations)
+        top = np.sort(outputs, axis=1)
+        is_clear = top[:, -1] - top[:, -2] > 1e-4
+        assert actions.dtype == np.int64
+        np.testing.assert_array_equal(actions[is_clear], outputs.argmax(axis=1)[is_clear])
+        assert is_clear.sum() > 25 or net_arch == NET_ARCHS[-1]
+
+    @settings(max_examples=60, deadline=None)
+    @given(
+        st.integers(1, 9),
+        st.integers(1, 4),
+        st.lists(st.integers(1, 9), max_size=3),
+        st.integers(0, 2**31),
+    )
+    def test_any_shape_equals_numpy(self, n_observations, n_actions, net_arch, seed):
+        rng = np.random.default_rng(seed)
+        mlp = build_mlp(box(n_observations), box(n_actions), net_arch)
+        vector = rng.normal(0, 1, mlp.n_parameters).astype(np.float32)
+        x = observation = rng.normal(0, 1, n_observations).astype(np.float32)
+        for i, (weights, biases) in enumerate(
+            layers_of(vector.astype(np.float64), [n_observations, *net_arch, n_actions])
+        ):
+            x = (np.maximum(x, 0) if i else x) @ weights + biases
+        actions = act(mlp, vector[None], observation[None])[0]
+        np.testing.assert_allclose(actions, np.tanh(x), rtol=0, atol=1e-5)
+
+    @settings(max_examples=60, deadline=None)
+    @given(
+        st.floats(-1e6, 1e6, width=32),
+        st.floats(2**-10, 1e6, width=32),
+        st.floats(-1e4, 1e4),
+    )
+    def test_actions_stay_within_the_box(self, low, width, output):
+        high = np.nextafter(np.float32(low + width), np.float32(np.inf))
+        space = spaces.Box(np.float32(low), high, (1,))
+        mlp = build_mlp(box(1), space, [])
+        action = act(mlp, np.array([[0, output]], dtype=np.float32), np.zeros((1, 1)))[0]
+        assert space.contains(action)
+
+    def test_saturated_outputs_are_the_bounds(self):
+        mlp = build_mlp(box(1), box(1, -2, 3), [])
+        parameters = np.array([[0, 1e30], [0, -1e30], [0, 0]], dtype=np.float32)
+        np.testing.assert_array_equal(
+            act(mlp, parameters, np.zeros((3, 1))), [[3.0], [-2.0], [0.5]]
+        )
+
+    def test_layout_by_hand(self):
+        mlp = build_mlp(box(2), spaces.Discrete(3), [])
+        assert mlp.n_parameters == 9
+        # Weights of the first input, of the second, then biases, one entry an action.
+        vector = np.array([[1, 0, 0, 0, 2, 0, 0, 0, 1.5]], dtype=np.float32)
+        observations = np.array([[2, 0], [0, 1], [0, 0], [-9, -9]], dtype=np.float32)
+        np.testing.assert_array_equal(act(mlp, vector, observations), [0, 1, 2, 2])
+
+    def test_the_papers_network_has_1746_parameters(self):
+        assert build_mlp(box(36), box(2)).n_parameters == 1746
+
+    def test_one_policy_or_one_each_and_any_dtype(self):
+        rng = np.random.default_rng(2)
+        mlp = build_mlp(box(3), box(2), [4])
+        vector = rng.normal(0, 1, mlp.n_parameters).astype(np.float32)
+        observations = rng.integers(-3, 3, (5, 3))
+        shared = act(mlp, vector[None], observations)
+        each = act(mlp, np.tile(vector, (5, 1)), np.asfortranarray(observations.astype(np.float64)))
+        np.testing.assert_array_equal(shared, each)
+
+
+class TestErrors:
+    @pytest.mark.parametrize(
+        "space",
+        [
+            spaces.Dict(a=box(2)),
+            spaces.Box(0, 255, (8, 8, 3), np.uint8),
+            spaces.Box(-1, 1, ()),
+            spaces.Discrete(4),
+            spaces.Tuple([box(2)]),
+        ],
+        ids=str,
+    )
+    def test_observations_must_be_a_flat_box(self, space):
+        with pytest.raises(ValueError, match=r"observation space .* must be a 1-D Box"):
+            build_mlp(space, box(2))
+
+    @pytest.mark.parametrize(
+        "space",
+        [
+            spaces.Box(-np.inf, np.inf, (2,)),
+            spaces.Box(0, np.inf, (2,)),
+            spaces.Box(-1, 1, (2, 2)),
+            spaces.MultiDiscrete([2, 3]),
+            spaces.MultiBinary(3),
+            spaces.Dict(a=box(2)),
+            spaces.Discrete(3, start=1),
+        ],
+        ids=str,
+    )
+    def test_actions_must_be_a_bounded_flat_box_or_discrete(self, space):
+        with pytest.raises(ValueError, match=r"action space .* must be a bounded 1-D Box"):
+            build_mlp(box(2), space)
+
+    @pytest.mark.parametrize("net_arch", [[0], [32, -1], [2.5]])
+    def test_layers_have_positive_widths(self, net_arch):
+        with pytest.raises(ValueError, match="`net_arch` must hold positive layer widths"):
+            build_mlp(box(2), box(2), net_arch)
+
+
+class TestMlpPolicy:
+    @pytest.fixture
+    def policy(self):
+        policy = MlpPolicy(box(3), box(2, -2, 5), [4])
+        policy.vector[:] = np.random.default_rng(0).normal(0, 1, policy.mlp.n_parameters)
+        return policy
+
+    def test_predict_is_the_evaluators_function(self, policy):
+        observations = np.random.default_rng(1).normal(0, 1, (6, 3)).astype(np.float32)
+        expected = act(policy.mlp, policy.vector[None], observations)
+        actions, state = policy.predict(observations)
+        np.testing.assert_array_equal(actions, expected)
+        assert state is None
+        for observation, action in zip(observations, expected, strict=True):
+            np.testing.assert_array_equal(policy.predict(observation)[0], action)
+
+    @settings(max_examples=40, deadline=None)
+    @given(st.floats(-100, 100, width=32), st.floats(2**-10, 100, width=32), st.integers(0, 99))
+    def test_predict_never_clips_what_the_evaluator_would_not(self, low, width, seed):
+        high = np.nextafter(np.float32(low + width), np.float32(np.inf))
+        policy = MlpPolicy(box(2), spaces.Box(np.float32(low), high, (2,)), [])
+        policy.vector[:] = np.random.default_rng(seed).normal(0, 30, policy.mlp.n_parameters)
+        observations = np.random.default_rng(seed + 1).normal(0, 1, (5, 2))
+        np.testing.assert_array_equal(
+            policy.predict(observations)[0], act(policy.mlp, policy.vector[None], observations)
+        )
+
+    def test_discrete_actions_are_integers(self):
+        env = gym.make("CartPole-v1")
+        policy = MlpPolicy(env.observation_space, env.action_space, [])
+        action, _ = policy.predict(env.reset(seed=0)[0])
+        assert env.action_space.contains(action[()] if isinstance(action, np.ndarray) else action)
+
+    def test_saves_and_loads(self, policy, tmp_path):
+        policy.save(tmp_path / "policy.pth")
+        loaded = MlpPolicy.load(tmp_path / "policy.pth")
+        np.testing.assert_array_equal(loaded.vector, policy.vector)
+        assert loaded.net_arch == [4]

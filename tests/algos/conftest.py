@@ -1,0 +1,107 @@
+"""The sweep over the algorithms, and the small environments that their tests share."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+
+import curiosity_gym  # noqa: F401
+from curiosity_algos import CanonicalES, CuriosityES
+from curiosity_gym import MazeLayout
+
+SMALL_ES = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}, "seed": 0}
+SETTINGS = {
+    CanonicalES: SMALL_ES,
+    CuriosityES: SMALL_ES
+    | {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100},
+}
+"""Every algorithm, with what makes its tests fast."""
+
+EASY = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
+
+
+def make_model(algorithm, env, **changes):
+    """A small model of `algorithm`."""
+    return algorithm(env, **(SETTINGS[algorithm] | changes))
+
+
+def make_maze(**kwargs):
+    """A built-in maze with short episodes, whose goal is out of reach."""
+    return gym.make("CuriosityMaze-Hard-v0", **({"horizon": 50} | kwargs))
+
+
+def make_easy_maze(**kwargs):
+    """A maze whose goal many policies reach; 64 steps: every return is exact in float32."""
+    return gym.make("CuriosityMaze-v0", **({"layout": EASY, "horizon": 64} | kwargs))
+
+
+def assert_same(one, other):
+    """Equal bits in nested state dictionaries."""
+    assert type(one) is type(other)
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            assert_same(one[key], other[key])
+    elif isinstance(one, list | tuple):
+        assert len(one) == len(other)
+        for each, twin in zip(one, other, strict=True):
+            assert_same(each, twin)
+    elif isinstance(one, th.Tensor):
+        assert one.dtype == other.dtype
+        assert th.equal(one, other)
+    elif isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+    else:
+        assert one == other
+
+
+def progress(model):
+    """What a run has come to, beside its parameters."""
+    names = ["num_timesteps", "generation", "best_return", "coverage", "first_success_timesteps"]
+    return {name: getattr(model, name) for name in names}
+
+
+def assert_same_run(one, other):
+    """Two models are at the same point of the same run, in every bit."""
+    assert progress(one) == progress(other)
+    assert_same(one.get_parameters(), other.get_parameters())
+
+
+@pytest.fixture(autouse=True)
+def _one_torch_thread():
+    """Small batches on several threads take ages on a busy machine."""
+    n_threads = th.get_num_threads()
+    th.set_num_threads(1)
+    yield
+    th.set_num_threads(n_threads)
+
+
+@pytest.fixture(params=SETTINGS, ids=lambda algorithm: algorithm.__name__)
+def algorithm(request):
+    return request.param
+
+
+@pytest.fixture(name="make_model")
+def make_model_fixture():
+    return make_model
+
+
+@pytest.fixture(name="make_maze")
+def make_maze_fixture():
+    return make_maze
+
+
+@pytest.fixture(name="make_easy_maze")
+def make_easy_maze_fixture():
+    return make_easy_maze
+
+
+@pytest.fixture(name="assert_same")
+def assert_same_fixture():
+    return assert_same
+
+
+@pytest.fixture(name="assert_same_run")
+def assert_same_run_fixture():
+    return assert_same_run

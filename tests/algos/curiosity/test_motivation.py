@@ -1,0 +1,191 @@
+import copy
+
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.curiosity.buffer import TransitionBuffer
+from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.motivation import CuriosityMotivation
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+N_OBSERVATIONS, HORIZON = 3, 12
+LENGTHS = np.array([12, 1, 5, 9, 2])
+
+
+class Recorder:
+    """A bonus that is the first entry of the next observation, and remembers its training."""
+
+    def __init__(self):
+        self.observed, self.batches = [], []
+
+    def score_trajectory(self, observations, actions):
+        assert len(observations) == len(actions) + 1
+        return observations[1:, 0]
+
+    def observe(self, observations):
+        self.observed.append(observations)
+
+    def update(self, *batch):
+        self.batches.append(batch)
+        return {"loss": float(len(self.batches))}
+
+    def state_dict(self):
+        return {}
+
+    def load_state_dict(self, state):
+        pass
+
+
+def make_rollouts(is_discrete=False, seed=0):
+    """Rollouts whose padding is NaN, so that no use of it goes unseen."""
+    rng = np.random.default_rng(seed)
+    n = len(LENGTHS)
+    observations = rng.normal(0, 1, (n, HORIZON + 1, N_OBSERVATIONS)).astype(np.float32)
+    actions = rng.uniform(-1, 1, (n, HORIZON, 2)).astype(np.float32)
+    if is_discrete:
+        actions = rng.integers(0, 3, (n, HORIZON))
+    for i, length in enumerate(LENGTHS):
+        observations[i, length + 1 :] = np.nan
+        actions[i, length:] = -99 if is_discrete else np.nan
+    return Rollouts(
+        returns=np.zeros(n),
+        lengths=LENGTHS,
+        success=np.zeros(n, dtype=bool),
+        behaviors=np.zeros((n, 0)),
+        final_observations=observations[np.arange(n), LENGTHS],
+        observations=observations,
+        actions=actions,
+    )
+
+
+def make_motivation(bonus=None, *, action_space=None, **changes):
+    action_space = action_space or spaces.Box(-1, 1, (2,))
+    observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
+    n_actions = 1 if isinstance(action_space, spaces.Discrete) else 2
+    settings = {"gamma": 0.9, "n_transitions": 6, "n_updates": 3, "batch_size": 8}
+    return CuriosityMotivation(
+        bonus or ICM(observation_space, action_space, seed=0, device="cpu"),
+        TransitionBuffer(1000, N_OBSERVATIONS, n_actions, seed=0),
+        **(settings | changes),
+        seed=np.random.SeedSequence(0),
+    )
+
+
+class TestScore:
+    @pytest.mark.parametrize("gamma", [0.0, 0.5, 0.99, 1.0])
+    def test_equals_the_papers_sum(self, gamma):
+        rollouts = make_rollouts()
+        motivation = make_motivation(gamma=gamma)
+        expected = []
+        for i, length in enumerate(LENGTHS):
+            score = 0.0
+            for t in range(length):
+                pair = rollouts.observations[i, t : t + 1], rollouts.actions[i, t : t + 1]
+                after = rollouts.observations[i, t + 1 : t + 2]
+                score += gamma ** (length - 1 - t) * float(motivation.bonus.score(*pair, after)[0])
+            expected.append(score)
+        np.testing.assert_allclose(motivation.score(rollouts), expected, rtol=1e-5)
+
+    def test_the_last_transition_ends_at_the_final_observation(self):
+        rollouts = make_rollouts()
+        scores = make_motivation(Recorder(), gamma=0.0).score(rollouts)
+        np.testing.assert_array_equal(scores, rollouts.final_observations[:, 0])
+
+    @pytest.mark.parametrize("is_discrete", [False, True])
+    def test_threads_change_no_bit(self, is_discrete):
+        action_space = spaces.Discrete(3) if is_discrete else None
+        rollouts = make_rollouts(is_discrete)
+        scores = []
+        for n_threads, n_torch_threads in [(1, 1), (1, 2), (2, 1), (4, 2), (None, 4)]:
+            th.set_num_threads(n_torch_threads)
+            motivation = make_motivation(action_space=action_space, n_threads=n_threads)
+            scores.append(motivation.score(rollouts))
+            assert th.get_num_threads() == n_torch_threads
+        assert np.isfinite(scores[0]).all()
+        for other in scores[1:]:
+            np.testing.assert_array_equal(other, scores[0])
+
+    def test_an_individual_scores_the_same_in_any_company(self):
+        rollouts = make_rollouts()
+        motivation = make_motivation()
+        alone = []
+        for i in range(len(LENGTHS)):
+            one = {name: getattr(rollouts, name)[i : i + 1] for name in rollouts.__dict__}
+            alone.append(motivation.score(Rollouts(**one))[0])
+        np.testing.assert_array_equal(motivation.score(rollouts), alone)
+
+    def test_needs_trajectories(self):
+        values = make_rollouts().__dict__ | {"observations": None, "actions": None}
+        with pytest.raises(ValueError, match="no trajectories"):
+            make_motivation().score(Rollouts(**values))
+
+
+class TestUpdate:
+    def test_remembers_transitions_of_every_individual(self):
+        rollouts, motivation = make_rollouts(), make_motivation(Recorder(), n_transitions=40)
+        motivation.update(rollouts)
+        assert len(motivation.buffer) == 40 * len(LENGTHS)
+        rows = motivation.buffer.state_dict()["rows"].numpy().reshape(len(LENGTHS), 40, -1)
+        for i, length in enumerate(LENGTHS):
+            real = np.concatenate(
+                [
+                    rollouts.observations[i, :length],
+                    rollouts.actions[i, :length],
+                    rollouts.observations[i, 1 : length + 1],
+                ],
+                axis=1,
+            )
+            assert {row.tobytes() for row in rows[i]} <= {row.tobytes() for row in real}
+            # 40 uniform draws of so few miss a tenth of them at most.
+            assert len(np.unique(rows[i], axis=0)) >= 0.9 * length
+
+    def test_statistics_see_what_enters_the_buffer(self):
+        motivation = make_motivation(Recorder())
+        motivation.update(make_rollouts())
+        rows = motivation.buffer.state_dict()["rows"]
+        assert th.equal(motivation.bonus.observed[0], rows[:, :N_OBSERVATIONS])
+
+    def test_trains_p_times_on_batches_and_reports_mean_losses(self):
+        motivation = make_motivation(Recorder(), n_updates=3, batch_size=8)
+        assert motivation.update(make_rollouts()) == {"icm/loss": 2.0}
+        shapes = [[part.shape for part in batch] for batch in motivation.bonus.batches]
+        assert shapes == [[(8, N_OBSERVATIONS), (8, 2), (8, N_OBSERVATIONS)]] * 3
+
+    @pytest.mark.parametrize("is_discrete", [False, True])
+    def test_what_was_seen_becomes_less_curious(self, is_discrete):
+        rollouts = make_rollouts(is_discrete)
+        action_space = spaces.Discrete(3) if is_discrete else None
+        motivation = make_motivation(action_space=action_space, n_updates=150, batch_size=32)
+        motivation.update(rollouts)
+        before = motivation.score(rollouts).mean()
+        losses = motivation.update(rollouts)
+        assert set(losses) == {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
+        assert motivation.score(rollouts).mean() < before
+
+    def test_torchs_threads_come_back(self):
+        th.set_num_threads(2)
+        make_motivation().update(make_rollouts())
+        assert th.get_num_threads() == 2
+
+
+def test_a_state_resumes(assert_same):
+    one, other = make_motivation(), make_motivation()
+    one.update(make_rollouts())
+    other.load_state_dict(copy.deepcopy(one.state_dict()))
+    for motivation in (one, other):
+        motivation.update(make_rollouts(seed=1))
+    assert_same(one.state_dict(), other.state_dict())
+    np.testing.assert_array_equal(one.score(make_rollouts()), other.score(make_rollouts()))
+
+
+def test_a_state_without_the_buffer_leaves_it_empty():
+    one, other = make_motivation(), make_motivation()
+    one.update(make_rollouts())
+    state = one.state_dict()
+    del state["buffer"]
+    other.load_state_dict(state)
+    assert len(other.buffer) == 0
+    other.update(make_rollouts(seed=1))
+    assert len(other.buffer) == 6 * len(LENGTHS)

@@ -1,0 +1,54 @@
+"""The oracle of every evaluator: a plain loop over one env."""
+
+import numpy as np
+import pytest
+
+from curiosity_algos.common.policies import act
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+
+def play(env, mlp, parameters, seed=None):
+    """One episode of each policy, the way a reader of Gymnasium's documentation writes it."""
+    episodes = []
+    for vector in parameters:
+        observation, _ = env.reset(seed=seed)
+        observations, actions, total, is_over = [observation], [], 0.0, False
+        while not is_over:
+            actions.append(act(mlp, vector[None], observations[-1][None])[0])
+            observation, reward, terminated, truncated, info = env.step(actions[-1])
+            observations.append(observation)
+            total += float(reward)
+            is_over = terminated or truncated
+        episodes.append((np.array(observations), np.array(actions), total, info))
+    return episodes
+
+
+def assert_equal_episodes(rollouts, episodes):
+    """Rollouts hold the episodes, bit for bit, at the documented shapes and types."""
+    assert isinstance(rollouts, Rollouts)
+    assert len(rollouts) == len(episodes)
+    assert rollouts.returns.dtype == rollouts.behaviors.dtype == np.float64
+    assert (rollouts.lengths.dtype, rollouts.success.dtype) == (np.int64, np.bool_)
+    assert rollouts.observations.dtype == rollouts.final_observations.dtype == np.float32
+    longest = rollouts.actions.shape[1]
+    assert longest >= rollouts.lengths.max()
+    assert rollouts.observations.shape[1] == longest + 1
+    for i, (observations, actions, total, info) in enumerate(episodes):
+        length = len(actions)
+        assert rollouts.lengths[i] == length
+        assert rollouts.returns[i] == total
+        assert rollouts.success[i] == info.get("is_success", False)
+        np.testing.assert_array_equal(rollouts.behaviors[i], info.get("behavior", ()))
+        np.testing.assert_array_equal(rollouts.observations[i, : length + 1], observations)
+        np.testing.assert_array_equal(rollouts.actions[i, :length], actions)
+        np.testing.assert_array_equal(rollouts.final_observations[i], observations[-1])
+
+
+@pytest.fixture(name="play")
+def play_fixture():
+    return play
+
+
+@pytest.fixture(name="assert_equal_episodes")
+def assert_equal_episodes_fixture():
+    return assert_equal_episodes

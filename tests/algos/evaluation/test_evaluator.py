@@ -1,0 +1,149 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces, wrappers
+from gymnasium.vector import SyncVectorEnv
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
+
+from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.maze import MazeEvaluator
+from curiosity_algos.evaluation.vector import VectorEvaluator
+from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.maze.vector_env import MazeVectorEnv
+
+HARD = "CuriosityMaze-Hard-v0"
+SMALL = {"net_arch": [4]}
+
+PLAIN = {
+    "id": lambda: HARD,
+    "env": lambda: gym.make(HARD),
+    "bare": lambda: MazeEnv("hard"),
+    "unchecked": lambda: gym.make(HARD, disable_env_checker=True),
+    "monitor": lambda: Monitor(gym.make(HARD)),
+    "make_vec": lambda: gym.make_vec(HARD, num_envs=2),
+    "dummy": lambda: DummyVecEnv([lambda: gym.make(HARD)] * 2),
+    "make_vec_env": lambda: make_vec_env(HARD, n_envs=2),
+    "vec_monitor": lambda: VecMonitor(DummyVecEnv([lambda: gym.make(HARD)])),
+}
+
+
+class TwiceRewarded(MazeEnv):
+    def step(self, action):
+        observation, reward, *rest = super().step(action)
+        return observation, 2.0 * reward + 1.0, *rest
+
+
+class HalfSteered(MazeVectorEnv):
+    def step(self, actions):
+        return super().step(0.5 * actions)
+
+
+class Repeat(gym.Wrapper):
+    """Each action for two steps; nothing in it says how it was made."""
+
+    def step(self, action):
+        result = self.env.step(action)
+        return result if result[2] or result[3] else self.env.step(action)
+
+
+CHANGES = {
+    "ClipReward": lambda env: wrappers.ClipReward(env, -0.1, 0.1),
+    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: reward - 1.0),
+    "TransformObservation": lambda env: wrappers.TransformObservation(
+        env, lambda observation: -observation, env.observation_space
+    ),
+    "TransformAction": lambda env: wrappers.TransformAction(
+        env, lambda action: -action, env.action_space
+    ),
+    "TimeLimit": lambda env: wrappers.TimeLimit(env, 10),
+    "RescaleAction": lambda env: wrappers.RescaleAction(env, -0.5, 0.5),
+    "Repeat": Repeat,
+    "subclass": lambda env: TwiceRewarded(env.unwrapped.layout, horizon=64),
+}
+
+
+@pytest.mark.parametrize("kind", PLAIN)
+def test_mazes_run_compiled(kind):
+    evaluator = make_evaluator(PLAIN[kind](), SMALL)
+    assert isinstance(evaluator, MazeEvaluator)
+    assert evaluator.n_parameters == 37 * 4 + 5 * 2
+    np.testing.assert_array_equal(evaluator.maze.start, MazeEnv("hard").maze.start)
+
+
+@pytest.mark.parametrize(
+    "outside", [lambda env: env, Monitor, lambda env: DummyVecEnv([lambda: env])]
+)
+@pytest.mark.parametrize("change", CHANGES)
+def test_changed_mazes_keep_their_change(
+    change, outside, make_easy_maze, play, assert_equal_episodes
+):
+    env = outside(CHANGES[change](make_easy_maze()))
+    evaluator = make_evaluator(env, SMALL)
+    assert isinstance(evaluator, VectorEvaluator)
+    rng = np.random.default_rng(0)
+    parameters = rng.normal(0, 1, (4, evaluator.n_parameters)).astype(np.float32)
+    rollouts = evaluator.evaluate(parameters, 0)
+    oracle = CHANGES[change](make_easy_maze())
+    assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
+
+
+def test_changed_vector_mazes_keep_their_change():
+    env = HalfSteered("hard", num_envs=2, horizon=20)
+    evaluator = make_evaluator(env, SMALL)
+    rng = np.random.default_rng(0)
+    parameters = rng.normal(0, 0.1, (2, evaluator.n_parameters)).astype(np.float32)
+    plain = make_evaluator(MazeEnv("hard", horizon=20), SMALL).evaluate(parameters)
+    assert not np.array_equal(evaluator.evaluate(parameters).behaviors, plain.behaviors)
+
+
+@pytest.mark.parametrize("env", ["CartPole-v1", "Pendulum-v1"])
+def test_other_envs_run_in_batches(env):
+    evaluator = make_evaluator(env, SMALL)
+    rollouts = evaluator.evaluate(np.zeros((3, evaluator.n_parameters), dtype=np.float32), 0)
+    assert (rollouts.lengths == (200 if env == "Pendulum-v1" else rollouts.lengths[0])).all()
+    assert rollouts.behaviors.shape == (3, 0)
+
+
+def test_a_vector_env_of_single_mazes_is_taken_as_it_is():
+    env = SyncVectorEnv([lambda: wrappers.TimeLimit(gym.make(HARD), 5)] * 2)
+    evaluator = make_evaluator(env, SMALL)
+    rollouts = evaluator.evaluate(np.zeros((3, evaluator.n_parameters), dtype=np.float32))
+    np.testing.assert_array_equal(rollouts.lengths, [5, 5, 5])
+
+
+@pytest.mark.parametrize("wrapper", [VecNormalize, lambda env: VecFrameStack(env, 2)])
+def test_wrapped_vec_envs_are_refused(wrapper):
+    env = wrapper(DummyVecEnv([lambda: gym.make("CartPole-v1")]))
+    with pytest.raises(ValueError, match=r"`env` is wrapped in Vec(Normalize|FrameStack)"):
+        make_evaluator(env)
+
+
+@pytest.mark.parametrize("env", [3, None, gym.make, spaces.Discrete(3)])
+def test_what_is_no_environment_is_refused(env):
+    with pytest.raises(ValueError, match="`env` must be an environment id"):
+        make_evaluator(env)
+
+
+@pytest.mark.parametrize("n_threads", [0, -1, 1.5])
+@pytest.mark.parametrize("env", [HARD, "CartPole-v1"])
+def test_threads_are_at_least_one(env, n_threads):
+    with pytest.raises(ValueError, match="`n_threads` must be"):
+        make_evaluator(env, n_threads=n_threads)
+
+
+@pytest.mark.parametrize(
+    ("policy_kwargs", "message"),
+    [
+        ({"activation_fn": "tanh"}, r"`policy_kwargs` may hold `net_arch` alone"),
+        ({"net_arch": [4], "ortho_init": 1}, r"`policy_kwargs` may hold `net_arch` alone"),
+        ({"net_arch": 32}, r"`net_arch` must be a list"),
+        ({"net_arch": "ab"}, r"`net_arch` must be a list"),
+        ({"net_arch": {"pi": [4], "qf": [4]}}, r"`net_arch` must be a list"),
+        ({"net_arch": [0]}, r"`net_arch` must hold positive"),
+    ],
+)
+def test_policy_kwargs_are_checked(policy_kwargs, message):
+    with pytest.raises(ValueError, match=message):
+        make_evaluator(HARD, policy_kwargs)

@@ -1,0 +1,83 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from curiosity_algos.common.policies import build_mlp
+from curiosity_algos.evaluation.maze import MazeEvaluator
+from curiosity_algos.evaluation.vector import VectorEvaluator
+
+MAZES = ["Snake", "US", "Hard", "Labyrinth"]
+
+
+def make(env, n_individuals, seed=0, net_arch=(8,)):
+    """The maze, a policy's shape, and vigorous policies that meet walls."""
+    maze = env.unwrapped.maze
+    mlp = build_mlp(env.observation_space, env.action_space, net_arch)
+    rng = np.random.default_rng(seed)
+    return maze, mlp, rng.normal(0, 1, (n_individuals, mlp.n_parameters)).astype(np.float32)
+
+
+def assert_same_rollouts(one, other):
+    for name in ("returns", "lengths", "success", "behaviors", "final_observations"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for i, length in enumerate(one.lengths):
+        np.testing.assert_array_equal(
+            one.observations[i, : length + 1], other.observations[i, : length + 1]
+        )
+        np.testing.assert_array_equal(one.actions[i, :length], other.actions[i, :length])
+
+
+@pytest.mark.parametrize("name", MAZES)
+def test_equals_a_loop_over_the_env(name, play, assert_equal_episodes):
+    env = gym.make(f"CuriosityMaze-{name}-v0", horizon=250)
+    maze, mlp, parameters = make(env, 4)
+    rollouts = MazeEvaluator(maze, mlp).evaluate(parameters)
+    assert_equal_episodes(rollouts, play(env, mlp, parameters))
+    assert len(np.unique(rollouts.behaviors, axis=0)) == 4
+
+
+def test_equals_the_loop_where_goals_are_found(make_easy_maze, play, assert_equal_episodes):
+    env = make_easy_maze()
+    maze, mlp, parameters = make(env, 40, net_arch=())
+    rollouts = MazeEvaluator(maze, mlp).evaluate(parameters)
+    assert_equal_episodes(rollouts, play(env, mlp, parameters))
+    assert 0 < rollouts.success.sum() < 40
+    np.testing.assert_array_equal(rollouts.returns > 0, rollouts.success)
+
+
+@pytest.mark.parametrize("n_individuals", [1, 5, 23])
+def test_threads_change_no_bit(make_easy_maze, n_individuals):
+    env = make_easy_maze()
+    maze, mlp, parameters = make(env, n_individuals)
+    one, *others = (
+        MazeEvaluator(maze, mlp, n_threads).evaluate(parameters) for n_threads in (1, 2, 4, None)
+    )
+    for other in others:
+        assert_same_rollouts(one, other)
+
+
+@pytest.mark.parametrize("net_arch", [(), (32, 16), (5, 3, 2)], ids=str)
+def test_equals_the_generic_evaluator(make_easy_maze, net_arch):
+    maze, mlp, parameters = make(make_easy_maze(), 7, net_arch=net_arch)
+    layout = make_easy_maze().unwrapped.layout
+    compiled = MazeEvaluator(maze, mlp).evaluate(parameters)
+    for mode in AutoresetMode:
+        envs = gym.make_vec(
+            "CuriosityMaze-v0",
+            num_envs=3,
+            layout=layout,
+            horizon=64,
+            autoreset_mode=mode,
+        )
+        assert_same_rollouts(compiled, VectorEvaluator(envs, mlp).evaluate(parameters))
+
+
+def test_an_evaluation_leaves_the_next_alone(make_easy_maze):
+    maze, mlp, parameters = make(make_easy_maze(), 5)
+    evaluator = MazeEvaluator(maze, mlp)
+    first = evaluator.evaluate(parameters)
+    kept = first.observations.copy()
+    evaluator.evaluate(-parameters)
+    np.testing.assert_array_equal(first.observations, kept)
+    assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))

@@ -1,0 +1,102 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+from curiosity_algos.common.policies import build_mlp
+from curiosity_algos.evaluation.vector import VectorEvaluator
+
+IDS = {"CartPole-v1": 500, "Pendulum-v1": 30, "MountainCarContinuous-v0": 30, "maze": 64}
+N_INDIVIDUALS = 5
+
+
+def gymnasium_kind(kind, n, mode):
+    return lambda make: kind([make] * n, autoreset_mode=mode)
+
+
+KINDS = {
+    "single": lambda make: make(),
+    "uncopied": lambda make: Monitor(make()),
+    **{
+        f"sync-{mode.name}-{n}": gymnasium_kind(SyncVectorEnv, n, mode)
+        for mode in AutoresetMode
+        for n in (1, 3)
+    },
+    "sync-16": gymnasium_kind(SyncVectorEnv, 16, AutoresetMode.NEXT_STEP),
+    **{f"async-{mode.name}": gymnasium_kind(AsyncVectorEnv, 2, mode) for mode in AutoresetMode},
+    "dummy": lambda make: DummyVecEnv([make] * 3),
+    "dummy-monitor": lambda make: DummyVecEnv([lambda: Monitor(make())] * 2),
+    "subproc": lambda make: SubprocVecEnv([make] * 2, start_method="fork"),
+}
+
+
+@pytest.fixture(scope="module", params=IDS)
+def env_maker(request):
+    if request.param != "maze":
+        return lambda: gym.make(request.param, max_episode_steps=IDS[request.param])
+    # The generic evaluator takes mazes too: they have behaviors, successes and early ends.
+    layout = "#####\n#S.G#\n#####"
+    return lambda: gym.make("CuriosityMaze-v0", layout=layout, horizon=64, goal_radius=12)
+
+
+def make_policies(env, seed=0):
+    mlp = build_mlp(env.observation_space, env.action_space, [6])
+    rng = np.random.default_rng(seed)
+    return mlp, rng.normal(0, 1, (N_INDIVIDUALS, mlp.n_parameters)).astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_env_equals_a_plain_loop(kind, env_maker, play, assert_equal_episodes):
+    oracle = env_maker()
+    mlp, parameters = make_policies(oracle)
+    env = KINDS[kind](env_maker)
+    try:
+        evaluator = VectorEvaluator(env, mlp)
+        for seed in (3, 4):
+            rollouts = evaluator.evaluate(parameters, seed)
+            episodes = play(oracle, mlp, parameters, seed)
+            if isinstance(env, DummyVecEnv):
+                episodes = [with_float32_rewards(oracle, mlp, one, seed) for one in episodes]
+            assert_equal_episodes(rollouts, episodes)
+    finally:
+        env.close()
+
+
+def with_float32_rewards(env, mlp, episode, seed):
+    """The episode with its return summed as SB3's DummyVecEnv hands rewards out."""
+    observations, actions, _, info = episode
+    env.reset(seed=seed)
+    rewards = [np.float32(env.step(action)[1]) for action in actions]
+    return observations, actions, sum(float(reward) for reward in rewards), info
+
+
+def test_episodes_of_one_generation_share_their_start_and_seeds_differ():
+    env = gym.make("CartPole-v1")
+    mlp, parameters = make_policies(env)
+    evaluator = VectorEvaluator(env, mlp)
+    one, same, other = (evaluator.evaluate(parameters, seed) for seed in (1, 1, 2))
+    assert len(np.unique(one.observations[:, 0], axis=0)) == 1
+    np.testing.assert_array_equal(one.final_observations, same.final_observations)
+    assert not np.array_equal(one.observations[:, 0], other.observations[:, 0])
+
+
+def test_a_vector_env_with_one_generator_for_all_is_seeded_once():
+    env = gym.make_vec("CartPole-v1", num_envs=3)
+    assert not hasattr(env.unwrapped, "env_fns")
+    mlp = build_mlp(env.single_observation_space, env.single_action_space, [6])
+    parameters = np.random.default_rng(0).normal(0, 1, (4, mlp.n_parameters)).astype(np.float32)
+    one, same = (VectorEvaluator(env, mlp).evaluate(parameters, 7) for _ in range(2))
+    np.testing.assert_array_equal(one.final_observations, same.final_observations)
+    np.testing.assert_array_equal(one.returns, one.lengths)
+
+
+def test_a_full_population_is_as_long_as_its_longest_episode():
+    env = gym.make("CartPole-v1")
+    mlp, parameters = make_policies(env)
+    rollouts = VectorEvaluator(SyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2), mlp).evaluate(
+        parameters, 0
+    )
+    assert len(np.unique(rollouts.lengths)) > 1
+    assert rollouts.actions.shape == (N_INDIVIDUALS, rollouts.lengths.max())

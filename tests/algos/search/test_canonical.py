@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from curiosity_algos.search.canonical import (
+    INITIAL_DEVIATION,
+    CanonicalSearch,
+    recombination_weights,
+)
+
+
+def make_search(n_parameters=5, seed=0, **changes):
+    settings = {
+        "population_size": 8,
+        "n_parents": 3,
+        "sigma": 0.5,
+        "learning_rate": 0.7,
+        "step": "canonical",
+        "mirrored": False,
+    }
+    return CanonicalSearch(n_parameters, **(settings | changes), seed=np.random.SeedSequence(seed))
+
+
+@given(st.integers(1, 300))
+def test_weights_sum_to_one_and_fall(n_parents):
+    weights = recombination_weights(n_parents)
+    assert weights.shape == (n_parents,)
+    assert weights.sum() == pytest.approx(1.0)
+    assert (np.diff(weights) < 0).all()
+    assert (weights > 0).all()
+
+
+def test_weights_by_hand():
+    raw = np.array([np.log(2.5) - np.log(1), np.log(2.5) - np.log(2)])
+    np.testing.assert_allclose(recombination_weights(2), raw / raw.sum())
+
+
+@pytest.mark.parametrize(("step", "divisor"), [("canonical", 1.0), ("paper", 0.5 * 3)])
+def test_a_step_by_hand(step, divisor):
+    search = make_search(step=step)
+    center = search.center.copy()
+    population = search.ask().astype(np.float64)
+    fitness = np.array([1.0, 5.0, -2.0, 9.0, 0.0, 3.0, 4.0, -1.0])
+    search.tell(fitness)
+    w = recombination_weights(3)
+    best = population[[3, 1, 6]]
+    expected = center + 0.7 / divisor * (w @ (best - center))
+    np.testing.assert_allclose(search.center, expected, atol=1e-6)
+
+
+def test_ties_go_to_the_first():
+    one, other = make_search(), make_search()
+    one.ask(), other.ask()
+    one.tell(np.zeros(8))
+    other.tell(np.array([3.0, 2.0, 1.0, 0, 0, 0, 0, 0]))
+    np.testing.assert_array_equal(one.center, other.center)
+
+
+def test_samples_have_the_deviation_asked_for():
+    search = make_search(200, population_size=200, sigma=0.3)
+    assert search.center.std() == pytest.approx(INITIAL_DEVIATION, rel=0.2)
+    population = search.ask()
+    assert population.dtype == np.float32
+    assert population.shape == (200, 200)
+    deviations = population - search.center
+    assert deviations.std() == pytest.approx(0.3, rel=0.02)
+    assert abs(deviations.mean()) < 0.01
+
+
+@pytest.mark.parametrize("population_size", [8, 7])
+def test_mirrored_samples_are_opposite(population_size):
+    search = make_search(population_size=population_size, mirrored=True)
+    deviations = search.ask() - search.center
+    half = (population_size + 1) // 2
+    opposite = deviations[half:]
+    np.testing.assert_allclose(opposite, -deviations[: len(opposite)], atol=1e-6)
+    assert deviations.shape == (population_size, 5)
+    assert len(np.unique(deviations[:half, 0])) == half
+
+
+def test_mirrored_steps_know_which_half_was_best():
+    search = make_search(mirrored=True)
+    center, population = search.center.copy(), search.ask()
+    search.tell(np.arange(8.0))
+    expected = center + 0.7 * (recombination_weights(3) @ (population[[7, 6, 5]] - center))
+    np.testing.assert_allclose(search.center, expected, atol=1e-6)
+
+
+def test_seeds_decide():
+    populations = [make_search(seed=seed).ask() for seed in (0, 0, 1)]
+    np.testing.assert_array_equal(populations[0], populations[1])
+    assert not np.array_equal(populations[0], populations[2])
+
+
+def test_populations_of_generations_differ():
+    search = make_search()
+    assert not np.array_equal(search.ask(), search.ask())
+
+
+def test_the_sphere_shrinks():
+    search = make_search(20, population_size=40, n_parents=20, sigma=0.1, learning_rate=1.0)
+    search.center = np.ones(20)
+    for _ in range(100):
+        search.tell(-np.square(search.ask()).sum(axis=1).astype(np.float64))
+    assert np.square(search.center).sum() < 0.1 * 20
+
+
+def test_a_state_resumes_the_search():
+    one, other = make_search(), make_search(seed=9)
+    one.ask()
+    one.tell(np.arange(8.0))
+    other.load_state_dict(one.state_dict())
+    for search in (one, other):
+        search.ask()
+        search.tell(np.arange(8.0) % 3)
+    np.testing.assert_array_equal(one.center, other.center)
+    np.testing.assert_array_equal(one.ask(), other.ask())
+
+
+def test_a_state_is_a_copy():
+    search = make_search()
+    state = search.state_dict()
+    before = state["center"].clone()
+    search.center += 1.0
+    assert before.equal(state["center"])

@@ -1,0 +1,98 @@
+"""Which module may import which: the arrows of the design, held by parsing the sources."""
+
+import ast
+import subprocess
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("curiosity_gym", "curiosity_algos")
+
+ABOVE = ["algorithms", "cli", "experiments"]
+ALGOS_FORBIDDEN = {
+    "algorithms": ["cli", "experiments"],
+    "archives": [*ABOVE, "curiosity", "novelty", "search"],
+    "common": ABOVE,
+    "curiosity": [*ABOVE, "archives", "novelty", "search"],
+    "evaluation": [*ABOVE, "archives", "curiosity", "novelty", "search"],
+    "experiments": ["cli"],
+    "novelty": [*ABOVE, "archives", "curiosity", "search"],
+    "search": [*ABOVE, "archives", "curiosity", "evaluation", "novelty"],
+}
+FORBIDDEN = {
+    "curiosity_gym": ["curiosity_algos", "stable_baselines3", "torch"],
+    "curiosity_gym.maze": ["curiosity_gym.control", "curiosity_gym.registration"],
+    "curiosity_gym.control": ["curiosity_gym.maze", "curiosity_gym.registration"],
+    **{
+        f"curiosity_algos.{part}": [f"curiosity_algos.{name}" for name in names]
+        for part, names in ALGOS_FORBIDDEN.items()
+    },
+}
+"""Package: what no module of it imports."""
+
+
+def modules():
+    """Every module of the packages: name, source file."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
+
+
+def imports(path):
+    """Full names that a source file imports, anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} imports relatively"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def is_within(name, package):
+    return name == package or name.startswith(f"{package}.")
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_no_module_imports_what_is_above_it(package):
+    wrong = [
+        (module, name)
+        for module, path in modules()
+        if is_within(module, package)
+        for name in imports(path)
+        if any(is_within(name, forbidden) for forbidden in FORBIDDEN[package])
+    ]
+    assert not wrong
+
+
+def test_every_folder_of_the_algorithms_has_a_rule():
+    folders = {path.parent.name for path in (ROOT / "curiosity_algos").glob("*/__init__.py")}
+    assert folders <= set(ALGOS_FORBIDDEN)
+
+
+def test_modules_do_not_import_each_other_in_a_circle():
+    names = {module for module, _ in modules()}
+    graph = {
+        module: {_module_of(name, names) for name in imports(path)} - {None}
+        for module, path in modules()
+        if path.name != "__init__.py"
+    }
+    assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)
+
+
+def _module_of(name, names):
+    """The module that defines an imported name; a package's own namespace is left out."""
+    module = name if name in names else name.rpartition(".")[0]
+    return module if module in names and not (ROOT / Path(*module.split("."))).is_dir() else None
+
+
+def test_importing_the_algorithms_needs_no_extra():
+    extras = ["pygame", "mujoco", "dm_control", "ray", "plotly", "gymnasium_robotics", "jax"]
+    code = f"import sys, curiosity_algos; print([x for x in {extras} if x in sys.modules])"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.strip() == "[]"

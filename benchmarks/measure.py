@@ -1,0 +1,106 @@
+"""How the benchmarks measure: interleaved repeats, medians with their spread, Markdown tables."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import median
+from typing import TypeVar
+
+Figures = Sequence[float]
+Task = Callable[[], float]
+
+_N = TypeVar("_N", int, float)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much to measure.
+
+    Attributes:
+        repeats: Times that each figure is taken.
+        quick: Whether the figures only show that the benchmark runs.
+    """
+
+    repeats: int
+    quick: bool = False
+
+    def size(self, full: _N, quick: _N) -> _N:
+        """A workload's size, which depends on `quick`."""
+        return quick if self.quick else full
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity: its figures, one a repeat, and the target that it should meet."""
+
+    name: str
+    figures: Figures
+    unit: str
+    target: str = ""
+
+    def markdown(self) -> str:
+        """Median, spread, unit and target as a line of a table."""
+        low, high = number(min(self.figures)), number(max(self.figures))
+        cells = [self.name, number(median(self.figures)), f"{low} to {high}", self.unit]
+        return f"| {' | '.join([*cells, self.target])} |"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A title, rows, and what a reader must know about them."""
+
+    title: str
+    rows: list[Row]
+    notes: list[str] = field(default_factory=list)
+
+    def markdown(self) -> str:
+        """The table, its notes below."""
+        head = ["| What | Median | Spread | Unit | Target |", "|---|--:|--:|---|---|"]
+        lines = [f"## {self.title}", "", *head, *(row.markdown() for row in self.rows)]
+        return "\n".join([*lines, *(f"\n{note}" for note in self.notes), ""])
+
+
+def number(value: float) -> str:
+    """Three significant digits, never an exponent: 1,234 or 12.3 or 0.00123."""
+    if abs(value) >= 100.0:
+        return f"{value:,.0f}"
+    text = f"{value:#.3g}"
+    return (f"{value:.6f}" if "e" in text else text).rstrip(".")
+
+
+def interleave(tasks: Mapping[str, Task], repeats: int) -> dict[str, list[float]]:
+    """The figures of each task, one a repeat.
+
+    The tasks take turns, every second time backwards: a machine that slows down, or a neighbor that
+    wakes up, is felt by all of them.
+    """
+    figures: dict[str, list[float]] = {name: [] for name in tasks}
+    for repeat in range(repeats):
+        names = list(tasks)[:: -1 if repeat % 2 else 1]
+        for name in names:
+            figures[name].append(tasks[name]())
+    return figures
+
+
+def ratios(numerators: Figures, denominators: Figures) -> list[float]:
+    """Quotients of figures of the same repeat."""
+    return [a / b for a, b in zip(numerators, denominators, strict=True)]
+
+
+def add_peer(
+    tasks: dict[str, Task], notes: list[str], name: str, make_task: Callable[[], Task]
+) -> None:
+    """Add a peer's task, or a note where its package is not installed."""
+    try:
+        tasks[name] = make_task()
+    except ImportError as error:
+        notes.append(f"{name} is left out: the package {error.name} is not installed.")
+
+
+def seconds(function: Callable[[], object]) -> float:
+    """Wall time of one call."""
+    began = time.perf_counter()
+    function()
+    return time.perf_counter() - began

@@ -1,0 +1,60 @@
+"""Every example and every Python snippet of the README and the documentation runs."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ARGUMENTS = {
+    "custom_maze.py": ["--timesteps", "1e5"],
+    "plain_gymnasium_loop.py": [],
+}
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def snippets(page):
+    """The page's Python blocks; their budgets are cut, as a test is no training run."""
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.M | re.S)
+    return [re.sub(r"\b\d+(\.\d+)?e[5678]\b", "2e4", block) for block in blocks]
+
+
+def run_python(arguments, folder):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "SDL_VIDEODRIVER": "dummy"}
+    result = subprocess.run(
+        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def test_every_example_is_here():
+    names = {path.name for path in (ROOT / "examples").glob("*.py")}
+    assert names == {*ARGUMENTS, "train_curiosity_es.py"}
+
+
+@pytest.mark.parametrize("name", sorted(ARGUMENTS))
+def test_example(name, tmp_path):
+    assert run_python([ROOT / "examples" / name, *ARGUMENTS[name]], tmp_path).strip()
+
+
+def test_training_example_writes_its_report(tmp_path):
+    arguments = ["--env", "CuriosityMaze-US-v0", "--timesteps", "2e5", "--out", "report"]
+    printed = run_python([ROOT / "examples" / "train_curiosity_es.py", *arguments], tmp_path)
+    names = {path.name for path in (tmp_path / "report").iterdir()}
+    pictures = {"final_positions.png", "coverage_and_return.png", "best_policy.gif"}
+    assert names == {"model.zip", "progress.csv", *pictures}
+    assert "The goal was not reached." in printed or "First reward after" in printed
+    assert re.search(r"Coverage: \d+\.\d% of the reachable cells", printed)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if snippets(p)], ids=lambda p: p.name)
+def test_snippets_of_a_page_run_in_their_order(page, tmp_path):
+    # With a guard, as snippets with subprocesses would otherwise start themselves again.
+    lines = "\n".join(snippets(page)).splitlines()
+    script = tmp_path / "snippets.py"
+    script.write_text("if __name__ == '__main__':\n" + "".join(f"    {line}\n" for line in lines))
+    run_python([script], tmp_path)

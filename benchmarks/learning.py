@@ -6,7 +6,7 @@ Every run is one process on one thread; results do not depend on how many run at
 from __future__ import annotations
 
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from itertools import product
 from multiprocessing import get_context
@@ -93,7 +93,9 @@ def main(
     seeds = range(first_seed, first_seed + n_seeds)
     tasks = list(product(algorithms.split(","), mazes.split(","), seeds))
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(run, *task, timesteps) for task in tasks]
+        futures = {pool.submit(run, *task, timesteps): task for task in tasks}
+        for done, future in enumerate(as_completed(futures), start=1):
+            typer.echo(f"{done} of {len(tasks)}: {future.result()}", err=True)
         results = [future.result() for future in futures]
     if out is not None:
         out.write_text("\n".join(str(asdict(result)) for result in results) + "\n")

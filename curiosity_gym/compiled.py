@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+
+from curiosity_gym.validation import check_at_least_one
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -20,9 +26,32 @@ def compiled(function: _F) -> _F:
     is off too, as its atomic operations took more time than the dynamics: a compiled function works
     on arrays that its Python caller holds, and creates none.
     """
+    _remove_stale_code(Path(inspect.getfile(function)))
     njit: Any = numba.njit  # its types do not know `_nrt`
     decorate = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)
     return cast(_F, decorate(function))
+
+
+@cache
+def _remove_stale_code(file: Path) -> None:
+    """Remove machine code of `file` that is older than a source file it may have inlined.
+
+    Numba looks at the function's own file alone, and would go on with the old code of the others.
+    """
+    packages = {Path(__file__).parent, _package(file)}
+    newest = max(path.stat().st_mtime for each in packages for path in each.rglob("*.py"))
+    for stored in (file.parent / "__pycache__").glob(f"{file.stem}.*.nb[ic]"):
+        with suppress(OSError):  # another process may have been faster, or the folder is not ours
+            if stored.stat().st_mtime < newest:
+                stored.unlink()
+
+
+def _package(file: Path) -> Path:
+    """The outermost package that holds `file`."""
+    folder = file.parent
+    while (folder.parent / "__init__.py").exists():
+        folder = folder.parent
+    return folder
 
 
 def available_cpus() -> int:
@@ -46,8 +75,8 @@ class ThreadPool:
         Raises:
             ValueError: If `n_threads` is less than 1.
         """
-        if n_threads is not None and n_threads < 1:
-            raise ValueError(f"`n_threads` must be at least 1 or None, got {n_threads}.")
+        if n_threads is not None:
+            check_at_least_one(n_threads=n_threads)
         self.n_threads = n_threads or available_cpus()
         self._executor: ThreadPoolExecutor | None = None
         self._owner = os.getpid()

@@ -5,6 +5,7 @@ Le Tolguenec et al. 2022, "Curiosity creates Diversity in Policy Search", algori
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -13,12 +14,12 @@ from gymnasium import spaces
 
 from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_algos.common.policies import MlpPolicy
-from curiosity_algos.common.validation import check_at_least_one, check_choice, check_share
 from curiosity_algos.curiosity.bonus import Bonus
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.motivation import CuriosityMotivation
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_gym.validation import check_at_least_one, check_choice, check_share
 
 BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM}
 """Bonuses by the names that `CuriosityES(bonus=...)` takes."""
@@ -64,11 +65,6 @@ class CuriosityES(EvolutionStrategy):
         no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
-        check_share(phi=phi, gamma=gamma)
-        check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
-        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
-        check_choice(tuple(BONUSES), bonus=bonus)
-        check_choice(NO_REWARD, no_reward=no_reward)
         self.phi = phi
         self.gamma = gamma
         self.bonus = bonus
@@ -79,6 +75,20 @@ class CuriosityES(EvolutionStrategy):
         self.buffer_size = buffer_size
         self.no_reward = no_reward
         super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_share(phi=self.phi, gamma=self.gamma)
+        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
+        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
+        check_choice(tuple(BONUSES), bonus=self.bonus)
+        check_choice(NO_REWARD, no_reward=self.no_reward)
+        keywords = inspect.signature(BONUSES[self.bonus]).parameters.values()
+        names = (each.name for each in keywords if each.kind is each.KEYWORD_ONLY)
+        # Seed and device of the bonus are those of the algorithm.
+        allowed = tuple(name for name in names if name not in ("seed", "device"))
+        for name in self.bonus_kwargs:
+            check_choice(allowed, bonus_kwargs=name)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
         motivation_seed, networks_seed, buffer_seed = seed.spawn(3)

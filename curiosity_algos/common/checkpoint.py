@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import pathlib
@@ -49,31 +50,42 @@ def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
     return path if path.suffix else path.with_suffix(".zip")
 
 
-def check_is_checkpoint(path: str | os.PathLike[str], algorithm: str) -> None:
-    """Check that `path` is a whole model of `algorithm`, the name of a class of this package.
+def check_is_checkpoint(
+    source: str | os.PathLike[str] | io.BufferedIOBase, algorithm: str
+) -> pathlib.Path | io.BufferedIOBase:
+    """Check that `source` is a whole model of `algorithm`, the name of a class of this package.
+
+    Returns:
+        What to read the model from: the file's path with its suffix, or the file object.
 
     Raises:
         FileNotFoundError: If there is no such file.
         ValueError: If it is truncated, foreign, or of another algorithm.
     """
-    file = pathlib.Path(path)
-    if not file.exists():
-        file = checkpoint_path(path)
-    if not file.is_file():
-        raise FileNotFoundError(f"`path` must be a saved model, there is no file {file}.")
-    found = _saved_algorithm(file)
+    if isinstance(source, io.BufferedIOBase):
+        file: pathlib.Path | io.BufferedIOBase = source
+        begin = source.tell()
+        found = _saved_algorithm(source)
+        source.seek(begin)
+    else:
+        path = pathlib.Path(source)
+        file = path = path if path.is_file() else checkpoint_path(source)
+        if not path.is_file():
+            raise FileNotFoundError(f"`path` must be a saved model, there is no file {path}.")
+        found = _saved_algorithm(path)
     if found != algorithm:
         what = "not a whole file of this package" if found is None else f"one of {found}"
         raise ValueError(f"`path` must be a saved {algorithm}, {file} is {what}.")
+    return file
 
 
-def _saved_algorithm(file: pathlib.Path) -> str | None:
+def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
     """Name of the class that the file holds, or None where it is damaged or foreign."""
     try:
         with zipfile.ZipFile(file) as archive:
             if archive.testzip() is not None:
                 return None
             name = json.loads(archive.read("data")).get("algorithm")
-    except (zipfile.BadZipFile, EOFError, KeyError, OSError, ValueError):
+    except (zipfile.BadZipFile, AttributeError, EOFError, KeyError, OSError, ValueError):
         return None
     return name if isinstance(name, str) else None

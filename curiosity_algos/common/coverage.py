@@ -58,7 +58,10 @@ class Coverage:
 
 
 def coverage_grid(env: VecEnv) -> CoverageGrid | None:
-    """What the env says to count, or its whole behavior space, or None where it has none."""
+    """What the env says to count, or its whole behavior space.
+
+    None where it has none, or one of too many dimensions for its cells to be numbered (11).
+    """
     grid = _attribute(env, "coverage_grid")
     if grid is not None:
         return grid  # type: ignore[no-any-return]
@@ -66,6 +69,8 @@ def coverage_grid(env: VecEnv) -> CoverageGrid | None:
     if not isinstance(space, spaces.Box) or not space.is_bounded():
         return None
     dimensions = tuple(range(space.shape[0]))
+    if CoverageGrid.n_cells ** len(dimensions) > np.iinfo(np.int64).max:
+        return None
     return CoverageGrid(dimensions, space.low.astype(np.float64), space.high.astype(np.float64))
 
 

@@ -15,10 +15,10 @@ import numpy.typing as npt
 from curiosity_algos.common.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.common.policies import Float32Array, MlpPolicy
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.common.validation import check_at_least_one, check_choice, check_positive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.canonical import CanonicalSearch
+from curiosity_gym.validation import check_at_least_one, check_choice, check_positive
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -119,20 +119,23 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         mirrored_sampling: bool = False,
         **kwargs: Any,
     ) -> None:
-        check_at_least_one(population_size=population_size, n_parents=n_parents)
-        if n_parents > population_size:
-            raise ValueError(
-                f"`n_parents` must be at most `population_size` = {population_size}, "
-                f"got {n_parents}."
-            )
-        check_positive(sigma=sigma, learning_rate=learning_rate)
-        check_choice(STEPS, step=step)
         self.population_size = population_size
         self.n_parents = n_parents
         self.sigma = sigma
         self.step = step
         self.mirrored_sampling = mirrored_sampling
         super().__init__(env, policy, learning_rate=learning_rate, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(population_size=self.population_size, n_parents=self.n_parents)
+        if self.n_parents > self.population_size:
+            raise ValueError(
+                f"`n_parents` must be at most `population_size` = {self.population_size}, "
+                f"got {self.n_parents}."
+            )
+        check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
+        check_choice(STEPS, step=self.step)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> Motivation | None:
         """What the strategy is motivated by beside reward; None: nothing."""

@@ -7,6 +7,7 @@ import os
 import time
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
+from numbers import Real
 from typing import Any, ClassVar, Self
 
 import gymnasium as gym
@@ -28,7 +29,6 @@ from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.common.progress_bar import ProgressBar
 from curiosity_algos.common.randomness import EpisodeSeeds
-from curiosity_algos.common.validation import check_at_least_one
 from curiosity_algos.evaluation.batches import GymnasiumView, describe
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
@@ -37,6 +37,7 @@ from curiosity_algos.evaluation.evaluator import (
     make_evaluator,
 )
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_gym.validation import check_at_least_one, check_seed
 
 
 class EvolutionaryAlgorithm(BaseAlgorithm):
@@ -90,6 +91,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         _init_setup_model: bool = True,
     ) -> None:
         _check_argument_order(type(self).__name__, env, policy)
+        check_seed(seed)
         net_arch = check_policy_kwargs(policy_kwargs)
         env = gym.make(env) if isinstance(env, str) else env
         if env is not None or _init_setup_model:
@@ -108,10 +110,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         self.algorithm = type(self).__name__  # tells a file's reader which class to load it with
         self.n_threads = n_threads
         self.generation = 0
-        self.best_return = -np.inf
-        self.first_success_timesteps: int | None = None
-        self._best_parameters: Float32Array | None = None
-        self._has_reward = False
+        self.best_return: float
+        self.first_success_timesteps: int | None
+        self._best_parameters: Float32Array | None
+        self._forget_best()
         self._coverage_grid = None if self.env is None else coverage_grid(self.env)
         if _init_setup_model:
             self._setup_model()
@@ -140,7 +142,13 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
 
     # -- the model ------------------------------------------------------------------------------
 
+    def _check_settings(self) -> None:
+        """Check what the constructor was given, and what `load` may have replaced."""
+        if self.n_threads is not None:
+            check_at_least_one(n_threads=self.n_threads)
+
     def _setup_model(self) -> None:
+        self._check_settings()
         self.policy = self.policy_class(
             self.observation_space, self.action_space, **self.policy_kwargs
         )  # type: ignore[assignment]
@@ -163,7 +171,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
 
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
-        """Train on another environment with the same spaces; its coverage starts anew.
+        """Train on another environment with the same spaces.
+
+        Where coverage counts other cells than before, as in another maze, coverage and the best
+        policy start anew; the search goes on.
 
         Args:
             env: As in the constructor.
@@ -179,14 +190,22 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
         self.evaluator = evaluator
-        self._match_coverage(wrapped)
+        self._match_env(wrapped)
 
-    def _match_coverage(self, env: VecEnv) -> None:
-        """Count in the grid of `env`, anew if it is another one than before."""
+    def _match_env(self, env: VecEnv) -> None:
+        """Count in the grid of `env`; in another one, forget what was found before."""
         grid = coverage_grid(env)
         if grid != self._coverage_grid:
             self._coverage_grid = grid
             self._coverage = Coverage(grid)
+            self._forget_best()
+            self._show_best()
+
+    def _forget_best(self) -> None:
+        self.best_return = -np.inf
+        self.first_success_timesteps = None
+        self._best_parameters = None
+        self._has_reward = False
 
     @property
     def coverage(self) -> float | None:
@@ -213,7 +232,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             callback: SB3 callbacks; called once a generation.
             log_interval: Generations between two logs.
             tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
-            reset_num_timesteps: Count timesteps from 0 again; False: go on, as after `load`.
+            reset_num_timesteps: Count timesteps from 0 again; False: go on, as after `load`. The
+                search, coverage, `generation` and what was found go on either way.
             progress_bar: Show a bar of timesteps.
 
         Raises:
@@ -221,9 +241,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
                 env is set.
         """
         check_at_least_one(log_interval=log_interval)
-        if not 0.0 <= total_timesteps < np.inf:
+        if not isinstance(total_timesteps, Real) or not 0.0 <= total_timesteps < np.inf:
             raise ValueError(
-                f"`total_timesteps` must be finite and at least 0, got {total_timesteps}."
+                f"`total_timesteps` must be finite and at least 0, got {total_timesteps!r}."
             )
         if self.env is None:
             raise ValueError("`env` must be set before learning: call set_env(env).")
@@ -252,6 +272,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         assert self.evaluator is not None
         parameters = self._ask()
         rollouts = self.evaluator.evaluate(parameters, self._episodes.draw())
+        if not np.isfinite(rollouts.returns).all():
+            raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
         return rollouts, metrics
@@ -357,12 +379,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             FileNotFoundError: If there is no such file.
             ValueError: If the file is truncated, or no model of this class.
         """
-        if not isinstance(path, io.BufferedIOBase):
-            check_is_checkpoint(path, cls.__name__)
+        path = check_is_checkpoint(path, cls.__name__)
         env = gym.make(env) if isinstance(env, str) else env
         model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
         if model.env is not None:
-            model._match_coverage(model.env)
+            model._match_env(model.env)
         model._show_best()
         return model
 
@@ -371,3 +392,7 @@ def _check_argument_order(name: str, env: object, policy: object) -> None:
     is_sb3_order = isinstance(env, str) and env in EvolutionaryAlgorithm.policy_aliases
     if is_sb3_order or not isinstance(policy, str | type):
         raise ValueError(f'Pass the environment first: {name}(env, policy="MlpPolicy").')
+    if isinstance(policy, type) and not issubclass(policy, MlpPolicy):
+        raise ValueError(
+            f'`policy` must be "MlpPolicy" or a subclass of it, got {policy.__name__}.'
+        )

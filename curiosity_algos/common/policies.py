@@ -59,14 +59,14 @@ def build_mlp(
 
     Raises:
         ValueError: If a space is not supported (supported: 1-D `Box` observations; 1-D bounded
-            `Box` or `Discrete` actions), or a layer's width is not positive.
+            `Box` or `Discrete` actions), or a layer's width is no whole number of at least 1.
     """
     if not isinstance(observation_space, spaces.Box) or len(observation_space.shape) != 1:
         raise ValueError(
             f"The observation space {observation_space} is not supported: it must be a 1-D Box "
             "(flatten others with gymnasium.wrappers.FlattenObservation)."
         )
-    if any(int(width) != width or width < 1 for width in net_arch):
+    if not all(isinstance(width, int | np.integer) and width >= 1 for width in net_arch):
         raise ValueError(f"`net_arch` must hold positive layer widths, got {list(net_arch)}.")
     low, high, is_discrete = _output_range(action_space)
     sizes = np.array([observation_space.shape[0], *net_arch, low.size], dtype=np.uint64)
@@ -181,8 +181,11 @@ def forward(
     if not mlp.is_discrete:
         for j in range(output.shape[0]):
             action = mlp.center[j] + mlp.half_range[j] * _tanh(output[j])
-            # Rounding may leave the box; SB3's `predict` clips, and both must agree.
-            output[j] = min(max(action, mlp.low[j]), mlp.high[j])
+            # Rounding may leave the box; SB3's `predict` clips, and both must agree. NaN, of
+            # parameters that overflowed, becomes the lower bound: no environment takes it.
+            if not action >= mlp.low[j]:
+                action = mlp.low[j]
+            output[j] = min(action, mlp.high[j])
 
 
 def scratch(mlp: Mlp, n: int) -> npt.NDArray[np.float32]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import contextmanager
 from itertools import pairwise
@@ -67,11 +68,16 @@ def single_torch_thread() -> Iterator[None]:
         th.set_num_threads(n_threads)
 
 
-def mlp(*sizes: int) -> th.nn.Sequential:
-    """Linear layers with ReLU between them."""
+def mlp(*sizes: int, generator: th.Generator) -> th.nn.Sequential:
+    """Linear layers with ReLU between them, initialized as torch does but from `generator`."""
     layers: list[th.nn.Module] = []
     for n_in, n_out in pairwise(sizes):
-        layers += [th.nn.Linear(n_in, n_out), th.nn.ReLU()]
+        # Made without memory first: torch would initialize it from the global generator.
+        linear = th.nn.Linear(n_in, n_out, device="meta").to_empty(device="cpu")
+        th.nn.init.kaiming_uniform_(linear.weight, a=math.sqrt(5.0), generator=generator)
+        bound = 1.0 / math.sqrt(n_in)
+        th.nn.init.uniform_(linear.bias, -bound, bound, generator=generator)
+        layers += [linear, th.nn.ReLU()]
     return th.nn.Sequential(*layers[:-1])
 
 

@@ -6,6 +6,7 @@ Pathak et al. 2017, "Curiosity-driven Exploration by Self-supervised Prediction"
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,8 +17,8 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import get_device
 from torch.nn import functional
 
-from curiosity_algos.common.validation import check_at_least_one, check_positive, check_share
 from curiosity_algos.curiosity.bonus import RunningNormalizer, action_size, mlp
+from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 
 class ICM(th.nn.Module):
@@ -63,11 +64,11 @@ class ICM(th.nn.Module):
         self.beta = beta
         self.n_actions = n_actions
         self.is_discrete = isinstance(action_space, spaces.Discrete)
-        with th.random.fork_rng(devices=[]):
-            th.manual_seed(np.random.SeedSequence(seed).generate_state(1)[0])
-            self.encoder = mlp(n_observations, hidden, hidden, n_features)
-            self.forward_model = mlp(n_features + n_actions, hidden, n_features)
-            self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions)
+        generator = th.Generator()
+        generator.manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
+        self.encoder = mlp(n_observations, hidden, hidden, n_features, generator=generator)
+        self.forward_model = mlp(n_features + n_actions, hidden, n_features, generator=generator)
+        self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions, generator=generator)
         self.normalizer = RunningNormalizer(n_observations) if normalize else th.nn.Identity()
         self.device = get_device(device)
         self.to(self.device)
@@ -163,9 +164,10 @@ class ICM(th.nn.Module):
     def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]
         """Weights, statistics and the optimizer's state."""
         state: dict[str, Any] = super().state_dict(*args, **kwargs)
-        return {"modules": state, "optimizer": self.optimizer.state_dict()}
+        return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()})
 
     def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
         """Take over what `state_dict` gave."""
         super().load_state_dict(state["modules"], *args, **kwargs)
-        self.optimizer.load_state_dict(state["optimizer"])
+        # Torch would keep the given tensors as the optimizer's own, and train on in them.
+        self.optimizer.load_state_dict(copy.deepcopy(state["optimizer"]))

@@ -19,10 +19,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
+from curiosity_gym.maze.vector_env import MazeVectorEnv
+
 _VECTOR_KEYWORDS = {
     "autoreset_mode",
-    "copy",
-    "n_threads",
     "num_envs",
     "vector_kwargs",
     "vectorization_mode",
@@ -161,6 +161,8 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any
     if hasattr(inner, "env_fns"):
         maker: Callable[[], gym.Env[Any, Any]] = inner.env_fns[0]
         return maker
+    if isinstance(inner, MazeVectorEnv):
+        return inner.make_single_env
     spec = inner.spec
     if spec is None:
         raise ValueError(

@@ -6,24 +6,29 @@ from typing import Any, Protocol
 
 import gymnasium as gym
 from gymnasium import wrappers
-from gymnasium.vector import VectorEnv
+from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.common.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
-from curiosity_algos.common.validation import check_at_least_one
 from curiosity_algos.evaluation.batches import GymnasiumView, describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.vector import VectorEvaluator
+from curiosity_gym.maze.dynamics import Maze, same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.validation import check_at_least_one
 
 MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 AnyEnv = MadeEnv | str
 
 _TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker)
 """Wrappers that change neither dynamics nor rewards nor observations."""
+_OPAQUE = (
+    "`env` is wrapped in {}, which the evaluators cannot see through: "
+    "wrap each environment before it is vectorized instead."
+)
 
 
 class Evaluator(Protocol):
@@ -71,6 +76,8 @@ def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
     Raises:
         ValueError: If a key other than `net_arch` is there, or `net_arch` is no list.
     """
+    if not isinstance(policy_kwargs, dict | None):
+        raise ValueError(f"`policy_kwargs` must be a dictionary or None, got {policy_kwargs!r}.")
     given = dict(policy_kwargs or {})
     net_arch = given.pop("net_arch", DEFAULT_NET_ARCH)
     if given:
@@ -86,23 +93,39 @@ def _fastest(env: MadeEnv, mlp: Mlp, n_threads: int | None) -> Evaluator:
     if isinstance(env, VecMonitor):
         return _fastest(env.venv, mlp, n_threads)
     if isinstance(env, VecEnvWrapper):
-        raise ValueError(
-            f"`env` is wrapped in {type(env).__name__}, which the evaluators cannot see through: "
-            "wrap each environment before it is vectorized instead."
-        )
-    if isinstance(env, DummyVecEnv):
+        raise ValueError(_OPAQUE.format(type(env).__name__))
+    if isinstance(env, VectorWrapper):
+        raise ValueError(_OPAQUE.format(type(env).__name__))
+    if type(env) is DummyVecEnv and _are_alike(env.envs):
         return _fastest(env.envs[0], mlp, n_threads)
-    # Exactly these types: a subclass may step or reward in another way.
     if type(env) is MazeVectorEnv:
         return MazeEvaluator(env.maze, mlp, n_threads)
     if isinstance(env, Monitor):
         # A monitor's spec cannot make copies of it; what it records is SB3's, not ours.
         return _fastest(env.env, mlp, n_threads)
     if isinstance(env, gym.Env):
-        maze_env = _bare(env)
-        if type(maze_env) is MazeEnv:
-            return MazeEvaluator(maze_env.maze, mlp, n_threads)
+        maze = _plain_maze(env)
+        if maze is not None:
+            return MazeEvaluator(maze, mlp, n_threads)
     return VectorEvaluator(env, mlp)
+
+
+def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
+    """Whether one env can stand for all: it is alone, or they are the same plain maze."""
+    if len(envs) == 1:
+        return True
+    mazes = [_plain_maze(env.env if isinstance(env, Monitor) else env) for env in envs]
+    first, *others = mazes
+    return first is not None and all(
+        other is not None and same_maze(first, other) for other in others
+    )
+
+
+def _plain_maze(env: gym.Env[Any, Any]) -> Maze | None:
+    """The maze of an unchanged `MazeEnv`, or None."""
+    env = _bare(env)
+    # Exactly this type: a subclass may step or reward in another way.
+    return env.maze if type(env) is MazeEnv else None
 
 
 def _bare(env: gym.Env[Any, Any]) -> gym.Env[Any, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.common.policies import Float32Array, Mlp, forward, scratch
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
@@ -73,7 +73,7 @@ class MazeEvaluator:
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters); mazes draw nothing: `seed` is unused."""
-        parameters = np.ascontiguousarray(parameters, dtype=np.float32)
+        parameters = check_parameters(parameters, self.n_parameters)
         n, horizon = len(parameters), self.maze.horizon
         n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
         observations = np.empty((n, horizon + 1, n_features), dtype=np.float32)
@@ -88,8 +88,9 @@ class MazeEvaluator:
             _rollout_slice(self.maze, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
+        rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
         return Rollouts(
-            returns=np.where(success, 1.0 - lengths / horizon, 0.0),
+            returns=rewards.astype(np.float32).astype(np.float64),
             lengths=lengths,
             success=success,
             behaviors=states,

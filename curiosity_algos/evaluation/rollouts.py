@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +12,26 @@ Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 
 
+def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32Array:
+    """A population as the evaluators take it, contiguous float32.
+
+    Raises:
+        ValueError: If it is not (P, n_parameters) with at least one individual.
+    """
+    array = np.ascontiguousarray(parameters, dtype=np.float32)
+    if array.ndim != 2 or array.shape[1] != n_parameters or len(array) == 0:
+        raise ValueError(
+            f"`parameters` must be of shape (P, {n_parameters}), P at least 1, got {array.shape}."
+        )
+    return array
+
+
 @dataclass(frozen=True)
 class Rollouts:
-    """One episode of each of P individuals; trajectories are padded to the longest episode T.
+    """One episode of each of P individuals; trajectories are padded to one length T.
+
+    Rewards count as float32, as SB3's VecEnv hands them out: returns are then exactly those of
+    `evaluate_policy`.
 
     Attributes:
         returns: (P,) float64, sum of rewards.

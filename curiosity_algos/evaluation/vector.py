@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import gymnasium as gym
@@ -12,7 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters
 
 N_COPIES = 16
 """Copies of a single env, so that the policy's call serves many of them."""
@@ -25,7 +26,7 @@ class VectorEvaluator:
     not depend on the number of envs, unless a VectorEnv draws all its starts from one generator.
 
     Args:
-        env: The environment; a single one is copied by its spec where it has one.
+        env: The environment; a single one is copied where it can be.
         mlp: The policies' shape.
     """
 
@@ -38,7 +39,7 @@ class VectorEvaluator:
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed."""
-        parameters = np.ascontiguousarray(parameters, dtype=np.float32)
+        parameters = check_parameters(parameters, self.n_parameters)
         n = self._batch.n
         waves = [
             self._play(parameters[begin : begin + n], seed)
@@ -60,7 +61,7 @@ class VectorEvaluator:
             actions.append(act(self.mlp, parameters, observations[-1]))
             step = self._batch.step(actions[-1], active)
             observations.append(step.observations.astype(np.float32))
-            returns[active] += step.rewards[active]
+            returns[active] += step.rewards[active].astype(np.float32)
             lengths += active
             infos |= step.infos
             active &= ~step.ended
@@ -86,10 +87,12 @@ def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv) -> Bat
 
 
 def _copies(env: gym.Env[Any, Any]) -> list[gym.Env[Any, Any]]:
-    """The env beside copies of it, or alone where its spec cannot make it again."""
+    """The env beside copies of it, or alone where it shows itself or cannot be copied."""
+    if env.render_mode is not None:
+        return [env]
     try:
-        return [env, *(gym.make(env.spec) for _ in range(N_COPIES - 1))]  # type: ignore[arg-type]
-    except (AttributeError, TypeError, ValueError, gym.error.Error):
+        return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
+    except Exception:  # whatever an env of the user's raises, it can still be used alone
         return [env]
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import operator
 import os
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -23,6 +21,7 @@ from curiosity_gym.maze.layouts import (
     reachable_cells,
     resolve_layout,
 )
+from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
@@ -65,18 +64,17 @@ def configure_maze(
     diagonal = math.hypot(layout.width, layout.height)
     lidar_range = LIDAR_SHARE * diagonal if lidar_range is None else lidar_range
     positive = {"max_speed": max_speed, "max_acceleration": max_acceleration}
-    for name, value in {**positive, "lidar_range": lidar_range, "goal_radius": goal_radius}.items():
-        _check_positive(name, value)
-    if not (isinstance(restitution, Real) and 0.0 <= restitution <= 1.0):
-        raise ValueError(f"`restitution` must be from 0 to 1, got {restitution!r}.")
+    check_positive(**positive, lidar_range=lidar_range, goal_radius=goal_radius)
+    check_share(restitution=restitution)
+    check_at_least_one(horizon=horizon, n_beams=n_beams)
     if closest_approach(layout) >= goal_radius:
         raise ValueError(f"`goal_radius` must let the robot come near enough, got {goal_radius!r}.")
     maze = build_maze(
         layout,
-        horizon=check_count("horizon", horizon),
+        horizon=horizon,
         max_speed=max_speed,
         max_acceleration=max_acceleration,
-        n_beams=check_count("n_beams", n_beams),
+        n_beams=n_beams,
         lidar_range=lidar_range,
         restitution=restitution,
         goal_radius=goal_radius,
@@ -98,22 +96,6 @@ def _spaces(
     )
     grid = CoverageGrid((0, 1), np.zeros(2), world, reachable=reachable_cells(layout))
     return observation, action, behavior, grid
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not (isinstance(value, Real) and 0.0 < value < math.inf):
-        raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
-
-
-def check_count(name: str, value: int) -> int:
-    """Return `value`, or raise a `ValueError` unless it is a whole number of at least 1."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = 0
-    if number < 1:
-        raise ValueError(f"`{name}` must be a whole number of at least 1, got {value!r}.")
-    return number
 
 
 def start_state(layout: MazeLayout, maze: Maze, options: dict[str, Any] | None) -> npt.NDArray[Any]:

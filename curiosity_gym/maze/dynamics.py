@@ -11,7 +11,8 @@ the Minkowski sum that swept collision works with.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,7 @@ N_BASE_FEATURES = 4
 """Observation entries before the beams: position and velocity."""
 
 _CELL = 5.0
+_MAX_CELLS = 64
 _MAX_INVERSE = 1e9
 
 FloatArray = npt.NDArray[np.float64]
@@ -43,7 +45,7 @@ class Maze(NamedTuple):
 
     `near_walls[near_start[c]:near_start[c + 1]]` are the walls within the lidar's range of cell c,
     `contact_boxes` likewise the grown walls that one step from the cell can touch. Cells are
-    squares of 5 units, in rows of `n_columns`.
+    squares, in rows of `n_columns`.
     """
 
     walls: FloatArray
@@ -54,6 +56,8 @@ class Maze(NamedTuple):
     near_walls: IntArray
     contact_start: IntArray
     contact_boxes: IntArray
+    cell: float
+    """Width of a cell."""
     n_columns: int
     inverse_x: npt.NDArray[np.float32]
     """(n_beams,): 1 / (lidar range x cosine of the beam's angle)."""
@@ -69,6 +73,12 @@ class Maze(NamedTuple):
     max_acceleration: float
     restitution: float
     horizon: int
+
+
+def same_maze(one: Maze, other: Maze) -> bool:
+    """Whether two mazes have the same geometry and constants."""
+    pairs: Iterable[tuple[Any, Any]] = zip(one, other, strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)
 
 
 def build_maze(
@@ -87,12 +97,13 @@ def build_maze(
     walls = np.concatenate([low, low + size], axis=1)
     grow = ROBOT_RADIUS + MARGIN
     boxes = walls + np.array([-grow, -grow, grow, grow])
-    n_columns = math.ceil(layout.width / _CELL)
-    n_rows = math.ceil(layout.height / _CELL)
-    near_start, near_walls = _boxes_by_cell(walls, n_columns, n_rows, lidar_range)
+    # Large worlds get larger cells, so that the lists stay small.
+    cell = max(_CELL, layout.width / _MAX_CELLS, layout.height / _MAX_CELLS)
+    n_cells = (math.ceil(layout.width / cell), math.ceil(layout.height / cell))
+    near_start, near_walls = _boxes_by_cell(walls, cell, n_cells, lidar_range)
     # A step goes as far along each axis, and may begin a margin inside its box.
     reach = math.sqrt(2.0) * max_speed * DT + 2.0 * MARGIN
-    contact_start, contact_boxes = _boxes_by_cell(boxes, n_columns, n_rows, reach)
+    contact_start, contact_boxes = _boxes_by_cell(boxes, cell, n_cells, reach)
     angles = 2.0 * np.pi * np.arange(n_beams) / n_beams
     return Maze(
         walls=walls,
@@ -101,7 +112,8 @@ def build_maze(
         near_walls=near_walls,
         contact_start=contact_start,
         contact_boxes=contact_boxes,
-        n_columns=n_columns,
+        cell=cell,
+        n_columns=n_cells[0],
         inverse_x=_inverse(lidar_range * np.cos(angles)),
         inverse_y=_inverse(lidar_range * np.sin(angles)),
         start=np.array([*layout.start, 0.0, 0.0]),
@@ -125,35 +137,44 @@ def _inverse(components: FloatArray) -> npt.NDArray[np.float32]:
 
 
 def _boxes_by_cell(
-    boxes: FloatArray, n_columns: int, n_rows: int, reach: float
+    boxes: FloatArray, cell: float, n_cells: tuple[int, int], reach: float
 ) -> tuple[IntArray, IntArray]:
     """Indices of the boxes within `reach` of each cell, and where each cell's begin."""
-    low_x = _CELL * np.tile(np.arange(n_columns), n_rows)[:, None]
-    low_y = _CELL * np.repeat(np.arange(n_rows), n_columns)[:, None]
-    gap_x = np.maximum(0.0, np.maximum(boxes[:, 0] - (low_x + _CELL), low_x - boxes[:, 2]))
-    gap_y = np.maximum(0.0, np.maximum(boxes[:, 1] - (low_y + _CELL), low_y - boxes[:, 3]))
-    near = np.hypot(gap_x, gap_y) <= reach
-    starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
-    return starts.astype(np.int32), np.nonzero(near)[1].astype(np.int32)
+    n_columns, n_rows = n_cells
+    low_x, low_y = cell * np.arange(n_columns), cell * np.arange(n_rows)
+    owners, found = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for index, (left, bottom, right, top) in enumerate(boxes):
+        gap_x = np.maximum(0.0, np.maximum(left - (low_x + cell), low_x - right))
+        gap_y = np.maximum(0.0, np.maximum(bottom - (low_y + cell), low_y - top))
+        cells = np.flatnonzero(np.hypot(gap_x, gap_y[:, None]) <= reach)
+        owners.append(cells)
+        found.append(np.full(len(cells), index))
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    starts = np.searchsorted(owner[order], np.arange(n_columns * n_rows + 1))
+    return starts.astype(np.int32), np.concatenate(found)[order].astype(np.int32)
 
 
 @compiled
 def _cell(maze: Maze, x: float, y: float) -> int:
-    return int(y / _CELL) * maze.n_columns + int(x / _CELL)
+    return int(y / maze.cell) * maze.n_columns + int(x / maze.cell)
 
 
 @compiled
 def _entry(position: float, velocity: float, low: float, high: float) -> tuple[float, float]:
-    """Times at which a point enters and leaves the slab ]low, high[; never: (inf, -inf)."""
+    """Times at which a point enters and leaves the slab ]low, high[; never: (inf, -inf).
+
+    Up to two margins deep the robot still stands before the wall, not in it: a layout may start it
+    there, and it must be stopped by that wall, yet slide along it.
+    """
     if velocity > 0.0:
         gap, far = low - position, high - position
     elif velocity < 0.0:
         gap, far = position - high, position - low
-    elif low < position < high:
+    elif low + 2.0 * MARGIN < position < high - 2.0 * MARGIN:
         return -np.inf, np.inf
     else:
         return np.inf, -np.inf
-    # Up to a margin deep the robot still stands before the wall, not in it.
     if -2.0 * MARGIN < gap < 0.0:
         gap = 0.0
     speed = abs(velocity)

@@ -14,11 +14,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.maze.config import check_count, configure_maze, start_state
+from curiosity_gym.maze.config import configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import MazeLayout
-from curiosity_gym.maze.maze_env import FPS
+from curiosity_gym.maze.maze_env import FPS, MazeEnv
 from curiosity_gym.maze.viewer import MazeViewer
+from curiosity_gym.validation import check_at_least_one
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
@@ -98,10 +99,11 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if max_episode_steps is not None:
             kwargs["horizon"] = max_episode_steps
         config = configure_maze(layout, **kwargs)
-        num_envs = check_count("num_envs", num_envs)
+        check_at_least_one(num_envs=num_envs)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
         self.num_envs = num_envs
+        self._keywords = kwargs
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
@@ -123,6 +125,10 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self._is_ready = False
         shape = (num_envs, N_BASE_FEATURES + len(self.maze.inverse_x))
         self._observations = np.zeros(shape, dtype=np.float32)
+
+    def make_single_env(self) -> MazeEnv:
+        """A single env of the same maze."""
+        return MazeEnv(self.layout, **self._keywords)
 
     @property
     def horizon(self) -> int:

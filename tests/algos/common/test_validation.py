@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from curiosity_algos.common.validation import (
+from curiosity_gym.validation import (
     check_at_least_one,
     check_choice,
     check_positive,

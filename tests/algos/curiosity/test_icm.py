@@ -153,6 +153,22 @@ def test_a_state_resumes_training(action_space):
     np.testing.assert_array_equal(*scores)
 
 
+def test_a_state_belongs_to_nobody():
+    one, other = make_icm(seed=0), make_icm(seed=1)
+    batch = tensors(make_batch())
+    one.update(*batch)
+    state = one.state_dict()
+    kept = copy.deepcopy(state)
+    other.load_state_dict(state)
+    for icm in (one, other):
+        icm.update(*batch)
+    for part, expected in zip(state["modules"].values(), kept["modules"].values(), strict=True):
+        assert th.equal(part, expected)
+    for index, expected in kept["optimizer"]["state"].items():
+        for name in ("step", "exp_avg", "exp_avg_sq"):
+            assert th.equal(state["optimizer"]["state"][index][name], expected[name])
+
+
 def test_observations_enter_the_statistics_only_if_normalized():
     batch = make_batch()
     for normalize in (True, False):

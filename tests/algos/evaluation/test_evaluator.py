@@ -8,6 +8,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.batches import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.maze.maze_env import MazeEnv
@@ -58,7 +59,7 @@ CHANGES = {
         env, lambda action: -action, env.action_space
     ),
     "TimeLimit": lambda env: wrappers.TimeLimit(env, 10),
-    "RescaleAction": lambda env: wrappers.RescaleAction(env, -0.5, 0.5),
+    "RescaleAction": lambda env: wrappers.RescaleAction(env, np.float32(-0.5), np.float32(0.5)),
     "Repeat": Repeat,
     "subclass": lambda env: TwiceRewarded(env.unwrapped.layout, horizon=64),
 }
@@ -147,3 +148,39 @@ def test_threads_are_at_least_one(env, n_threads):
 def test_policy_kwargs_are_checked(policy_kwargs, message):
     with pytest.raises(ValueError, match=message):
         make_evaluator(HARD, policy_kwargs)
+
+
+def test_a_wrapped_vector_env_is_refused():
+    envs = gym.make_vec("Pendulum-v1", num_envs=2, vectorization_mode="sync")
+    wrapped = gym.wrappers.vector.TransformReward(envs, lambda rewards: rewards + 1.0)
+    with pytest.raises(ValueError, match="`env` is wrapped in TransformReward"):
+        make_evaluator(wrapped)
+
+
+def test_different_mazes_in_one_vec_env_are_not_taken_for_one():
+    names = ("Hard", "Snake")
+    makers = [lambda n=name: gym.make(f"CuriosityMaze-{n}-v0", horizon=5) for name in names]
+    assert isinstance(make_evaluator(DummyVecEnv([makers[0]] * 2)), MazeEvaluator)
+    rollouts = make_evaluator(DummyVecEnv(makers)).evaluate(np.zeros((2, 1746)))
+    starts = [maker().reset()[0] for maker in makers]
+    np.testing.assert_array_equal(rollouts.observations[:, 0], starts)
+
+
+def test_the_single_env_of_a_vector_env_has_its_keywords():
+    envs = gym.make_vec(
+        "CuriosityMaze-Hard-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        max_episode_steps=7,
+        n_beams=5,
+    )
+    env = GymnasiumView(envs).envs[0].unwrapped
+    assert (env.horizon, env.observation_space.shape) == (7, (9,))
+
+
+def test_copies_are_of_the_env_as_it_is():
+    env = gym.make("Pendulum-v1")
+    env.unwrapped.max_torque = 0.1
+    evaluator = make_evaluator(env)
+    rollouts = evaluator.evaluate(np.ones((6, evaluator.n_parameters)), seed=3)
+    assert len(set(rollouts.returns)) == 1

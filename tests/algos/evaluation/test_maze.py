@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from curiosity_algos import make_evaluator
 from curiosity_algos.common.policies import build_mlp
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
@@ -81,3 +82,19 @@ def test_an_evaluation_leaves_the_next_alone(make_easy_maze):
     evaluator.evaluate(-parameters)
     np.testing.assert_array_equal(first.observations, kept)
     assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))
+
+
+@pytest.mark.parametrize("env_id", ["CuriosityMaze-Hard-v0", "CartPole-v1"])
+@pytest.mark.parametrize("shape", [(2, 5), (1746,), (0, 1746), (2, 1, 1746)])
+def test_parameters_of_another_shape_are_refused(env_id, shape):
+    evaluator = make_evaluator(env_id)
+    with pytest.raises(ValueError, match=r"`parameters` must be of shape \(P, "):
+        evaluator.evaluate(np.zeros(shape))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e38])
+def test_parameters_that_overflow_give_finite_actions(value):
+    evaluator = make_evaluator(gym.make("CuriosityMaze-Hard-v0", horizon=50))
+    rollouts = evaluator.evaluate(np.full((3, evaluator.n_parameters), value))
+    assert np.isfinite(rollouts.behaviors).all()
+    assert (np.abs(rollouts.actions[:, :50]) <= 1.0).all()

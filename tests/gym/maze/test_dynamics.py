@@ -295,3 +295,21 @@ def test_step_clips_the_action():
         results.append((state, observation))
     np.testing.assert_array_equal(results[0][0], results[1][0])
     np.testing.assert_array_equal(results[0][1], results[1][1])
+
+
+def test_slides_along_flush_walls_from_a_start_that_touches_them():
+    layout = make_layout([[5, 20, 5, 5], [10, 20, 5, 5], [15, 20, 5, 5]])
+    maze = make_maze(layout)
+    state = np.array([6.0, 19.0, 0.0, 0.0])
+    for _ in range(40):
+        move(maze, state, 1.0, 1.0 if state[0] < 20.0 else 0.0)
+    assert state[0] > 25.0
+
+
+def test_large_worlds_have_few_cells():
+    walls = [[10 * i, 10 * i, 5, 5] for i in range(1, 99)]
+    maze = make_maze(MazeLayout("large", 1000, 1000, (5, 5), (990, 5), walls))
+    assert len(maze.near_start) <= 64 * 64 + 1
+    state = np.array([985.0, 985.0, 0.0, 0.0])
+    move(maze, state, -1.0, 0.0)
+    assert state[0] < 985.0

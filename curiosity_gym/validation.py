@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from numbers import Real
 
 
 def check_at_least_one(**values: object) -> None:
@@ -20,15 +21,20 @@ def check_at_least_one(**values: object) -> None:
 def check_positive(**values: object) -> None:
     """Raise ValueError unless every value is a finite number above 0."""
     for name, value in values.items():
-        if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+        if not 0.0 < _number(value) < math.inf:
             raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
 
 
 def check_share(**values: object) -> None:
     """Raise ValueError unless every value is a number from 0 to 1."""
     for name, value in values.items():
-        if not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+        if not 0.0 <= _number(value) <= 1.0:
             raise ValueError(f"`{name}` must be from 0 to 1, got {value!r}.")
+
+
+def _number(value: object) -> float:
+    """`value` as a float, or NaN, which is in no range, where it is no real number."""
+    return float(value) if isinstance(value, Real) else math.nan
 
 
 def check_choice(choices: tuple[str, ...], **values: object) -> None:
@@ -36,3 +42,13 @@ def check_choice(choices: tuple[str, ...], **values: object) -> None:
     for name, value in values.items():
         if value not in choices:
             raise ValueError(f"`{name}` must be one of {', '.join(choices)}, got {value!r}.")
+
+
+def check_seed(seed: object) -> None:
+    """Raise ValueError unless `seed` is None or a whole number of at least 0."""
+    try:
+        is_valid = seed is None or operator.index(seed) >= 0  # type: ignore[arg-type]
+    except TypeError:
+        is_valid = False
+    if not is_valid:
+        raise ValueError(f"`seed` must be None or a whole number of at least 0, got {seed!r}.")

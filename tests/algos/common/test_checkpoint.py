@@ -1,0 +1,197 @@
+import errno
+import io
+import json
+import os
+import zipfile
+
+import gymnasium as gym
+import pytest
+from stable_baselines3 import PPO
+
+from curiosity_algos import CanonicalES, CuriosityES
+from curiosity_algos.common import evolutionary_algorithm
+from curiosity_algos.common.checkpoint import atomic_file, check_is_checkpoint, checkpoint_path
+
+
+def no_space(*arguments, **kwargs):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+class TestAtomicFile:
+    def test_the_file_appears_whole(self, tmp_path):
+        path = tmp_path / "new" / "folder" / "file.zip"
+        with atomic_file(path) as file:
+            file.write(b"half")
+            file.flush()
+            assert not path.exists()
+            file.write(b" and half")
+        assert path.read_bytes() == b"half and half"
+        assert list(path.parent.iterdir()) == [path]
+
+    def test_an_error_leaves_the_old_file_alone(self, tmp_path):
+        path = tmp_path / "file.zip"
+        path.write_bytes(b"old")
+
+        def write_half():
+            with atomic_file(path) as file:
+                file.write(b"new")
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            write_half()
+        assert path.read_bytes() == b"old"
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_names_get_stable_baselines_suffix(self, tmp_path):
+        assert checkpoint_path("model").name == "model.zip"
+        assert checkpoint_path(tmp_path / "model.best") == tmp_path / "model.best"
+
+
+class TestFullDisk:
+    """Whenever the disk fills up, the old checkpoint survives and nothing else remains."""
+
+    @pytest.fixture
+    def saved(self, algorithm, make_model, make_maze, tmp_path):
+        model = make_model(algorithm, make_maze()).learn(1)
+        model.save(tmp_path / "model")
+        return model.learn(1), tmp_path / "model.zip", (tmp_path / "model.zip").read_bytes()
+
+    def assert_survives(self, saved):
+        model, path, before = saved
+        with pytest.raises(OSError, match="No space left"):
+            model.save(path)
+        assert path.read_bytes() == before
+        assert list(path.parent.iterdir()) == [path]
+
+    def test_while_it_is_flushed(self, saved, monkeypatch):
+        monkeypatch.setattr(os, "fsync", no_space)
+        self.assert_survives(saved)
+
+    def test_while_it_is_written(self, saved, monkeypatch):
+        def write_half(file, **kwargs):
+            file.write(b"half of a checkpoint")
+            no_space()
+
+        monkeypatch.setattr(evolutionary_algorithm, "save_to_zip_file", write_half)
+        self.assert_survives(saved)
+
+    def test_while_it_is_renamed(self, saved, monkeypatch):
+        monkeypatch.setattr(os, "replace", no_space)
+        self.assert_survives(saved)
+
+
+class TestWrongFiles:
+    def test_a_missing_one(self, algorithm, tmp_path):
+        with pytest.raises(FileNotFoundError, match=r"there is no file .*nothing\.zip"):
+            algorithm.load(tmp_path / "nothing")
+
+    @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+    def test_a_truncated_one(self, algorithm, make_model, make_maze, tmp_path, share):
+        path = tmp_path / "model.zip"
+        make_model(algorithm, make_maze()).save(path)
+        content = path.read_bytes()
+        path.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(ValueError, match=r"`path` must be a saved .* is not a whole file"):
+            algorithm.load(path)
+
+    def test_a_damaged_one(self, algorithm, make_model, make_maze, tmp_path):
+        path = tmp_path / "model.zip"
+        make_model(algorithm, make_maze()).save(path)
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 0xFF
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="is not a whole file"):
+            algorithm.load(path)
+
+    def test_a_foreign_one(self, algorithm, tmp_path):
+        text, archive, folder = tmp_path / "a.zip", tmp_path / "b.zip", tmp_path / "c.zip"
+        text.write_text("no archive at all")
+        with zipfile.ZipFile(archive, "w") as file:
+            file.writestr("data", json.dumps([1, 2]))
+        folder.mkdir()
+        with pytest.raises(ValueError, match="is not a whole file"):
+            algorithm.load(text)
+        with pytest.raises(ValueError, match="is not a whole file"):
+            algorithm.load(archive)
+        with pytest.raises(FileNotFoundError):
+            algorithm.load(folder)
+
+    def test_a_model_of_stable_baselines(self, algorithm, tmp_path):
+        PPO("MlpPolicy", "CartPole-v1", n_steps=8, batch_size=8).save(tmp_path / "ppo")
+        with pytest.raises(ValueError, match="is not a whole file of this package"):
+            algorithm.load(tmp_path / "ppo")
+
+    def test_a_model_of_another_algorithm(self, make_model, make_maze, tmp_path):
+        make_model(CanonicalES, make_maze()).save(tmp_path / "model")
+        with pytest.raises(
+            ValueError, match=r"must be a saved CuriosityES, .* is one of Canonical"
+        ):
+            CuriosityES.load(tmp_path / "model")
+        check_is_checkpoint(tmp_path / "model", "CanonicalES")
+
+
+class TestSaveAndLoad:
+    def test_everything_comes_back(
+        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+    ):
+        model = make_model(algorithm, make_easy_maze()).learn(1000)
+        model.save(tmp_path / "model")
+        loaded = algorithm.load(tmp_path / "model")
+        assert_same_run(model, loaded)
+        observation, _ = make_easy_maze().reset()
+        assert (loaded.predict(observation)[0] == model.predict(observation)[0]).all()
+        for name, value in vars(model).items():
+            if isinstance(value, int | float | str | None):
+                assert getattr(loaded, name) == value or name in ("n_envs", "start_time")
+
+    def test_a_file_in_memory_will_do(self, algorithm, make_model, make_maze, assert_same_run):
+        model, file = make_model(algorithm, make_maze()).learn(1), io.BytesIO()
+        model.save(file)
+        file.seek(0)
+        assert_same_run(model, algorithm.load(file))
+
+    def test_a_loaded_model_needs_an_env_to_learn(self, algorithm, make_model, make_maze, tmp_path):
+        make_model(algorithm, make_maze()).learn(1).save(tmp_path / "model")
+        loaded = algorithm.load(tmp_path / "model")
+        with pytest.raises(ValueError, match="`env` must be set"):
+            loaded.learn(1)
+        loaded.set_env(make_maze())
+        assert loaded.learn(1, reset_num_timesteps=False).generation == 2
+
+    def test_the_env_may_be_an_id(self, algorithm, make_model, make_maze, tmp_path):
+        make_model(algorithm, make_maze()).save(tmp_path / "model")
+        assert algorithm.load(tmp_path / "model", env="CuriosityMaze-Hard-v0").env is not None
+
+    def test_coverage_starts_anew_in_another_maze(self, algorithm, make_model, make_maze, tmp_path):
+        model = make_model(algorithm, make_maze()).learn(1)
+        model.save(tmp_path / "model")
+        assert algorithm.load(tmp_path / "model", env=make_maze()).coverage == model.coverage > 0
+        other = make_maze(layout="snake")
+        loaded = algorithm.load(tmp_path / "model", env=other)
+        assert loaded.coverage == 0.0
+        assert loaded._coverage.grid == other.unwrapped.coverage_grid
+
+    def test_settings_may_change(self, algorithm, make_model, make_maze, tmp_path):
+        make_model(algorithm, make_maze(), n_threads=2).save(tmp_path / "model")
+        loaded = algorithm.load(tmp_path / "model", env=make_maze(), n_threads=1)
+        assert loaded.n_threads == 1
+        with pytest.raises(ValueError, match="`n_threads` must be"):
+            algorithm.load(tmp_path / "model", env=make_maze(), n_threads=0)
+
+    def test_other_spaces_are_refused(self, algorithm, make_model, make_maze, tmp_path):
+        make_model(algorithm, make_maze()).save(tmp_path / "model")
+        with pytest.raises(ValueError, match="spaces do not match"):
+            algorithm.load(tmp_path / "model", env=gym.make("CartPole-v1"))
+
+    def test_the_buffer_may_stay_out(self, make_model, make_maze, tmp_path):
+        model = make_model(CuriosityES, make_maze(), buffer_size=10_000, n_transitions=500)
+        model.learn(1)
+        model.save(tmp_path / "whole")
+        model.save(tmp_path / "light", exclude=["buffer"])
+        assert len(model._motivation.buffer) == 3000
+        sizes = [(tmp_path / f"{name}.zip").stat().st_size for name in ("light", "whole")]
+        assert sizes[0] < sizes[1] - 3000 * 4
+        loaded = CuriosityES.load(tmp_path / "light", env=make_maze())
+        assert len(loaded._motivation.buffer) == 0
+        loaded.learn(1, reset_num_timesteps=False)
+        assert len(loaded._motivation.buffer) == 3000

@@ -1,0 +1,476 @@
+"""The contract that every algorithm keeps: Stable-Baselines3's API, exactly counted and seeded."""
+
+import csv
+import random
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from gymnasium.vector import SyncVectorEnv
+from stable_baselines3.common.callbacks import (
+    BaseCallback,
+    CheckpointCallback,
+    EvalCallback,
+    StopTrainingOnRewardThreshold,
+)
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
+
+from curiosity_algos import CuriosityES
+from curiosity_algos.common.policies import act
+
+HARD = "CuriosityMaze-Hard-v0"
+GENERATION = 6 * 50
+"""Timesteps of a generation of the small models on the maze whose goal is out of reach."""
+
+KEYS = {
+    "rollout/ep_rew_mean",
+    "rollout/ep_rew_max",
+    "rollout/ep_len_mean",
+    "rollout/success_rate",
+    "search/sigma",
+    "search/norm",
+    "time/fps",
+    "time/generations",
+    "time/total_timesteps",
+}
+COVERAGE_KEYS = {"coverage/reachable", "coverage/all"}
+OWN_KEYS = {
+    CuriosityES: {
+        "intrinsic/mean",
+        "intrinsic/max",
+        "icm/loss",
+        "icm/forward_loss",
+        "icm/inverse_loss",
+    },
+}
+
+
+class FlatEnv(gym.Env):
+    """Two steps long, with any spaces."""
+
+    def __init__(self, observation_space=None, action_space=None):
+        self.observation_space = observation_space or spaces.Box(-1, 1, (2,))
+        self.action_space = action_space or spaces.Box(-1, 1, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.t = 0
+        return np.zeros(2, dtype=np.float32), {}
+
+    def step(self, action):
+        self.t += 1
+        return np.zeros(2, dtype=np.float32), 0.0, False, self.t == 2, {}
+
+
+class Recorder(BaseCallback):
+    """Remembers what was called, and what it could see."""
+
+    def __init__(self, stop_after=None):
+        super().__init__()
+        self.events, self.timesteps, self.rollouts = [], [], []
+        self.stop_after = stop_after
+
+    def _on_training_start(self):
+        self.events.append("training start")
+
+    def _on_rollout_start(self):
+        self.events.append("rollout start")
+
+    def _on_rollout_end(self):
+        self.events.append("rollout end")
+        self.rollouts.append(self.locals["rollouts"])
+
+    def _on_step(self):
+        self.events.append("step")
+        self.timesteps.append(self.num_timesteps)
+        return self.n_calls != self.stop_after
+
+    def _on_training_end(self):
+        self.events.append("training end")
+
+
+class TestLearn:
+    def test_ends_with_the_generation_that_reaches_the_budget(
+        self, algorithm, make_model, make_maze
+    ):
+        model = make_model(algorithm, make_maze())
+        assert model.learn(0) is model
+        assert (model.num_timesteps, model.generation) == (0, 0)
+        model.learn(GENERATION + 1.0)
+        assert (model.num_timesteps, model.generation) == (2 * GENERATION, 2)
+
+    def test_counts_the_steps_of_every_episode(self, algorithm, make_model):
+        model, recorder = make_model(algorithm, "CartPole-v1"), Recorder()
+        model.learn(200, callback=recorder)
+        lengths = [rollouts.lengths for rollouts in recorder.rollouts]
+        assert len(np.unique(np.concatenate(lengths))) > 1
+        np.testing.assert_array_equal(recorder.timesteps, np.cumsum([x.sum() for x in lengths]))
+        assert model.num_timesteps == recorder.timesteps[-1] >= 200 > recorder.timesteps[-2]
+
+    def test_counts_on_or_from_zero(self, algorithm, make_model, make_maze):
+        model = make_model(algorithm, make_maze()).learn(GENERATION)
+        model.learn(GENERATION, reset_num_timesteps=False)
+        assert (model.num_timesteps, model.generation) == (2 * GENERATION, 2)
+        model.learn(GENERATION)
+        assert (model.num_timesteps, model.generation) == (GENERATION, 3)
+
+    @pytest.mark.parametrize("budget", [-1, float("nan"), float("inf"), -1e-9])
+    def test_a_budget_is_finite(self, algorithm, make_model, make_maze, budget):
+        model = make_model(algorithm, make_maze())
+        with pytest.raises(ValueError, match="`total_timesteps` must be finite"):
+            model.learn(budget)
+        assert model.num_timesteps == 0
+
+    @pytest.mark.parametrize("log_interval", [0, 1.5, None])
+    def test_log_intervals_count(self, algorithm, make_model, make_maze, log_interval):
+        with pytest.raises(ValueError, match="`log_interval` must be"):
+            make_model(algorithm, make_maze()).learn(10, log_interval=log_interval)
+
+    def test_remembers_the_best_and_the_first(self, algorithm, make_model, make_easy_maze):
+        model, recorder = make_model(algorithm, make_easy_maze()), Recorder()
+        assert (model.best_return, model.first_success_timesteps) == (-np.inf, None)
+        model.learn(4000, callback=recorder)
+        returns = np.concatenate([rollouts.returns for rollouts in recorder.rollouts])
+        lengths = np.concatenate([rollouts.lengths for rollouts in recorder.rollouts])
+        assert model.best_return == returns.max() > 0
+        first = np.flatnonzero(returns > 0)[0]
+        assert model.first_success_timesteps == lengths[: first + 1].sum()
+
+    def test_coverage_counts_final_behaviors(self, algorithm, make_model, make_maze):
+        env = make_maze()
+        model, recorder = make_model(algorithm, env), Recorder()
+        assert model.coverage == 0.0
+        model.learn(4 * GENERATION, callback=recorder)
+        grid = env.unwrapped.coverage_grid
+        cells = {cell for rollouts in recorder.rollouts for cell in grid.cells(rollouts.behaviors)}
+        assert model.coverage == len(cells) / grid.reachable.sum()
+
+    def test_coverage_is_none_without_behaviors(self, algorithm, make_model):
+        assert make_model(algorithm, "CartPole-v1").learn(1).coverage is None
+
+    def test_a_bar_counts_timesteps(self, algorithm, make_model, make_maze, capsys):
+        model = make_model(algorithm, make_maze())
+        model.learn(GENERATION + 100, progress_bar=True)
+        shown = capsys.readouterr().err
+        assert "400/400" in shown
+        assert "coverage=" in shown
+        model.learn(GENERATION, reset_num_timesteps=False, progress_bar=True)
+        assert "900/900" in capsys.readouterr().err
+
+
+class TestDeterminism:
+    @pytest.mark.parametrize("env_id", ["CartPole-v1", "maze"])
+    def test_the_seed_decides(self, algorithm, make_model, make_easy_maze, assert_same_run, env_id):
+        make = make_easy_maze if env_id == "maze" else lambda: gym.make(env_id)
+        one, same, other = (
+            make_model(algorithm, make(), seed=seed).learn(1000) for seed in (1, 1, 2)
+        )
+        assert_same_run(one, same)
+        assert not np.array_equal(one.policy.vector, other.policy.vector)
+
+    def test_no_seed_is_fresh_entropy(self, algorithm, make_model, make_maze):
+        one, other = (make_model(algorithm, make_maze(), seed=None) for _ in range(2))
+        assert not np.array_equal(one.policy.vector, other.policy.vector)
+
+    def test_threads_change_no_bit(self, algorithm, make_model, make_easy_maze, assert_same_run):
+        models = []
+        for n_threads, n_torch_threads in [(1, 1), (2, 1), (3, 2)]:
+            th.set_num_threads(n_torch_threads)
+            model = make_model(algorithm, make_easy_maze(), n_threads=n_threads)
+            models.append(model.learn(1500))
+        assert_same_run(models[0], models[1])
+        assert_same_run(models[0], models[2])
+
+    def test_the_number_of_envs_changes_no_bit(self, algorithm, make_model, assert_same_run):
+        make = lambda: gym.make("Pendulum-v1", max_episode_steps=20)  # noqa: E731
+        single = make_model(algorithm, make()).learn(400)
+        several = make_model(algorithm, SyncVectorEnv([make] * 4)).learn(400)
+        assert_same_run(single, several)
+
+    def test_global_settings_stay(self, algorithm, make_model, make_easy_maze):
+        th.set_num_threads(2)
+        random.seed(3), np.random.seed(3), th.manual_seed(3)  # noqa: NPY002
+        before = random.getstate(), np.random.get_state(), th.get_rng_state()  # noqa: NPY002
+        make_model(algorithm, make_easy_maze()).learn(1000)
+        assert th.get_num_threads() == 2
+        assert random.getstate() == before[0]
+        np.testing.assert_equal(np.random.get_state(), before[1])  # noqa: NPY002
+        assert th.equal(th.get_rng_state(), before[2])
+
+
+class TestPredict:
+    def test_one_observation_or_a_batch(self, algorithm, make_model, make_maze):
+        env = make_maze()
+        model = make_model(algorithm, env)
+        observations = np.stack([env.observation_space.sample() for _ in range(5)])
+        actions, state = model.predict(observations, deterministic=True)
+        assert (actions.shape, actions.dtype, state) == ((5, 2), np.float32, None)
+        np.testing.assert_array_equal(model.predict(observations[3])[0], actions[3])
+
+    def test_discrete_actions_are_of_the_space(self, algorithm, make_model):
+        env = gym.make("CartPole-v1")
+        model = make_model(algorithm, env)
+        action, _ = model.predict(env.reset(seed=0)[0])
+        assert env.action_space.contains(int(action))
+        env.step(action)
+
+    def test_the_center_acts_while_there_is_no_reward(self, algorithm, make_model, make_maze):
+        model = make_model(algorithm, make_maze())
+        for _ in range(2):
+            np.testing.assert_array_equal(model.policy.vector, model._center())
+            model.learn(GENERATION)
+        assert model.best_return == 0.0
+
+    @pytest.mark.parametrize("is_monitored", [True, False])
+    def test_the_best_policy_scores_its_best_return_again(
+        self, algorithm, make_model, make_easy_maze, is_monitored
+    ):
+        model = make_model(algorithm, make_easy_maze()).learn(4000)
+        assert model.best_return > 0
+        env = Monitor(make_easy_maze()) if is_monitored else DummyVecEnv([make_easy_maze])
+        mean, deviation = evaluate_policy(model, env, n_eval_episodes=2, warn=False)
+        assert (mean, deviation) == (model.best_return, 0.0)
+        assert evaluate_policy(model, model.get_env(), n_eval_episodes=1)[0] == model.best_return
+
+    def test_no_digit_is_lost_at_the_full_horizon(self, algorithm, make_model, make_easy_maze):
+        env = make_easy_maze(horizon=1999)
+        model = make_model(algorithm, env).learn(4 * 6 * 1999)
+        assert model.best_return > 0
+        assert evaluate_policy(model, env, n_eval_episodes=1, warn=False)[0] == model.best_return
+
+
+class TestEnvs:
+    @pytest.mark.parametrize(
+        "kind", ["id", "env", "make_vec", "sync", "dummy", "subproc", "monitor"]
+    )
+    def test_any_kind_trains_and_is_seen_as_a_vec_env(self, algorithm, make_model, kind):
+        make = lambda: gym.make(HARD, horizon=20)  # noqa: E731
+        env = {
+            "id": lambda: "Pendulum-v1",
+            "env": make,
+            "make_vec": lambda: gym.make_vec(HARD, num_envs=2, horizon=20),
+            "sync": lambda: SyncVectorEnv([make] * 2),
+            "dummy": lambda: DummyVecEnv([make] * 2),
+            "subproc": lambda: SubprocVecEnv([make] * 2, start_method="fork"),
+            "monitor": lambda: Monitor(make()),
+        }[kind]()
+        model = make_model(algorithm, env)
+        try:
+            assert isinstance(model.get_env(), VecEnv)
+            model.learn(1)
+            assert model.num_timesteps == 6 * (200 if kind == "id" else 20)
+            assert (model.coverage is None) == (kind == "id")
+            assert np.isfinite(evaluate_policy(model, model.get_env(), 1, warn=False)[0])
+        finally:
+            model.get_env().close()
+
+    def test_set_env_goes_on_elsewhere(self, algorithm, make_model, make_maze):
+        model = make_model(algorithm, make_maze()).learn(GENERATION)
+        model.set_env(DummyVecEnv([make_maze] * 3))
+        assert model.coverage > 0.0  # the same maze, the same cells
+        model.best_return, model._has_reward = 0.5, True
+        model.set_env("CuriosityMaze-Snake-v0")
+        assert model.coverage == 0.0
+        assert model.best_return == -np.inf
+        np.testing.assert_array_equal(model.policy.vector, model._center())
+        model.set_env(make_maze(layout="us", horizon=10))
+        model.learn(6 * 10, reset_num_timesteps=False)
+        assert model.num_timesteps == GENERATION + 6 * 10
+        assert model.get_env().num_envs == 1
+
+    @pytest.mark.parametrize(
+        "wrong", [lambda make: VecNormalize(DummyVecEnv([make])), lambda make: "CartPole-v1"]
+    )
+    def test_a_wrong_env_leaves_the_old_one(
+        self, algorithm, make_model, make_maze, assert_same_run, wrong
+    ):
+        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+        with pytest.raises(ValueError, match=r"VecNormalize|spaces do not match"):
+            model.set_env(wrong(make_maze))
+        assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
+
+    @pytest.mark.parametrize(
+        "observation_space",
+        [spaces.Dict(a=spaces.Box(-1, 1, (2,))), spaces.Box(0, 255, (36, 36, 3), np.uint8)],
+        ids=["dict", "image"],
+    )
+    def test_observations_that_no_network_takes(self, algorithm, make_model, observation_space):
+        with pytest.raises(ValueError, match=r"observation space .* is not supported"):
+            make_model(algorithm, FlatEnv(observation_space))
+
+    @pytest.mark.parametrize(
+        "action_space",
+        [spaces.Box(-np.inf, np.inf, (1,)), spaces.MultiDiscrete([2, 2])],
+        ids=["unbounded", "multi-discrete"],
+    )
+    def test_actions_that_no_network_gives(self, algorithm, make_model, action_space):
+        with pytest.raises(ValueError, match=r"action space .* is not supported"):
+            make_model(algorithm, FlatEnv(action_space=action_space))
+
+    def test_vec_env_wrappers_are_refused(self, algorithm, make_model, make_maze):
+        with pytest.raises(ValueError, match="`env` is wrapped in VecNormalize"):
+            make_model(algorithm, VecNormalize(DummyVecEnv([make_maze])))
+
+
+class TestArguments:
+    def test_stable_baselines_order_gets_one_sentence(self, algorithm, make_maze):
+        for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD)]:
+            with pytest.raises(ValueError, match=rf"{algorithm.__name__}\(env, policy="):
+                algorithm(*arguments)
+
+    def test_the_policy_goes_by_keyword(self, algorithm, make_model, make_maze):
+        settings = {"policy": "MlpPolicy", "policy_kwargs": {"net_arch": [3, 2]}}
+        model = make_model(algorithm, make_maze(), **settings)
+        assert model.policy.mlp.sizes.tolist() == [36, 3, 2, 2]
+
+    @pytest.mark.parametrize(
+        ("name", "values"),
+        [
+            ("population_size", [0, -3, 2.5]),
+            ("n_parents", [0, 7]),
+            ("sigma", [-0.1, 0.0, float("nan")]),
+            ("learning_rate", [-1.0, 0.0, float("inf")]),
+            ("step", ["Canonical", None]),
+            ("n_threads", [0]),
+            ("policy_kwargs", [{"activation_fn": None}]),
+        ],
+    )
+    def test_errors_name_the_argument(self, algorithm, make_model, make_maze, name, values):
+        for value in values:
+            with pytest.raises(ValueError, match=f"`{name}` m"):
+                make_model(algorithm, make_maze(), **{name: value})
+
+    @pytest.mark.parametrize("env", [None, 3, spaces.Discrete(2)], ids=str)
+    def test_an_env_is_needed(self, algorithm, env):
+        with pytest.raises(ValueError, match="`env` must be an environment id"):
+            algorithm(env)
+
+    def test_the_user_keeps_their_dictionaries(self, algorithm, make_model, make_maze):
+        policy_kwargs = {"net_arch": [4]}
+        make_model(algorithm, make_maze(), policy_kwargs=policy_kwargs).learn(1)
+        assert policy_kwargs == {"net_arch": [4]}
+
+
+class TestParameters:
+    def test_they_carry_the_whole_search_over(self, algorithm, make_model, make_maze, assert_same):
+        one = make_model(algorithm, make_maze()).learn(2 * GENERATION)
+        other = make_model(algorithm, make_maze(), seed=5)
+        other.set_parameters(one.get_parameters())
+        for model in (one, other):
+            model.learn(2 * GENERATION, reset_num_timesteps=False)
+        assert_same(one.get_parameters(), other.get_parameters())
+
+    def test_missing_ones_are_an_error(self, algorithm, make_model, make_maze):
+        model = make_model(algorithm, make_maze())
+        parameters = model.get_parameters()
+        del parameters["_search"]
+        with pytest.raises(ValueError, match="Names of parameters do not match"):
+            model.set_parameters(parameters)
+
+    def test_the_policy_alone_may_be_set(self, algorithm, make_model, make_maze):
+        env = make_maze()
+        model = make_model(algorithm, env)
+        flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
+        model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
+        observation, _ = env.reset()
+        expected = act(model.policy.mlp, flat.numpy()[None], observation[None])[0]
+        np.testing.assert_array_equal(model.predict(observation)[0], expected)
+
+
+def read_rows(folder):
+    with open(folder / "progress.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+class TestLogging:
+    @pytest.mark.parametrize("env_id", ["maze", "CartPole-v1"])
+    def test_keys_are_the_documented_ones(self, algorithm, make_model, make_maze, tmp_path, env_id):
+        is_maze = env_id == "maze"
+        model = make_model(algorithm, make_maze() if is_maze else env_id)
+        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.learn(2 * GENERATION)
+        rows = read_rows(tmp_path)
+        expected = KEYS | OWN_KEYS.get(algorithm, set()) | (COVERAGE_KEYS if is_maze else set())
+        assert set(rows[0]) == expected
+        assert float(rows[-1]["time/total_timesteps"]) == model.num_timesteps
+        assert float(rows[-1]["time/generations"]) == model.generation == len(rows)
+        assert all(np.isfinite(float(value)) for row in rows for value in row.values())
+
+    def test_values_are_those_of_the_rollouts(
+        self, algorithm, make_model, make_easy_maze, tmp_path
+    ):
+        model, recorder = make_model(algorithm, make_easy_maze()), Recorder()
+        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.learn(2000, callback=recorder)
+        for row, rollouts in zip(read_rows(tmp_path), recorder.rollouts, strict=True):
+            assert float(row["rollout/ep_rew_mean"]) == pytest.approx(rollouts.returns.mean())
+            assert float(row["rollout/ep_rew_max"]) == pytest.approx(rollouts.returns.max())
+            assert float(row["rollout/ep_len_mean"]) == pytest.approx(rollouts.lengths.mean())
+            assert float(row["rollout/success_rate"]) == pytest.approx(rollouts.success.mean())
+        assert float(row["coverage/reachable"]) == pytest.approx(model.coverage)
+
+    def test_the_interval_counts_generations(self, algorithm, make_model, make_maze, tmp_path):
+        model = make_model(algorithm, make_maze())
+        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.learn(7 * GENERATION, log_interval=3)
+        assert [float(row["time/generations"]) for row in read_rows(tmp_path)] == [3, 6]
+
+    def test_tensorboard_gets_a_file(self, algorithm, make_model, make_maze, tmp_path):
+        pytest.importorskip("tensorboard")
+        make_model(algorithm, make_maze(), tensorboard_log=str(tmp_path)).learn(1)
+        files = list((tmp_path / f"{algorithm.__name__}_1").glob("events.out.tfevents.*"))
+        assert len(files) == 1
+        assert files[0].stat().st_size > 0
+
+    def test_verbose_prints_a_table(self, algorithm, make_model, make_maze, capsys):
+        make_model(algorithm, make_maze(), verbose=1).learn(1)
+        assert "total_timesteps" in capsys.readouterr().out
+        make_model(algorithm, make_maze()).learn(1)
+        assert capsys.readouterr().out == ""
+
+
+class TestCallbacks:
+    def test_events_come_in_stable_baselines_order(self, algorithm, make_model, make_maze):
+        recorder = Recorder()
+        make_model(algorithm, make_maze()).learn(2 * GENERATION, callback=recorder)
+        generation = ["rollout start", "rollout end", "step"]
+        assert recorder.events == ["training start", *generation, *generation, "training end"]
+        assert recorder.timesteps == [GENERATION, 2 * GENERATION]
+
+    def test_false_stops(self, algorithm, make_model, make_maze):
+        recorder = Recorder(stop_after=2)
+        model = make_model(algorithm, make_maze())
+        model.learn(9 * GENERATION, callback=recorder)
+        assert model.generation == 2
+        assert recorder.events[-1] == "training end"
+
+    def test_a_function_will_do(self, algorithm, make_model, make_maze):
+        model = make_model(algorithm, make_maze())
+        model.learn(9 * GENERATION, callback=lambda local_variables, global_variables: False)
+        assert model.generation == 1
+
+    def test_evaluation_stops_at_a_threshold(self, algorithm, make_model, make_easy_maze, tmp_path):
+        callback = EvalCallback(
+            Monitor(make_easy_maze()),
+            eval_freq=1,
+            n_eval_episodes=1,
+            callback_on_new_best=StopTrainingOnRewardThreshold(0.1),
+            best_model_save_path=str(tmp_path),
+            verbose=0,
+        )
+        model = make_model(algorithm, make_easy_maze()).learn(20_000, callback=callback)
+        assert model.num_timesteps < 20_000
+        assert callback.best_mean_reward == model.best_return > 0.1
+        best = algorithm.load(tmp_path / "best_model", env=make_easy_maze())
+        assert evaluate_policy(best, best.get_env(), 1)[0] == model.best_return
+
+    def test_checkpoints_count_generations(self, algorithm, make_model, make_maze, tmp_path):
+        callback = CheckpointCallback(save_freq=2, save_path=str(tmp_path))
+        make_model(algorithm, make_maze()).learn(5 * GENERATION, callback=callback)
+        names = [f"rl_model_{n * GENERATION}_steps.zip" for n in (2, 4)]
+        assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)

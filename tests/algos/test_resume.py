@@ -1,0 +1,139 @@
+"""An interrupted run, resumed, is the run that was never interrupted, in every bit."""
+
+import csv
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import gymnasium as gym
+import pytest
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+
+from curiosity_algos import CuriosityES
+
+ROOT = pathlib.Path(__file__).parents[2]
+
+TRAIN_FOREVER = """
+import sys
+sys.path.insert(0, {folder!r})
+from conftest import make_easy_maze, make_model
+from stable_baselines3.common.callbacks import CheckpointCallback
+import curiosity_algos
+model = make_model(curiosity_algos.{algorithm}, make_easy_maze())
+model.learn(1e9, callback=CheckpointCallback(1, {checkpoints!r}))
+"""
+
+
+class CtrlC(BaseCallback):
+    """Presses Ctrl-C in a generation, before it was learned from."""
+
+    def __init__(self, generation):
+        super().__init__()
+        self.generation = generation
+
+    def _on_rollout_start(self):
+        if self.model.generation == self.generation - 1:
+            signal.raise_signal(signal.SIGINT)
+
+    def _on_step(self):
+        return True
+
+
+@pytest.fixture(params=["maze", "CartPole-v1", "Pendulum-v1"])
+def make_env(request, make_easy_maze):
+    if request.param == "maze":
+        return make_easy_maze
+    return lambda: gym.make(request.param, max_episode_steps=40)
+
+
+def test_a_loaded_model_goes_on(algorithm, make_model, make_env, tmp_path, assert_same_run):
+    uninterrupted = make_model(algorithm, make_env()).learn(600)
+    uninterrupted.save(tmp_path / "model")
+    resumed = algorithm.load(tmp_path / "model", env=make_env())
+    for model in (uninterrupted, resumed):
+        model.learn(900, reset_num_timesteps=False)
+    assert_same_run(uninterrupted, resumed)
+
+
+def test_the_papers_settings_go_on(make_model, make_maze, tmp_path, assert_same_run):
+    settings = {"no_reward": "random", "step": "paper", "bonus_kwargs": {"normalize": False}}
+    uninterrupted = make_model(CuriosityES, make_maze(), **settings).learn(600)
+    uninterrupted.save(tmp_path / "model")
+    resumed = CuriosityES.load(tmp_path / "model", env=make_maze())
+    for model in (uninterrupted, resumed):
+        model.learn(900, reset_num_timesteps=False)
+    assert_same_run(uninterrupted, resumed)
+
+
+def test_saving_changes_nothing(algorithm, make_model, make_easy_maze, tmp_path, assert_same_run):
+    one, other = (make_model(algorithm, make_easy_maze()).learn(600) for _ in range(2))
+    one.save(tmp_path / "model")
+    one.save(tmp_path / "model", exclude=["buffer"])
+    assert_same_run(one.learn(600), other.learn(600))
+
+
+def logged(folder):
+    """The rows of a log, without the clock's."""
+    with open(folder / "progress.csv", newline="") as file:
+        return [{k: v for k, v in row.items() if k != "time/fps"} for row in csv.DictReader(file)]
+
+
+def test_the_log_of_two_halves_is_the_log_of_the_whole(
+    algorithm, make_model, make_easy_maze, tmp_path
+):
+    first = make_model(algorithm, make_easy_maze())
+    first.set_logger(configure(str(tmp_path / "first"), ["csv"]))
+    first.learn(1000).save(tmp_path / "model")
+    second = algorithm.load(tmp_path / "model", env=make_easy_maze())
+    second.set_logger(configure(str(tmp_path / "second"), ["csv"]))
+    second.learn(1000, reset_num_timesteps=False)
+    whole = make_model(algorithm, make_easy_maze())
+    whole.set_logger(configure(str(tmp_path / "whole"), ["csv"]))
+    whole.learn(first.num_timesteps + 1000)
+    rows = logged(tmp_path / "whole")
+    assert logged(tmp_path / "first") + logged(tmp_path / "second") == rows
+    assert len(rows) > 4
+
+
+def test_ctrl_c_leaves_a_model_that_resumes(
+    algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+):
+    interrupted = make_model(algorithm, make_easy_maze())
+    with pytest.raises(KeyboardInterrupt):
+        interrupted.learn(1e9, callback=CtrlC(generation=3))
+    assert interrupted.generation == 3
+    interrupted.save(tmp_path / "model")
+    loaded = algorithm.load(tmp_path / "model", env=make_easy_maze())
+    uninterrupted = make_model(algorithm, make_easy_maze())
+    uninterrupted.learn(interrupted.num_timesteps + 900)
+    for model in (interrupted, loaded):
+        model.learn(900, reset_num_timesteps=False)
+        assert_same_run(model, uninterrupted)
+
+
+def test_a_killed_process_leaves_a_checkpoint_that_resumes(
+    algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+):
+    code = TRAIN_FOREVER.format(
+        folder=str(pathlib.Path(__file__).parent),
+        algorithm=algorithm.__name__,
+        checkpoints=str(tmp_path),
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+    try:
+        while len(list(tmp_path.glob("*.zip"))) < 3:
+            assert process.poll() is None
+            time.sleep(0.02)
+    finally:
+        process.kill()
+        process.wait()
+    last = max(tmp_path.glob("*.zip"), key=lambda path: int(path.stem.split("_")[-2]))
+    resumed = algorithm.load(last, env=make_easy_maze())
+    assert resumed.num_timesteps == int(last.stem.split("_")[-2])
+    uninterrupted = make_model(algorithm, make_easy_maze())
+    uninterrupted.learn(resumed.num_timesteps + 900)
+    resumed.learn(900, reset_num_timesteps=False)
+    assert_same_run(resumed, uninterrupted)

@@ -5,12 +5,14 @@ Every run is one process on one thread; results do not depend on how many run at
 
 from __future__ import annotations
 
+import json
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Annotated, Any
 
 import gymnasium as gym
 import typer
@@ -35,13 +37,14 @@ class Result:
     seconds: float
 
 
-def run(algorithm: str, maze: str, seed: int, timesteps: float) -> Result:
-    """Train one algorithm with its default settings."""
+def run(algorithm: str, maze: str, seed: int, timesteps: float, settings: dict[str, Any]) -> Result:
+    """Train one algorithm, with its defaults where `settings` says nothing else."""
     began = time.perf_counter()
     env = gym.make(f"CuriosityMaze-{maze}-v0")
-    model = getattr(curiosity_algos, algorithm)(env, seed=seed, n_threads=1, device="cpu")
+    make = getattr(curiosity_algos, algorithm)
+    model = make(env, seed=seed, n_threads=1, device="cpu", **settings)
     model.learn(timesteps)
-    visited_share = env.unwrapped.coverage_grid.reachable.mean() * model.coverage
+    visited_share = float(env.unwrapped.coverage_grid.reachable.mean() * model.coverage)
     seconds = time.perf_counter() - began
     return Result(
         algorithm,
@@ -86,6 +89,7 @@ def main(
     n_seeds: int = 5,
     algorithms: str = ",".join(ALGORITHMS),
     mazes: str = ",".join(MAZES),
+    settings: Annotated[str, typer.Option(help="Keywords of the algorithms, as JSON.")] = "{}",
     jobs: int = 2,
     out: Path | None = None,
 ) -> None:
@@ -93,7 +97,7 @@ def main(
     seeds = range(first_seed, first_seed + n_seeds)
     tasks = list(product(algorithms.split(","), mazes.split(","), seeds))
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        futures = {pool.submit(run, *task, timesteps): task for task in tasks}
+        futures = {pool.submit(run, *task, timesteps, json.loads(settings)): task for task in tasks}
         for done, future in enumerate(as_completed(futures), start=1):
             typer.echo(f"{done} of {len(tasks)}: {future.result()}", err=True)
         results = [future.result() for future in futures]

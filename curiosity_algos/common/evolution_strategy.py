@@ -114,7 +114,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         population_size: int = 56,
         n_parents: int = 28,
         sigma: float = 0.3,
-        learning_rate: float = 0.5,
+        learning_rate: float = 1.0,
         step: str = "canonical",
         mirrored_sampling: bool = False,
         **kwargs: Any,

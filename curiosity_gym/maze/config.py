@@ -21,6 +21,7 @@ from curiosity_gym.maze.layouts import (
     reachable_cells,
     resolve_layout,
 )
+from curiosity_gym.maze.viewer import MazeViewer
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 LIDAR_SHARE = 0.2
@@ -38,6 +39,15 @@ class MazeConfig:
     action_space: spaces.Box[np.float32]
     behavior_space: spaces.Box[np.float64]
     coverage_grid: CoverageGrid
+
+    def make_viewer(self) -> MazeViewer:
+        """What draws this maze."""
+        return MazeViewer(
+            self.layout,
+            n_beams=len(self.maze.inverse_x),
+            beam_range=self.lidar_range,
+            goal_radius=self.maze.goal_radius,
+        )
 
 
 def configure_maze(

@@ -106,6 +106,7 @@ class MazeEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
+        self._make_viewer = config.make_viewer
         self.observation_space = config.observation_space
         self.action_space = config.action_space
         self.behavior_space = config.behavior_space
@@ -189,12 +190,7 @@ class MazeEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         if self._t < 0:
             raise ResetNeeded("Call reset() before render().")
         if self._viewer is None:
-            self._viewer = MazeViewer(
-                self.layout,
-                n_beams=len(self.maze.inverse_x),
-                beam_range=self.lidar_range,
-                goal_radius=self.maze.goal_radius,
-            )
+            self._viewer = self._make_viewer()
         beams = self._observation[N_BASE_FEATURES:] * self.lidar_range
         frame = self._viewer.draw(self._state, beams)
         if self.render_mode == "human":

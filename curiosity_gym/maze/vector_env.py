@@ -107,6 +107,7 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
+        self._make_viewer = config.make_viewer
         self.behavior_space = config.behavior_space
         self.coverage_grid = config.coverage_grid
         self.single_observation_space = config.observation_space
@@ -269,12 +270,7 @@ class MazeVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if not self._is_ready:
             raise ResetNeeded("Call reset() before render().")
         if self._viewer is None:
-            self._viewer = MazeViewer(
-                self.layout,
-                n_beams=len(self.maze.inverse_x),
-                beam_range=self.lidar_range,
-                goal_radius=self.maze.goal_radius,
-            )
+            self._viewer = self._make_viewer()
         beams = self._observations[:, N_BASE_FEATURES:] * self.lidar_range
         return tuple(self._viewer.draw(*each) for each in zip(self._states, beams, strict=True))
 

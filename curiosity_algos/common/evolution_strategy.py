@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from curiosity_algos.common.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.evaluation.batches import env_id
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.canonical import CanonicalSearch
@@ -24,6 +26,8 @@ Float64Array = npt.NDArray[np.float64]
 
 STEPS = ("canonical", "paper")
 NO_REWARD = ("ignore", "random")
+LEARNING_RATE = 0.5
+"""Where the tuned preset has none for the environment."""
 
 
 class Motivation(Protocol):
@@ -96,7 +100,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         population_size: lambda, individuals a generation.
         n_parents: mu, the best of them that recombine, at most lambda.
         sigma: Standard deviation of the samples around the center, above 0.
-        learning_rate: alpha, above 0: scales the center's step.
+        learning_rate: alpha, above 0: scales the center's step. None: that of the tuned preset for
+            this environment, or 0.5.
         step: "canonical" or "paper" (divided by `sigma n_parents`).
         mirrored_sampling: Draw half of the population opposite to the other half.
         **kwargs: Passed on to `EvolutionaryAlgorithm`.
@@ -114,7 +119,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         population_size: int = 56,
         n_parents: int = 28,
         sigma: float = 0.3,
-        learning_rate: float = 1.0,
+        learning_rate: float | None = None,
         step: str = "canonical",
         mirrored_sampling: bool = False,
         **kwargs: Any,
@@ -124,6 +129,9 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         self.sigma = sigma
         self.step = step
         self.mirrored_sampling = mirrored_sampling
+        if learning_rate is None:
+            tuned = load_preset("tuned", type(self).__name__, env_id(env))
+            learning_rate = tuned.get("learning_rate", LEARNING_RATE)
         super().__init__(env, policy, learning_rate=learning_rate, **kwargs)
 
     def _check_settings(self) -> None:

@@ -187,3 +187,14 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
         "`env` must be an environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv, "
         f"got {type(env).__name__}."
     )
+
+
+def env_id(env: object) -> str | None:
+    """The id that an environment was made by, or None where it has none."""
+    if isinstance(env, str):
+        return env.rpartition(":")[2]
+    if isinstance(env, VecEnv):
+        spec = env.get_attr("spec", indices=0)[0] if env.has_attr("spec") else None
+    else:
+        spec = getattr(env, "spec", None)
+    return None if spec is None else str(spec.id)

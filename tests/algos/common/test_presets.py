@@ -1,0 +1,52 @@
+import gymnasium as gym
+import pytest
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from curiosity_algos import CanonicalES, CuriosityES, load_preset
+from curiosity_algos.common.presets import PRESETS
+
+HARD = "CuriosityMaze-Hard-v0"
+MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]
+
+
+@pytest.mark.parametrize("algorithm", [CuriosityES, CanonicalES])
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("env_id", MAZES)
+def test_every_preset_makes_a_model(algorithm, preset, env_id):
+    keywords = load_preset(preset, algorithm.__name__, env_id)
+    model = algorithm(env_id, **keywords)
+    for name, value in keywords.items():
+        assert getattr(model, name) == value
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("env_id", MAZES)
+def test_aliases_have_the_same_settings(preset, env_id):
+    alias = env_id.removeprefix("Curiosity")
+    assert load_preset(preset, "CuriosityES", alias) == load_preset(preset, "CuriosityES", env_id)
+
+
+def test_the_papers_table():
+    snake, hard = (load_preset("paper", "CuriosityES", env_id) for env_id in (MAZES[0], HARD))
+    assert (snake["learning_rate"], snake["bonus_kwargs"]["beta"]) == (0.5, 0.1)
+    assert (hard["learning_rate"], hard["bonus_kwargs"]["beta"]) == (1.0, 0.2)
+    assert {each["sigma"] for each in (snake, hard)} == {0.5}
+
+
+def test_an_unknown_preset_is_refused():
+    with pytest.raises(ValueError, match="`preset` must be one of paper, tuned"):
+        load_preset("best", "CuriosityES", HARD)
+
+
+def test_the_tuned_preset_is_the_default_for_every_kind_of_env():
+    expected = load_preset("tuned", "CuriosityES", HARD)["learning_rate"]
+    envs = [
+        HARD,
+        f"curiosity_gym:{HARD}",
+        gym.make("Maze-Hard-v0"),
+        gym.make_vec(HARD, num_envs=2),
+        DummyVecEnv([lambda: gym.make(HARD)]),
+    ]
+    assert [CuriosityES(env).learning_rate for env in envs] == [expected] * len(envs)
+    assert CuriosityES("CartPole-v1").learning_rate != expected
+    assert CuriosityES(HARD, learning_rate=0.2).learning_rate == 0.2

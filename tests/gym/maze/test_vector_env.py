@@ -35,42 +35,10 @@ def random_actions(n_steps, num_envs=N_ENVS, seed=0):
     return np.repeat(values, 5, axis=0)[:n_steps].astype(np.float32)
 
 
-def assert_identical(ours, theirs):
-    """The same types, dtypes, shapes and bits, through tuples and dicts."""
-    assert type(ours) is type(theirs)
-    if isinstance(ours, dict):
-        assert ours.keys() == theirs.keys()
-        for key in ours:
-            assert_identical(ours[key], theirs[key])
-    elif isinstance(ours, tuple):
-        for our, their in zip(ours, theirs, strict=True):
-            assert_identical(our, their)
-    elif isinstance(ours, np.ndarray):
-        assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape)
-        if ours.dtype == object:
-            for our, their in zip(ours, theirs, strict=True):
-                assert_identical(our, their)
-        else:
-            assert ours.tobytes() == theirs.tobytes()
-    else:
-        assert ours == theirs
-
-
-def run(envs, actions):
-    """Everything that reset and the steps return; with autoreset disabled, resets the ended."""
-    results = [envs.reset(seed=3)]
-    for action in actions:
-        results.append(envs.step(action))
-        ended = results[-1][2] | results[-1][3]
-        if envs.metadata["autoreset_mode"] == AutoresetMode.DISABLED and ended.any():
-            results.append(envs.reset(options={"reset_mask": ended.copy()}))
-    return results
-
-
 class TestAgainstSingleEnvs:
     @pytest.mark.parametrize("mode", MODES)
     @pytest.mark.parametrize("changes", [{}, {"restitution": 1.0, "horizon": 1}, {"num_envs": 1}])
-    def test_equals_gymnasiums_sync_vector_env(self, mode, changes):
+    def test_equals_gymnasiums_sync_vector_env(self, mode, changes, assert_identical, run):
         actions = random_actions(150, num_envs=changes.get("num_envs", N_ENVS))
         ours = run(make_native(autoreset_mode=mode, **changes), actions)
         theirs = run(make_sync(mode, **changes), actions)
@@ -81,7 +49,7 @@ class TestAgainstSingleEnvs:
         assert ends.sum() >= 5
 
     @pytest.mark.parametrize("mode", MODES)
-    def test_equals_gymnasiums_sync_vector_env_from_a_given_state(self, mode):
+    def test_equals_gymnasiums_sync_vector_env_from_a_given_state(self, mode, assert_identical):
         mask = np.arange(N_ENVS) % 3 == 0
         envs = make_native(autoreset_mode=mode), make_sync(mode)
         for options in ({"state": (15.0, 4.0, -2.0, 1.0)}, {"state": (3.0, 3.0, 0.0, 0.0)}):
@@ -120,7 +88,7 @@ class TestAgainstSingleEnvs:
 
 class TestThreads:
     @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-    def test_results_do_not_depend_on_their_number(self, mode):
+    def test_results_do_not_depend_on_their_number(self, mode, assert_identical, run):
         actions = random_actions(60, num_envs=700)
         runs = [
             run(make_native(700, autoreset_mode=mode, n_threads=n_threads), actions)
@@ -130,7 +98,7 @@ class TestThreads:
             for ours, theirs in zip(runs[0], other, strict=True):
                 assert_identical(ours, theirs)
 
-    def test_results_do_not_depend_on_the_number_of_envs(self):
+    def test_results_do_not_depend_on_the_number_of_envs(self, run):
         actions = random_actions(60, num_envs=700)
         many = run(make_native(700), actions)
         few = run(make_native(2), actions[:, :2])
@@ -140,7 +108,7 @@ class TestThreads:
 
 class TestBuffers:
     @pytest.mark.parametrize("mode", MODES)
-    def test_are_never_overwritten_later(self, mode):
+    def test_are_never_overwritten_later(self, mode, assert_identical):
         envs = make_native(autoreset_mode=mode)
         actions = random_actions(60)
         kept = []
@@ -153,7 +121,7 @@ class TestBuffers:
         for now, then in zip(results[:-1], kept, strict=True):
             assert_identical(now, then)
 
-    def test_writing_to_them_changes_no_dynamics(self):
+    def test_writing_to_them_changes_no_dynamics(self, assert_identical):
         envs, twins = make_native(autoreset_mode="SameStep"), make_native(autoreset_mode="SameStep")
         assert_identical(envs.reset(), twins.reset())
         for action in random_actions(60):
@@ -202,7 +170,7 @@ class TestReset:
             {"reset_mask": np.zeros(N_ENVS, dtype=bool)},
         ],
     )
-    def test_rejects_bad_options_and_keeps_the_episodes(self, options):
+    def test_rejects_bad_options_and_keeps_the_episodes(self, options, assert_identical):
         envs, twins = make_native(), make_native()
         for each in (envs, twins):
             each.reset()
@@ -246,7 +214,7 @@ class TestStep:
             np.zeros(2 * N_ENVS),
         ],
     )
-    def test_rejects_bad_actions_and_does_not_move(self, actions):
+    def test_rejects_bad_actions_and_does_not_move(self, actions, assert_identical):
         envs, twins = make_native(), make_native()
         for each in (envs, twins):
             each.reset()
@@ -307,7 +275,7 @@ class TestMakeVec:
 
 
 class TestRender:
-    def test_gives_a_frame_of_each_env_as_single_envs_do(self):
+    def test_gives_a_frame_of_each_env_as_single_envs_do(self, run):
         ours = make_native(render_mode="rgb_array")
         theirs = make_sync(AutoresetMode.NEXT_STEP, render_mode="rgb_array")
         for envs in (ours, theirs):
@@ -324,7 +292,7 @@ class TestRender:
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
-def test_copies_continue_on_their_own(duplicate):
+def test_copies_continue_on_their_own(duplicate, assert_identical, run):
     envs = make_native(400, n_threads=2)
     run(envs, random_actions(10, num_envs=400))
     twins = duplicate(envs)
@@ -333,7 +301,9 @@ def test_copies_continue_on_their_own(duplicate):
 
 
 @pytest.mark.parametrize("start_method", ["fork", "spawn"])
-def test_single_envs_work_in_processes_started_after_compiled_calls_on_threads(start_method):
+def test_single_envs_work_in_processes_started_after_compiled_calls_on_threads(
+    start_method, assert_identical, run
+):
     if start_method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {start_method} here")
     run(make_native(700, n_threads=2), random_actions(5, num_envs=700))

@@ -1,0 +1,231 @@
+"""What this package's vector environments share: episodes, rewards, autoreset, infos."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from curiosity_gym.core import CoverageGrid
+from curiosity_gym.validation import check_at_least_one
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Frame = npt.NDArray[np.uint8]
+
+
+class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
+    """n episodes side by side, each rewarded `1 - t / horizon` when it succeeds in its step t.
+
+    Step for step what a `SyncVectorEnv` of the single envs gives, in every autoreset mode. A
+    subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_frames`.
+
+    Args:
+        num_envs: Number of episodes side by side.
+        observation_space: Of a single env.
+        action_space: Likewise.
+        behavior_space: Bounds of `info["behavior"]`.
+        coverage_grid: What coverage counts of it.
+        horizon: Steps after which an episode is truncated.
+        fps: Frames a second.
+        autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
+            `DISABLED`, `reset(options={"reset_mask": mask})` does it.
+        render_mode: "rgb_array" or None.
+        copy: Hand out new arrays each step; False: the observations of a step are overwritten by
+            the next.
+
+    Raises:
+        ValueError: If an argument is not what it may be.
+    """
+
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        num_envs: int,
+        observation_space: spaces.Box,
+        action_space: spaces.Box,
+        behavior_space: spaces.Box,
+        coverage_grid: CoverageGrid,
+        horizon: int,
+        fps: int,
+        autoreset_mode: AutoresetMode | str,
+        render_mode: str | None,
+        copy: bool,
+    ) -> None:
+        check_at_least_one(num_envs=num_envs)
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
+        self.num_envs = num_envs
+        self.single_observation_space = observation_space
+        self.single_action_space = action_space
+        self.observation_space = batch_space(observation_space, num_envs)
+        self.action_space = batch_space(action_space, num_envs)
+        self.behavior_space = behavior_space
+        self.coverage_grid = coverage_grid
+        self.horizon = horizon
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        own = {"render_fps": fps, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {**type(self).metadata, **own}
+        self.render_mode = render_mode
+        self.copy = copy
+        shape = (num_envs, *observation_space.shape)
+        self._observations: Float32Array = np.zeros(shape, dtype=np.float32)
+        self._steps = np.full(num_envs, -1)  # no episode yet
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._is_ready = False
+
+    # -- what an environment writes ---------------------------------------------------------------
+
+    @abstractmethod
+    def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
+        """Begin an episode in the envs of `mask` and write their rows of `_observations`.
+
+        Raises:
+            ValueError: If an option is not what it may be; nothing has changed then.
+        """
+
+    @abstractmethod
+    def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
+        """Step the envs, but begin an episode in those of `resets`; write all `_observations`.
+
+        Returns:
+            Which envs are at the goal, (num_envs,), False where an episode began.
+        """
+
+    @abstractmethod
+    def _info_arrays(self) -> dict[str, Float64Array]:
+        """New arrays (num_envs, ...) for the infos, "behavior" among them."""
+
+    @abstractmethod
+    def _frames(self) -> tuple[Frame, ...]:
+        """A picture of each env."""
+
+    # -- episodes ---------------------------------------------------------------------------------
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Float32Array, dict[str, Any]]:
+        """Begin episodes.
+
+        Args:
+            seed: As in Gymnasium; nothing here is random.
+            options: `reset_mask`: (num_envs,) bool, the envs to reset, None: all; and the options
+                of a single env.
+
+        Raises:
+            ValueError: If seeds are not as many as envs, or an option is not what it may be.
+        """
+        if isinstance(seed, Sequence) and len(seed) != self.num_envs:
+            raise ValueError(
+                f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seed)}."
+            )
+        mask = self._reset_mask(options)
+        self._begin(mask, options)
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        self._count_begin(mask)
+        self._is_ready = bool((self._steps >= 0).all())
+        return self._handed_out(), self._infos(mask)
+
+    def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
+        mask = None if options is None else options.get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        is_mask = isinstance(mask, np.ndarray) and mask.dtype == np.bool_
+        if not is_mask or mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(
+                f'`options["reset_mask"]` must be a bool array of shape ({self.num_envs},) with at '
+                "least one True."
+            )
+        return np.asarray(mask)
+
+    def _count_begin(self, mask: Mask) -> None:
+        self._steps[mask] = 0
+        self._ended = self._ended & ~mask
+
+    def step(  # type: ignore[override]
+        self, actions: Float32Array
+    ) -> tuple[Float32Array, Float64Array, Mask, Mask, dict[str, Any]]:
+        """Step every env once.
+
+        Args:
+            actions: (num_envs, A), clipped to the action space.
+
+        Returns:
+            Observations (num_envs, O), rewards, terminations, truncations (num_envs,), and infos.
+
+        Raises:
+            ValueError: If the actions are not (num_envs, A) finite numbers.
+            gymnasium.error.ResetNeeded: Before the first reset, and with autoreset disabled while
+                an env has ended.
+        """
+        actions = np.ascontiguousarray(actions, dtype=np.float32)
+        if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
+            raise ValueError(f"`actions` must be finite, of shape {self.action_space.shape}.")
+        is_disabled = self.autoreset_mode == AutoresetMode.DISABLED
+        if not self._is_ready or (is_disabled and self._ended.any()):
+            raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
+        resets = self._ended
+        terminated = self._advance(actions, resets)
+        self._steps = np.where(resets, 0, self._steps + 1)
+        truncated = ~terminated & (self._steps >= self.horizon)
+        rewards = np.where(terminated, 1.0 - self._steps / self.horizon, 0.0)
+        self._ended = terminated | truncated
+        infos = self._infos(np.ones(self.num_envs, dtype=np.bool_), terminated)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
+            infos = self._reset_ended(infos)
+        return self._handed_out(), rewards, terminated, truncated, infos
+
+    def _handed_out(self) -> Float32Array:
+        return self._observations.copy() if self.copy else self._observations
+
+    def _reset_ended(self, infos: dict[str, Any]) -> dict[str, Any]:
+        """Same-step autoreset: the final observations and infos go into the infos."""
+        ended = self._ended
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ended):
+            final_obs[i] = self._observations[i].copy()
+        final_info = self._infos(ended, infos["is_success"])
+        self._begin(ended, None)
+        self._count_begin(ended)
+        return {
+            "final_obs": final_obs,
+            "_final_obs": ended.copy(),
+            "final_info": final_info,
+            "_final_info": ended.copy(),
+            **self._infos(np.ones(self.num_envs, dtype=np.bool_), infos["is_success"] & ~ended),
+        }
+
+    def _infos(self, mask: Mask, is_success: Mask | None = None) -> dict[str, Any]:
+        """Infos of the envs of `mask`, in the form that Gymnasium's vector environments give."""
+        values: dict[str, npt.NDArray[Any]] = dict(self._info_arrays())
+        for array in values.values():
+            array[~mask] = 0.0
+        none = np.zeros(self.num_envs, dtype=np.bool_)
+        values["is_success"] = none if is_success is None else is_success & mask
+        infos: dict[str, Any] = {}
+        for key, value in values.items():
+            infos[key], infos[f"_{key}"] = value, mask.copy()
+        return infos
+
+    def render(self) -> tuple[Frame, ...] | None:
+        """A frame (height, width, 3) of each env for "rgb_array"."""
+        if self.render_mode is None:
+            gym.logger.warn("render() needs a render_mode: make the env with one.")
+            return None
+        if not self._is_ready:
+            raise ResetNeeded("Call reset() before render().")
+        return self._frames()

@@ -1,0 +1,47 @@
+"""What the tests of both vector environments share: equality in every bit, and a plain loop."""
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+
+def assert_identical(ours, theirs):
+    """The same types, dtypes, shapes and bits, through tuples and dicts."""
+    assert type(ours) is type(theirs)
+    if isinstance(ours, dict):
+        assert ours.keys() == theirs.keys()
+        for key in ours:
+            assert_identical(ours[key], theirs[key])
+    elif isinstance(ours, tuple):
+        for our, their in zip(ours, theirs, strict=True):
+            assert_identical(our, their)
+    elif isinstance(ours, np.ndarray):
+        assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape)
+        if ours.dtype == object:
+            for our, their in zip(ours, theirs, strict=True):
+                assert_identical(our, their)
+        else:
+            assert ours.tobytes() == theirs.tobytes()
+    else:
+        assert ours == theirs
+
+
+def run(envs, actions):
+    """Everything that reset and the steps return; with autoreset disabled, resets the ended."""
+    results = [envs.reset(seed=3)]
+    for action in actions:
+        results.append(envs.step(action))
+        ended = results[-1][2] | results[-1][3]
+        if envs.metadata["autoreset_mode"] == AutoresetMode.DISABLED and ended.any():
+            results.append(envs.reset(options={"reset_mask": ended.copy()}))
+    return results
+
+
+@pytest.fixture(name="assert_identical")
+def assert_identical_fixture():
+    return assert_identical
+
+
+@pytest.fixture(name="run")
+def run_fixture():
+    return run

@@ -8,7 +8,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,8 @@ class CoverageGrid:
         high: (d,) upper bounds.
         n_cells: Cells along each dimension.
         reachable: (n_cells,) * d bool, the cells that can be visited at all; None: unknown.
+        projections: Name: positions among the d dimensions; their cells are also counted alone, as
+            `coverage/<name>`.
     """
 
     dimensions: tuple[int, ...]
@@ -31,6 +34,7 @@ class CoverageGrid:
     high: npt.NDArray[np.float64]
     n_cells: int = 50
     reachable: npt.NDArray[np.bool_] | None = None
+    projections: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
         """Equal grids count the same cells."""
@@ -38,6 +42,7 @@ class CoverageGrid:
             return NotImplemented
         return (
             (self.dimensions, self.n_cells) == (other.dimensions, other.n_cells)
+            and self.projections == other.projections
             and np.array_equal(self.low, other.low)
             and np.array_equal(self.high, other.high)
             and np.array_equal(self.reachable, other.reachable)  # type: ignore[arg-type]
@@ -49,6 +54,18 @@ class CoverageGrid:
         """Flat cell indices (n,) of behaviors (n, B); values out of bounds count at the edge."""
         values = (behaviors[:, self.dimensions] - self.low) / (self.high - self.low)
         indices = np.clip(values * self.n_cells, 0, self.n_cells - 1).astype(np.int64)
-        shape = (self.n_cells,) * len(self.dimensions)
-        flat: npt.NDArray[np.int64] = np.ravel_multi_index(tuple(indices.T), shape)
+        flat: npt.NDArray[np.int64] = np.ravel_multi_index(tuple(indices.T), self.shape)
+        return flat
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Cells along each of the d dimensions."""
+        return (self.n_cells,) * len(self.dimensions)
+
+    def project(self, cells: npt.NDArray[np.int64], name: str) -> npt.NDArray[np.int64]:
+        """Flat cell indices of one of `projections`, for flat cell indices of the whole grid."""
+        kept = self.projections[name]
+        indices = np.unravel_index(cells, self.shape)
+        shape = (self.n_cells,) * len(kept)
+        flat: npt.NDArray[np.int64] = np.ravel_multi_index([indices[i] for i in kept], shape)
         return flat

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -33,7 +34,7 @@ class Coverage:
     @property
     def all(self) -> float | None:
         """Share of all cells that were visited (the paper's figure)."""
-        return None if self.grid is None else len(self._visited) / self._n_cells
+        return None if self.grid is None else len(self._visited) / math.prod(self.grid.shape)
 
     @property
     def reachable(self) -> float | None:
@@ -44,9 +45,16 @@ class Coverage:
         return float(reachable[self._visited].sum() / reachable.sum())
 
     @property
-    def _n_cells(self) -> int:
-        assert self.grid is not None
-        return int(self.grid.n_cells ** len(self.grid.dimensions))
+    def shares(self) -> dict[str, float]:
+        """Every share by name: `reachable`, `all`, and those of the grid's projections."""
+        if self.grid is None or self.all is None or self.reachable is None:
+            return {}
+        projected = {
+            name: len(np.unique(self.grid.project(self._visited, name)))
+            / self.grid.n_cells ** len(kept)
+            for name, kept in self.grid.projections.items()
+        }
+        return {"reachable": self.reachable, "all": self.all, **projected}
 
     def state_dict(self) -> dict[str, Any]:
         """The visited cells."""

@@ -310,9 +310,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             "time/generations": self.generation,
             "time/total_timesteps": self.num_timesteps,
         }
-        if self.coverage is not None:
-            values["coverage/reachable"] = self.coverage
-            values["coverage/all"] = self._coverage.all
+        values |= {f"coverage/{name}": share for name, share in self._coverage.shares.items()}
         for key, value in values.items():
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)

@@ -7,24 +7,52 @@ from typing import Any
 import gymnasium as gym
 
 _MAZES = {"Snake": "snake", "US": "us", "Hard": "hard", "Labyrinth": "labyrinth"}
+_CONTROL = {"BallInCup": "ball_in_cup", "Finger": "finger", "Stacker": "stacker"}
+_SPARSE = {
+    "PointMaze_UMaze": "PointMaze_UMaze-v3",
+    "PointMaze_Large": "PointMaze_Large-v3",
+    "AntMaze_UMaze": "AntMaze_UMaze-v5",
+    "CartPoleSwingUp": "dm_control/cartpole-swingup_sparse-v0",
+    "AcrobotSwingUp": "dm_control/acrobot-swingup_sparse-v0",
+}
+
+
+def _maze(**kwargs: Any) -> dict[str, Any]:
+    return {
+        "entry_point": "curiosity_gym.maze.maze_env:MazeEnv",
+        "vector_entry_point": "curiosity_gym.maze.vector_env:MazeVectorEnv",
+        "kwargs": kwargs,
+    }
+
+
+def _control(task: str) -> dict[str, Any]:
+    return {
+        "entry_point": "curiosity_gym.control.control_env:ControlEnv",
+        "vector_entry_point": "curiosity_gym.control.vector_env:ControlVectorEnv",
+        "kwargs": {"task": task},
+    }
+
+
+def _sparse(env_id: str) -> dict[str, Any]:
+    return {
+        "entry_point": "curiosity_gym.wrappers.ready_made:SparseEnv",
+        "kwargs": {"env_id": env_id},
+    }
+
 
 SPECS: dict[str, dict[str, Any]] = {
-    **{f"CuriosityMaze-{name}-v0": {"layout": layout} for name, layout in _MAZES.items()},
-    **{f"Maze-{name}-v0": {"layout": layout} for name, layout in _MAZES.items()},
-    "CuriosityMaze-v0": {},
+    **{f"CuriosityMaze-{name}-v0": _maze(layout=layout) for name, layout in _MAZES.items()},
+    **{f"Maze-{name}-v0": _maze(layout=layout) for name, layout in _MAZES.items()},
+    "CuriosityMaze-v0": _maze(),
+    **{f"CuriosityControl-{name}-v0": _control(task) for name, task in _CONTROL.items()},
+    **{f"CuriositySparse-{name}-v0": _sparse(env_id) for name, env_id in _SPARSE.items()},
 }
-"""Id: keywords of the environment."""
+"""Id: what `gymnasium.register` is told of it."""
 
 
 def register_envs() -> None:
     """Register every id with Gymnasium; ids already there stay as they are."""
-    for env_id, kwargs in SPECS.items():
+    for env_id, spec in SPECS.items():
         if env_id not in gym.registry:
             # No TimeLimit: the env itself truncates, so that reward and end always agree.
-            gym.register(
-                env_id,
-                entry_point="curiosity_gym.maze.maze_env:MazeEnv",
-                vector_entry_point="curiosity_gym.maze.vector_env:MazeVectorEnv",
-                max_episode_steps=None,
-                kwargs=kwargs,
-            )
+            gym.register(env_id, max_episode_steps=None, **spec)

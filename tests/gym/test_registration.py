@@ -14,6 +14,14 @@ from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.registration import SPECS
 
 NAMES = ["Snake", "US", "Hard", "Labyrinth"]
+TASKS = ["BallInCup", "Finger", "Stacker"]
+READY_MADE = [
+    "PointMaze_UMaze",
+    "PointMaze_Large",
+    "AntMaze_UMaze",
+    "CartPoleSwingUp",
+    "AcrobotSwingUp",
+]
 HEAVY = ["numba", "torch", "dm_control", "pygame", "mujoco", "matplotlib"]
 TEXT = """
 #####
@@ -44,8 +52,10 @@ def test_every_id_makes_its_maze_without_a_time_limit(name, prefix):
 
 
 def test_the_ids_are_those_of_the_documentation_and_no_others():
-    expected = {f"{prefix}-{name}-v0" for prefix in ("CuriosityMaze", "Maze") for name in NAMES}
-    assert set(SPECS) == expected | {"CuriosityMaze-v0"}
+    mazes = {f"{prefix}-{name}-v0" for prefix in ("CuriosityMaze", "Maze") for name in NAMES}
+    control = {f"CuriosityControl-{name}-v0" for name in TASKS}
+    sparse = {f"CuriositySparse-{name}-v0" for name in READY_MADE}
+    assert set(SPECS) == mazes | {"CuriosityMaze-v0"} | control | sparse
 
 
 def test_registering_again_neither_warns_nor_replaces():

@@ -17,7 +17,7 @@ from curiosity_gym.maze.layouts import BUILT_IN, MazeLayout, reachable_cells
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.registration import SPECS
 
-MAZE_IDS = [env_id for env_id, keywords in SPECS.items() if "layout" in keywords]
+MAZE_IDS = [env_id for env_id, spec in SPECS.items() if "layout" in spec["kwargs"]]
 FREE = np.zeros(2, dtype=np.float32)
 EAST = np.array([1.0, 0.0], dtype=np.float32)
 

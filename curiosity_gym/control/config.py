@@ -1,0 +1,74 @@
+"""What the keywords of a control environment mean, for the single and the vector environment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from curiosity_gym.control.tasks import TASKS, ControlTask
+from curiosity_gym.control.viewer import ControlViewer
+from curiosity_gym.core import CoverageGrid
+from curiosity_gym.validation import check_at_least_one, check_choice
+
+
+@dataclass(frozen=True)
+class ControlConfig:
+    """A checked task, its spaces, and what draws it."""
+
+    task: ControlTask
+    horizon: int
+    width: int
+    height: int
+
+    @property
+    def observation_space(self) -> spaces.Box[np.float32]:
+        """Unbounded: positions and velocities have no limits of their own."""
+        return spaces.Box(-np.inf, np.inf, (self.task.n_observations,), np.float32)
+
+    @property
+    def action_space(self) -> spaces.Box[np.float32]:
+        """Every actuator's range."""
+        return spaces.Box(-1.0, 1.0, (self.task.n_actions,), np.float32)
+
+    @property
+    def behavior_space(self) -> spaces.Box[np.float64]:
+        """Bounds of `info["behavior"]`."""
+        return spaces.Box(self.task.behavior_low, self.task.behavior_high, dtype=np.float64)
+
+    @property
+    def coverage_grid(self) -> CoverageGrid:
+        """What coverage counts."""
+        return self.task.coverage_grid
+
+    @property
+    def fps(self) -> int:
+        """Control steps a second."""
+        return round(1.0 / float(self.task.model.opt.timestep * self.task.n_substeps))
+
+    def make_viewer(self) -> ControlViewer:
+        """What draws the task."""
+        return ControlViewer(self.task.model, width=self.width, height=self.height)
+
+
+def configure_control(
+    task: str | None = None,
+    *,
+    horizon: int = 1000,
+    width: int = 320,
+    height: int = 240,
+    **kwargs: Any,
+) -> ControlConfig:
+    """Check the keywords of `ControlEnv`, where they are explained.
+
+    Raises:
+        ValueError: If one of them is not what it may be.
+        TypeError: If the task has no such keyword.
+        gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
+    """
+    check_choice(tuple(TASKS), task=task)
+    check_at_least_one(horizon=horizon, width=width, height=height)
+    assert task is not None
+    return ControlConfig(TASKS[task](**kwargs), int(horizon), int(width), int(height))

@@ -1,0 +1,147 @@
+"""n copies of a task's physics, stepped together by MuJoCo's own batch."""
+
+from __future__ import annotations
+
+import os
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_gym.compiled import available_cpus
+from curiosity_gym.control.tasks import ControlTask, Float32Array, Float64Array, Mask
+from curiosity_gym.extras import import_extra
+
+_INHERITED: list[Any] = []
+"""Batches made before a fork: without their threads they can be neither used nor freed."""
+
+
+class SimulationError(RuntimeError):
+    """MuJoCo gave up on a simulation: its state is no longer that of the physics."""
+
+
+class Simulation:
+    """n simulations of one task, bit for bit those of dm_control's own environment.
+
+    Args:
+        task: What is simulated.
+        n: Number of simulations.
+        n_threads: None: as many as there are processors. Results do not depend on it.
+
+    Attributes:
+        observations: (n, O) float32, overwritten by each step.
+    """
+
+    def __init__(self, task: ControlTask, n: int, n_threads: int | None = None) -> None:
+        self.task = task
+        self.n = n
+        self.n_threads = min(n, n_threads or available_cpus())
+        self.observations: Float32Array = np.zeros((n, task.n_observations), dtype=np.float32)
+        self._open()
+
+    def _open(self) -> None:
+        """Make the batch, which owns threads, and bind the arrays that are views of it."""
+        (self._mujoco, batch) = import_extra("control", "mujoco", "mujoco.batch")
+        # Persistent: one MjData each, or a touch sensor may show another simulation's force.
+        self._batch = batch.Batch(self.task.model, self.n, self.n_threads, persistent=True)
+        self._owner = os.getpid()
+        self._controls: Float64Array = self._batch.bind("ctrl")
+        self._warnings = self._batch.warning[:, :, 1]
+        self._fields = {name: self._batch.bind(name) for name in self.task.fields}
+        self._start = self._start_state()
+
+    def _start_state(self) -> Float64Array:
+        """The start, at rest, as a row of the batch's state, with the solver's warm start."""
+        mujoco, model = self._mujoco, self.task.model
+        data = mujoco.MjData(model)
+        for joint, position in self.task.start.items():
+            data.joint(joint).qpos[:] = position
+        mujoco.mj_forward(model, data)
+        row = np.empty(self._batch.nstate)
+        mujoco.mj_getState(model, data, row, mujoco.mjtState.mjSTATE_INTEGRATION)
+        return row
+
+    def reset(self, ids: npt.NDArray[np.int64] | None = None) -> None:
+        """Put simulations `ids`, sorted, None: all, at the start; the others stay as they are."""
+        self._stay_in_process()
+        rows = slice(None) if ids is None else ids
+        self._batch.state[rows] = self._start
+        self._batch.forward(ids, self._mujoco.mjtStage.mjSTAGE_ACC.value)
+        self._batch.state[rows] = self._start  # the solver has moved its warm start
+        self._batch.warning[rows] = 0
+        self._observe(rows)
+
+    def step(
+        self, actions: npt.NDArray[np.floating[Any]], ids: npt.NDArray[np.int64] | None = None
+    ) -> Mask:
+        """Advance simulations `ids` by a control step.
+
+        Args:
+            actions: (k, n_actions), one row for each of `ids`.
+            ids: k of them, sorted; None: all.
+
+        Returns:
+            Which of them are at the goal, (k,).
+
+        Raises:
+            SimulationError: If MuJoCo warned of a simulation, most of which it then resets.
+        """
+        self._stay_in_process()
+        rows = slice(None) if ids is None else ids
+        self._controls[rows] = actions
+        # dm_control steps with mj_step2, mj_step, mj_step1: of the stages, this one equals it.
+        stage = self._mujoco.mjtStage.mjSTAGE_VEL.value
+        self._batch.step(ids, self.task.n_substeps, stage)
+        if self._warnings.any():
+            self._raise_warning()
+        return self.task.success(self._observe(rows))
+
+    def _observe(self, rows: Any) -> SimpleNamespace:
+        """Write the observations of `rows`; their fields."""
+        fields = SimpleNamespace(**{name: array[rows] for name, array in self._fields.items()})
+        if isinstance(rows, slice):
+            self.task.observe(fields, self.observations)
+        else:
+            observations = np.empty((len(rows), self.task.n_observations), dtype=np.float32)
+            self.task.observe(fields, observations)
+            self.observations[rows] = observations
+        return fields
+
+    def _raise_warning(self) -> None:
+        simulation, kind = np.argwhere(self._warnings)[0].tolist()
+        name = self._mujoco.mjtWarning(kind).name.removeprefix("mjWARN_")
+        raise SimulationError(
+            f"MuJoCo warned of {name} in simulation {simulation} and may have reset it: "
+            "its episode cannot go on, reset the environment."
+        )
+
+    @property
+    def behaviors(self) -> Float64Array:
+        """(n, B) what the episodes have come to, within the behavior's bounds."""
+        behaviors = self.task.behavior(SimpleNamespace(**self._fields))
+        return np.clip(behaviors, self.task.behavior_low, self.task.behavior_high)
+
+    def write_data(self, simulation: int, data: Any) -> None:
+        """Write one simulation's state and derived fields into an `MjData`, to draw it."""
+        self._batch.get_data(simulation, data)
+
+    def _stay_in_process(self) -> None:
+        """Threads do not survive a fork: a child process makes its own batch."""
+        if self._owner != os.getpid():
+            _INHERITED.append(self._batch)
+            self.__setstate__(self.__getstate__())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the state of the physics; the batch itself owns threads and does not pickle."""
+        kept = ("task", "n", "n_threads", "observations")
+        return {**{name: getattr(self, name) for name in kept}, "state": self._batch.state.copy()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the batch anew: the next step gives the same bits as that of the original."""
+        rows = state.pop("state")
+        self.__dict__.update(state)
+        self._open()
+        self._batch.state[:] = rows
+        self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
+        self._batch.state[:] = rows

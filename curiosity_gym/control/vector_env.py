@@ -1,0 +1,106 @@
+"""Many episodes of a control task at once, stepped by MuJoCo's own batch and threads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from curiosity_gym.control.config import configure_control
+from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.viewer import ControlViewer
+from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.vector import Float32Array, Float64Array, Frame, Mask, SparseVectorEnv
+
+
+class ControlVectorEnv(SparseVectorEnv):
+    """`num_envs` episodes; step for step what a `SyncVectorEnv` of `ControlEnv` gives.
+
+    `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. There
+    is no process an env: MuJoCo's threads step them all.
+
+    Args:
+        task: See `ControlEnv`, as for every keyword not named here.
+        num_envs: Number of episodes side by side.
+        autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
+            `DISABLED`, `reset(options={"reset_mask": mask})` does it.
+        max_episode_steps: Stands for `horizon`, as `make_vec` knows it by this name.
+        render_mode: "rgb_array" or None.
+        copy: Hand out new arrays each step; False: the observations of a step are overwritten by
+            the next.
+        n_threads: None: as many as there are processors. Results do not depend on it.
+        **kwargs: Keywords of `ControlEnv`.
+
+    Raises:
+        ValueError: If an argument is not what it may be.
+        gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
+    """
+
+    def __init__(
+        self,
+        task: str | None = None,
+        *,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        copy: bool = True,
+        n_threads: int | None = None,
+        **kwargs: Any,
+    ) -> None:
+        if max_episode_steps is not None:
+            kwargs["horizon"] = max_episode_steps
+        if n_threads is not None:
+            check_at_least_one(n_threads=n_threads)
+        config = configure_control(task, **kwargs)
+        super().__init__(
+            num_envs=num_envs,
+            observation_space=config.observation_space,
+            action_space=config.action_space,
+            behavior_space=config.behavior_space,
+            coverage_grid=config.coverage_grid,
+            horizon=config.horizon,
+            fps=config.fps,
+            autoreset_mode=autoreset_mode,
+            render_mode=render_mode,
+            copy=copy,
+        )
+        self._keywords = {"task": task, **kwargs}
+        self.task = config.task
+        self._make_viewer = config.make_viewer
+        self._simulation = Simulation(config.task, num_envs, n_threads)
+        self._observations = self._simulation.observations
+        self._viewer: ControlViewer | None = None
+
+    def make_single_env(self) -> ControlEnv:
+        """A single env of the same task."""
+        return ControlEnv(**self._keywords)
+
+    def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
+        self._simulation.reset(np.flatnonzero(mask))
+
+    def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
+        success = np.zeros(self.num_envs, dtype=np.bool_)
+        going = np.flatnonzero(~resets)
+        self._is_ready = False  # should the simulation fail, the envs need a reset
+        success[going] = self._simulation.step(actions[going], going)
+        if resets.any():
+            self._simulation.reset(np.flatnonzero(resets))
+        self._is_ready = True
+        return success
+
+    def _info_arrays(self) -> dict[str, Float64Array]:
+        return {"behavior": self._simulation.behaviors}
+
+    def _frames(self) -> tuple[Frame, ...]:
+        if self._viewer is None:
+            self._viewer = self._make_viewer()
+        return tuple(self._viewer.draw(self._simulation, i) for i in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the renderer, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None

@@ -1,0 +1,97 @@
+"""The oracle of the control tasks: dm_control's own environments, begun at the fixed starts."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dm_control")
+
+from dm_control.rl import control
+from dm_control.suite import ball_in_cup, finger, stacker
+
+TASK_NAMES = ["ball_in_cup", "finger", "stacker"]
+
+
+class FixedBallInCup(ball_in_cup.BallInCup):
+    def initialize_episode(self, physics):
+        physics.named.data.qpos["ball_x"] = 0.0
+        physics.named.data.qpos["ball_z"] = -0.05
+
+
+class FixedFinger(finger.Turn):
+    def initialize_episode(self, physics):
+        physics.named.model.site_pos["target"] = 0.3168727, 0.0, 0.45692778
+        physics.named.model.site_size["target", 0] = 0.03
+        for joint, angle in {"proximal": np.pi / 2, "distal": 0.0, "hinge": np.pi / 2}.items():
+            physics.named.data.qpos[joint] = angle
+
+
+class FixedStacker(stacker.Stack):
+    def initialize_episode(self, physics):
+        physics.named.model.body_pos["target"] = 0.0, 0.0, 0.07
+        physics.named.data.qpos["arm_root"] = np.pi / 2
+        for axis, position in {"x": -0.3, "z": 0.04, "y": 0.0}.items():
+            physics.named.data.qpos[f"box0_{axis}"] = position
+
+
+def make_reference(name):
+    """dm_control's environment of a task, without a time limit."""
+    if name == "ball_in_cup":
+        physics = ball_in_cup.Physics.from_xml_string(*ball_in_cup.get_model_and_assets())
+        task, timestep = FixedBallInCup(), 0.02
+    elif name == "finger":
+        physics = finger.Physics.from_xml_string(*finger.get_model_and_assets())
+        task, timestep = FixedFinger(target_radius=0.03), 0.02
+    else:
+        physics = stacker.Physics.from_xml_string(*stacker.make_model(1))
+        task, timestep = FixedStacker(n_boxes=1, fully_observable=True), 0.01
+    return control.Environment(physics, task, control_timestep=timestep)
+
+
+def flat(observation):
+    """dm_control's observation in its own order, float32."""
+    arrays = [np.ravel(value) for value in observation.values()]
+    return np.concatenate(arrays).astype(np.float32)
+
+
+def is_solved(name, reward):
+    return reward >= 0.1 if name == "stacker" else reward > 0.0
+
+
+def play_reference(name, actions):
+    """Observations (T + 1, O) and whether each step is at the goal (T,), never stopping there."""
+    env = make_reference(name)
+    observations, solved = [flat(env.reset().observation)], []
+    for action in actions:
+        timestep = env.step(action.astype(np.float64))
+        observations.append(flat(timestep.observation))
+        solved.append(is_solved(name, timestep.reward))
+    return np.array(observations), np.array(solved)
+
+
+def make_actions(kind, n_steps, n_actions, seed=0):
+    """Independent uniform actions, or bang-bang ones held for ten steps."""
+    rng = np.random.default_rng(seed)
+    if kind == "uniform":
+        return rng.uniform(-1.0, 1.0, (n_steps, n_actions)).astype(np.float32)
+    held = rng.choice([-1.0, 1.0], (-(-n_steps // 10), n_actions))
+    return np.repeat(held, 10, axis=0)[:n_steps].astype(np.float32)
+
+
+@pytest.fixture(params=TASK_NAMES)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(name="make_reference")
+def make_reference_fixture():
+    return make_reference
+
+
+@pytest.fixture(name="play_reference")
+def play_reference_fixture():
+    return play_reference
+
+
+@pytest.fixture(name="make_actions")
+def make_actions_fixture():
+    return make_actions

@@ -1,0 +1,214 @@
+import copy
+import pickle
+import subprocess
+import sys
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.simulation import SimulationError
+from curiosity_gym.control.tasks import TASKS
+from curiosity_gym.registration import SPECS
+
+IDS = {spec["kwargs"]["task"]: env_id for env_id, spec in SPECS.items() if "Control" in env_id}
+SIZES = {"ball_in_cup": (8, 2, 4, 50), "finger": (12, 2, 3, 50), "stacker": (42, 5, 2, 100)}
+
+
+def run_python(code):
+    """What a fresh interpreter prints."""
+    command = [sys.executable, "-W", "error", "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def test_every_task_has_its_id():
+    assert set(IDS) == set(TASKS) == set(SIZES)
+
+
+class TestEveryTask:
+    def test_passes_gymnasiums_checks(self, name):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", r".*observation space (min|max)imum value is.*inf")
+            check_env(gym.make(IDS[name]).unwrapped, skip_render_check=True)
+
+    def test_passes_stable_baselines3s_checks(self, name):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            sb3_check_env(gym.make(IDS[name]))
+
+    def test_has_the_documented_spaces(self, name):
+        env = gym.make(IDS[name])
+        n_observations, n_actions, n_behavior, fps = SIZES[name]
+        assert env.observation_space == gym.spaces.Box(-np.inf, np.inf, (n_observations,))
+        assert env.action_space == gym.spaces.Box(-1.0, 1.0, (n_actions,))
+        assert env.unwrapped.behavior_space.shape == (n_behavior,)
+        assert env.unwrapped.behavior_space.dtype == np.float64
+        assert env.metadata["render_fps"] == fps
+        assert env.spec.max_episode_steps is None
+        assert env.unwrapped.horizon == 1000
+        grid = env.unwrapped.coverage_grid
+        assert grid.shape == (50,) * n_behavior
+        assert grid.reachable is None
+
+    def test_is_dm_controls_environment_until_solved(self, name, make_actions, play_reference):
+        env = gym.make(IDS[name])
+        actions = make_actions("bang-bang", 1000, SIZES[name][1], seed=1)
+        expected, solved = play_reference(name, actions)
+        observations, results = [env.reset(seed=0)[0]], []
+        for action in actions:
+            observation, *result, info = env.step(action)
+            observations.append(observation)
+            results.append([*result, info["is_success"]])
+            if result[1] or result[2]:
+                break
+        n_steps = len(results)
+        np.testing.assert_array_equal(observations, expected[: n_steps + 1])
+        np.testing.assert_array_equal([result[3] for result in results], solved[:n_steps])
+        assert all(result == [0.0, False, False, False] for result in results[:-1])
+        end = (
+            [1.0 - n_steps / 1000, True, False, True] if solved.any() else [0.0, False, True, False]
+        )
+        assert results[-1] == end
+
+    def test_behaves_within_its_space(self, name, make_actions):
+        env = gym.make(IDS[name], horizon=200)
+        space = env.unwrapped.behavior_space
+        info = env.reset()[1]
+        kept, behaviors = [], []
+        for action in make_actions("bang-bang", 200, SIZES[name][1]):
+            assert space.contains(info["behavior"])
+            kept.append(info["behavior"])
+            behaviors.append(info["behavior"].copy())
+            *_, terminated, _, info = env.step(action)
+            if terminated:
+                break
+        np.testing.assert_array_equal(kept, behaviors)
+        assert len(np.unique(behaviors, axis=0)) == len(behaviors)
+
+    def test_seeds_change_nothing(self, name):
+        env = gym.make(IDS[name])
+        np.testing.assert_array_equal(env.reset(seed=0)[0], env.reset(seed=1)[0])
+
+    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+    def test_copies_continue_on_their_own(self, name, duplicate, make_actions):
+        env = gym.make(IDS[name])
+        env.reset()
+        actions = make_actions("uniform", 60, SIZES[name][1])
+        for action in actions:
+            env.step(action)
+        twin = duplicate(env)
+        for action in actions:
+            ours, theirs = env.step(action), twin.step(action)
+            np.testing.assert_array_equal(ours[0], theirs[0])
+            assert ours[1:4] == theirs[1:4]
+
+    def test_costs_nothing_to_the_interpreter_before_it_is_made(self, name):
+        code = (
+            "import sys, curiosity_gym, curiosity_gym.control.control_env\n"
+            "import gymnasium as gym\n"
+            "before = [n for n in ('mujoco', 'dm_control') if n in sys.modules]\n"
+            f"gym.make({IDS[name]!r}).reset()\n"
+            "print(before, 'dm_control' in sys.modules)"
+        )
+        assert run_python(code).strip() == "[] True"
+
+    def test_without_the_extra_says_what_to_install(self, name):
+        code = (
+            "import sys\n"
+            "sys.modules['dm_control'] = None\n"
+            "import curiosity_gym, gymnasium as gym\n"
+            "try:\n"
+            f"    gym.make({IDS[name]!r})\n"
+            "except gym.error.DependencyNotInstalled as error:\n"
+            "    print(error)"
+        )
+        message = run_python(code).strip()
+        assert message.count("\n") == 0
+        assert 'pip install "curiosity[control]"' in message
+
+
+class TestStep:
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_refuses_actions_that_are_not_finite(self, name, value):
+        env = ControlEnv(name)
+        expected = ControlEnv(name)
+        for each in (env, expected):
+            each.reset()
+        action = np.zeros(SIZES[name][1])
+        action[-1] = value
+        with pytest.raises(ValueError, match=r"`action` must be \d finite numbers"):
+            env.step(action)
+        good = np.zeros(SIZES[name][1])
+        np.testing.assert_array_equal(env.step(good)[0], expected.step(good)[0])
+
+    @pytest.mark.parametrize("shape", [(), (1,), (9,), (1, 2)])
+    def test_refuses_actions_of_another_shape(self, shape):
+        env = ControlEnv("finger")
+        env.reset()
+        with pytest.raises(ValueError, match="`action` must be 2 finite numbers"):
+            env.step(np.zeros(shape))
+
+    def test_needs_an_episode(self):
+        env = ControlEnv("finger", horizon=2)
+        action = np.zeros(2)
+        with pytest.raises(ResetNeeded):
+            env.step(action)
+        env.reset()
+        assert [env.step(action)[3] for _ in range(2)] == [False, True]
+        with pytest.raises(ResetNeeded):
+            env.step(action)
+
+    def test_raises_where_the_physics_fail_and_needs_a_reset_then(self):
+        env = ControlEnv("ball_in_cup")
+        env.reset()
+        env._simulation._batch.bind("qvel")[0, 0] = 1e12
+        with pytest.raises(SimulationError, match="simulation 0"):
+            env.step(np.zeros(2))
+        with pytest.raises(ResetNeeded):
+            env.step(np.zeros(2))
+        env.reset()
+        assert np.isfinite(env.step(np.zeros(2))[0]).all()
+
+    def test_ends_at_the_goal_with_the_reward_of_its_step(self, make_actions):
+        env = ControlEnv("stacker", success_threshold=1e-45, horizon=1000)
+        env.reset()
+        rewards, terminated, actions = [], False, iter(make_actions("bang-bang", 1000, 5, seed=5))
+        while not terminated:
+            action = next(actions)
+            _, reward, terminated, truncated, info = env.step(action)
+            rewards.append(reward)
+        assert not truncated
+        assert info["is_success"] is True
+        assert rewards == [0.0] * (len(rewards) - 1) + [1.0 - len(rewards) / 1000]
+        with pytest.raises(ResetNeeded):
+            env.step(action)
+
+
+@pytest.mark.parametrize(
+    ("keyword", "value"),
+    [
+        ("task", None),
+        ("task", "cheetah"),
+        ("horizon", 0),
+        ("horizon", 1.5),
+        ("width", 0),
+        ("height", -1),
+        ("render_mode", "human"),
+    ],
+)
+def test_rejects_bad_keywords(keyword, value):
+    with pytest.raises(ValueError, match=f"`{keyword}` must be"):
+        ControlEnv(**({"task": "finger"} | {keyword: value}))
+
+
+def test_rejects_a_keyword_of_another_task():
+    with pytest.raises(TypeError, match="success_threshold"):
+        ControlEnv("finger", success_threshold=0.5)

@@ -1,0 +1,161 @@
+import copy
+import multiprocessing
+import pickle
+
+import numpy as np
+import pytest
+
+from curiosity_gym.control.simulation import Simulation, SimulationError
+from curiosity_gym.control.tasks import TASKS
+
+N_STEPS = 1000
+
+
+def play(simulation, actions):
+    """Observations (T + 1, n, O) and successes (T, n) of actions (T, n, A), never stopping."""
+    simulation.reset()
+    observations, solved = [simulation.observations.copy()], []
+    for action in actions:
+        solved.append(simulation.step(action))
+        observations.append(simulation.observations.copy())
+    return np.array(observations), np.array(solved)
+
+
+class TestAgainstDmControl:
+    @pytest.mark.parametrize("kind", ["uniform", "bang-bang"])
+    @pytest.mark.parametrize("n_threads", [1, 2])
+    def test_every_bit_is_the_same(self, name, kind, n_threads, make_actions, play_reference):
+        task = TASKS[name]()
+        actions = np.stack(
+            [make_actions(kind, N_STEPS, task.n_actions, seed) for seed in range(3)], axis=1
+        )
+        observations, solved = play(Simulation(task, 3, n_threads), actions)
+        for i in range(3):
+            expected, expected_solved = play_reference(name, actions[:, i])
+            np.testing.assert_array_equal(observations[:, i], expected)
+            np.testing.assert_array_equal(solved[:, i], expected_solved)
+        moved = np.abs(observations[-1] - observations[0]).max(axis=1)
+        assert (moved > 0.1).all()
+
+    @pytest.mark.parametrize("n_threads", [1, 2])
+    def test_steps_at_the_goal_are_the_same(self, n_threads, make_actions, play_reference):
+        actions = np.stack([make_actions("bang-bang", 1000, 2, seed) for seed in range(6)], axis=1)
+        solved = play(Simulation(TASKS["ball_in_cup"](), 6, n_threads), actions)[1]
+        expected = [play_reference("ball_in_cup", actions[:, i])[1] for i in range(6)]
+        np.testing.assert_array_equal(solved, np.stack(expected, axis=1))
+        assert 0 < solved.sum() < solved.size
+
+    def test_actions_out_of_range_are_clipped(self, name, make_actions):
+        task = TASKS[name]()
+        actions = 3.0 * make_actions("uniform", 50, task.n_actions)[:, None]
+        wide, clipped = (
+            play(Simulation(task, 1), each)[0] for each in (actions, np.clip(actions, -1, 1))
+        )
+        np.testing.assert_array_equal(wide, clipped)
+
+
+class TestReset:
+    def test_after_a_wild_episode_gives_the_first_episode_again(self, name, make_actions):
+        simulation = Simulation(TASKS[name](), 2)
+        actions = make_actions("uniform", 100, simulation.task.n_actions)[:, None]
+        first = play(simulation, actions)[0]
+        play(simulation, np.ones((15, 1, simulation.task.n_actions)))
+        assert np.abs(simulation._batch.qvel).max() > 0.1
+        np.testing.assert_array_equal(play(simulation, actions)[0], first)
+
+    def test_of_some_leaves_the_others_alone(self, name, make_actions):
+        task = TASKS[name]()
+        actions = make_actions("uniform", 120, task.n_actions)
+        simulation, alone = Simulation(task, 3), Simulation(task, 1)
+        simulation.reset()
+        alone.reset()
+        for t, action in enumerate(actions):
+            if t % 40 == 20:
+                before = simulation.observations.copy()
+                simulation.reset(np.array([0, 2]))
+                np.testing.assert_array_equal(simulation.observations[1], before[1])
+            simulation.step(np.tile(action, (3, 1)))
+            alone.step(action[None])
+            np.testing.assert_array_equal(simulation.observations[1], alone.observations[0])
+        np.testing.assert_array_equal(simulation.observations[0], simulation.observations[2])
+        assert (simulation.observations[0] != simulation.observations[1]).any()
+
+    def test_starts_at_rest_without_contact_or_success(self, name, make_reference):
+        task = TASKS[name]()
+        simulation = Simulation(task, 2)
+        simulation.reset()
+        reference = make_reference(name)
+        expected = reference.reset().observation
+        flat = np.concatenate([np.ravel(value) for value in expected.values()])
+        np.testing.assert_array_equal(simulation.observations, np.stack([flat] * 2).astype("f4"))
+        assert reference.physics.data.ncon == 0
+        assert not reference.physics.data.qvel.any()
+        fields = simulation._observe(slice(None))
+        assert not task.success(fields).any()
+
+
+class TestStep:
+    def test_of_some_leaves_the_others_where_they_are(self, name, make_actions):
+        task = TASKS[name]()
+        simulation, alone = Simulation(task, 4), Simulation(task, 2)
+        simulation.reset()
+        alone.reset()
+        ids = np.array([1, 3])
+        actions = make_actions("bang-bang", 200, 2 * task.n_actions).reshape(200, 2, -1)
+        at_start = simulation.observations[0].copy()
+        for action in actions:
+            np.testing.assert_array_equal(simulation.step(action, ids), alone.step(action))
+        np.testing.assert_array_equal(simulation.observations[ids], alone.observations)
+        np.testing.assert_array_equal(simulation.observations[[0, 2]], [at_start] * 2)
+        np.testing.assert_array_equal(simulation.behaviors[ids], alone.behaviors)
+
+    def test_raises_where_mujoco_warns_and_goes_on_after_a_reset(self, name):
+        simulation = Simulation(TASKS[name](), 3)
+        simulation.reset()
+        actions = np.zeros((3, simulation.task.n_actions))
+        expected = [simulation.step(actions), simulation.observations.copy()]
+        simulation.reset()
+        simulation._batch.bind("qvel")[1, 0] = 1e12
+        with pytest.raises(SimulationError, match=r"simulation 1 .* reset the environment"):
+            simulation.step(actions)
+        simulation.reset()
+        np.testing.assert_array_equal(simulation.step(actions), expected[0])
+        np.testing.assert_array_equal(simulation.observations, expected[1])
+
+
+class TestCopies:
+    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
+    def test_continue_bit_for_bit_on_their_own(self, name, duplicate, make_actions):
+        simulation = Simulation(TASKS[name](), 2)
+        actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
+        play(simulation, actions)
+        twin = duplicate(simulation)
+        np.testing.assert_array_equal(simulation.observations, twin.observations)
+        np.testing.assert_array_equal(simulation.behaviors, twin.behaviors)
+        for action in actions:
+            np.testing.assert_array_equal(simulation.step(action), twin.step(action))
+            np.testing.assert_array_equal(simulation.observations, twin.observations)
+        twin.reset()
+        assert (simulation.observations != twin.observations).any()
+
+    def test_a_forked_process_goes_on_with_threads_of_its_own(self, name, make_actions):
+        if "fork" not in multiprocessing.get_all_start_methods():
+            pytest.skip("no fork here")
+        simulation = Simulation(TASKS[name](), 8, n_threads=2)
+        actions = make_actions("bang-bang", 40, simulation.task.n_actions)[:, None]
+        play(simulation, actions)
+        context = multiprocessing.get_context("fork")
+        queue = context.Queue()
+        child = context.Process(target=_go_on, args=(simulation, actions, queue), daemon=True)
+        child.start()
+        theirs = queue.get(timeout=60)
+        child.join(60)
+        for action in actions:
+            simulation.step(action)
+        np.testing.assert_array_equal(simulation.observations, theirs)
+
+
+def _go_on(simulation, actions, queue):
+    for action in actions:
+        simulation.step(action)
+    queue.put(simulation.observations)

@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+
+from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.tasks import TASKS, Stacker
+
+N_EPISODES = 200
+
+
+def solved_episodes(name, make_actions, kind):
+    """How many episodes of random actions reach the goal."""
+    simulation = Simulation(TASKS[name](), N_EPISODES)
+    simulation.reset()
+    solved = np.zeros(N_EPISODES, dtype=bool)
+    for action in batches(make_actions, kind, simulation.task.n_actions):
+        going = np.flatnonzero(~solved)
+        solved[going] = simulation.step(action[going], going)
+    return int(solved.sum())
+
+
+def batches(make_actions, kind, n_actions):
+    """A thousand steps of actions (N_EPISODES, n_actions), an episode a seed."""
+    episodes = [make_actions(kind, 1000, n_actions, seed) for seed in range(N_EPISODES)]
+    return np.stack(episodes, axis=1)
+
+
+@pytest.mark.parametrize("name", ["ball_in_cup", "finger"])
+def test_independent_random_actions_do_not_solve_it(name, make_actions):
+    assert solved_episodes(name, make_actions, "uniform") <= 1
+
+
+def test_held_bang_bang_actions_catch_the_ball_in_two_thirds_of_the_episodes(make_actions):
+    assert 100 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 160
+
+
+def test_random_actions_solve_the_stacker_at_its_default_threshold_alone(make_actions):
+    """The falling arm kicks the box, which tumbles over the target in one episode of ten."""
+    simulation = Simulation(Stacker(), N_EPISODES)
+    simulation.reset()
+    best = np.zeros(N_EPISODES)
+    for action in batches(make_actions, "uniform", 5):
+        simulation.step(action)
+        best = np.maximum(best, simulation.task.reward(simulation._observe(slice(None))))
+    assert 5 <= (best >= 0.1).sum() <= 40
+    assert (best >= 0.5).sum() <= 5
+
+
+def test_the_stacker_s_reward_is_dm_controls_own(make_actions, make_reference):
+    task, reference = Stacker(), make_reference("stacker")
+    simulation = Simulation(task, 1)
+    simulation.reset()
+    reference.reset()
+    rewards = []
+    for action in make_actions("bang-bang", 600, 5, seed=3):
+        simulation.step(action[None])
+        rewards.append(task.reward(simulation._observe(slice(None)))[0])
+        assert rewards[-1] == reference.step(action.astype(np.float64)).reward
+    assert max(rewards) > 0.0
+
+
+@pytest.mark.parametrize("threshold", [0.05, 0.9])
+def test_the_stacker_succeeds_where_the_reward_is_at_its_threshold(threshold, make_actions):
+    task = Stacker(success_threshold=threshold)
+    simulation = Simulation(task, 32)
+    simulation.reset()
+    for t in range(400):
+        actions = np.stack([make_actions("bang-bang", t + 1, 5, i)[t] for i in range(32)])
+        solved = simulation.step(actions)
+        rewards = task.reward(simulation._observe(slice(None)))
+        np.testing.assert_array_equal(solved, rewards >= threshold)
+
+
+@pytest.mark.parametrize("threshold", [0.0, -1.0, 1.5, np.nan, "high"])
+def test_the_stacker_refuses_thresholds_that_mean_nothing(threshold):
+    with pytest.raises(ValueError, match="`success_threshold` must be"):
+        Stacker(success_threshold=threshold)
+
+
+def test_tasks_are_equal_where_they_succeed_alike():
+    for name, task in TASKS.items():
+        assert [task() == TASKS[other]() for other in TASKS] == [name == each for each in TASKS]
+    assert Stacker(success_threshold=0.2) != Stacker()
+
+
+class TestBehavior:
+    def test_of_ball_in_cup_is_where_ball_and_cup_are(self, make_actions):
+        simulation = Simulation(TASKS["ball_in_cup"](), 1)
+        simulation.reset()
+        for action in make_actions("bang-bang", 100, 2):
+            simulation.step(action[None])
+        cup, ball = simulation.observations[0, :2], simulation.observations[0, 2:4]
+        np.testing.assert_allclose(simulation.behaviors[0], [*ball, *cup], rtol=1e-6)
+
+    def test_of_finger_wraps_the_hinge(self):
+        simulation = Simulation(TASKS["finger"](), 5)
+        simulation.reset()
+        angles = np.array([-7.0, -np.pi, 0.5, np.pi, 9.0])
+        simulation._batch.bind("qpos")[:, 2] = angles
+        wrapped = simulation.behaviors[:, 2]
+        np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-12)
+        assert (np.abs(wrapped) <= np.pi).all()
+
+    def test_of_stacker_is_where_the_hand_is(self, make_actions):
+        simulation = Simulation(TASKS["stacker"](), 1)
+        simulation.reset()
+        for action in make_actions("bang-bang", 100, 5):
+            simulation.step(action[None])
+        np.testing.assert_allclose(
+            simulation.behaviors[0], simulation.observations[0, 29:31], rtol=1e-6
+        )
+
+    def test_stays_within_its_bounds(self, name, make_actions):
+        task = TASKS[name]()
+        simulation = Simulation(task, 16)
+        simulation.reset()
+        for t in range(300):
+            simulation.step(
+                np.stack(
+                    [make_actions("bang-bang", t + 1, task.n_actions, i)[t] for i in range(16)]
+                )
+            )
+            behaviors = simulation.behaviors
+            assert ((task.behavior_low <= behaviors) & (behaviors <= task.behavior_high)).all()
+            inside = (task.behavior_low < behaviors) & (behaviors < task.behavior_high)
+            assert inside.mean() > 0.5

@@ -1,0 +1,197 @@
+import copy
+import multiprocessing
+import pickle
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+
+from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.simulation import SimulationError
+from curiosity_gym.control.vector_env import ControlVectorEnv
+
+N_ENVS = 4
+MODES = list(AutoresetMode)
+KEYWORDS = {"task": "stacker", "success_threshold": 1e-45, "horizon": 40}
+"""Kicking the box is enough to succeed: episodes end at the goal and at the horizon."""
+
+
+def make_native(**changes):
+    return ControlVectorEnv(**({"num_envs": N_ENVS} | KEYWORDS | changes))
+
+
+def make_sync(mode, **changes):
+    return SyncVectorEnv(
+        [partial(ControlEnv, **(KEYWORDS | changes))] * N_ENVS, autoreset_mode=mode
+    )
+
+
+@pytest.fixture(name="actions")
+def actions_fixture(make_actions):
+    """Actions (150, N_ENVS, 5)."""
+    return np.stack([make_actions("bang-bang", 150, 5, seed) for seed in (5, 1, 10, 4)], axis=1)
+
+
+class TestAgainstSingleEnvs:
+    @pytest.mark.parametrize("mode", MODES)
+    @pytest.mark.parametrize("n_threads", [1, 2])
+    def test_equals_gymnasiums_sync_vector_env(
+        self, mode, n_threads, actions, run, assert_identical
+    ):
+        ours = run(make_native(autoreset_mode=mode, n_threads=n_threads), actions)
+        theirs = run(make_sync(mode), actions)
+        for our, their in zip(ours, theirs, strict=True):
+            assert_identical(our, their)
+        ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
+        assert ends.min() > 0
+
+    @pytest.mark.parametrize("n_threads", [1, 2])
+    def test_is_dm_controls_environment(self, name, n_threads, make_actions, play_reference):
+        envs = ControlVectorEnv(name, num_envs=3, n_threads=n_threads, autoreset_mode="Disabled")
+        n_actions = envs.single_action_space.shape[0]
+        actions = np.stack([make_actions("uniform", 1000, n_actions, i) for i in range(3)], axis=1)
+        expected, solved = zip(
+            *(play_reference(name, actions[:, i]) for i in range(3)), strict=True
+        )
+        first = min(int(np.argmax(each)) if each.any() else 1000 for each in solved)
+        observations = [envs.reset()[0]]
+        terminated = np.zeros(3, dtype=bool)
+        for action in actions[: first + 1]:
+            observation, _, terminated, truncated, _ = envs.step(action)
+            observations.append(observation)
+        np.testing.assert_array_equal(
+            np.stack(observations, axis=1), np.array(expected)[:, : len(observations)]
+        )
+        assert len(observations) > 100
+        np.testing.assert_array_equal(terminated, [first < 1000 and each[first] for each in solved])
+        assert truncated.all() == (first == 1000)
+
+    def test_has_the_same_spaces_and_attributes(self):
+        ours, theirs = make_native(), make_sync("NextStep")
+        single = theirs.envs[0]
+        for name in ("observation_space", "action_space"):
+            assert getattr(ours, name) == getattr(theirs, name)
+            assert getattr(ours, f"single_{name}") == getattr(theirs, f"single_{name}")
+        for name in ("behavior_space", "coverage_grid", "horizon", "task"):
+            assert getattr(ours, name) == getattr(single, name)
+        made = ours.make_single_env()
+        assert (made.task, made.horizon) == (single.task, single.horizon)
+
+
+class TestReset:
+    def test_of_some_leaves_the_others_alone(self, actions, run):
+        envs, alone = make_native(autoreset_mode="Disabled"), make_native(num_envs=1)
+        envs.reset()
+        alone.reset()
+        mask = np.array([True, False, True, True])
+        for t, action in enumerate(actions[:30]):
+            ours = envs.step(action)
+            theirs = alone.step(action[1:2])
+            np.testing.assert_array_equal(ours[0][1], theirs[0][0])
+            if t in (7, 8, 20):
+                observations = envs.reset(options={"reset_mask": mask})[0]
+                np.testing.assert_array_equal(observations[1], theirs[0][0])
+
+    def test_after_random_episodes_gives_the_first_one_again(self, actions, run, assert_identical):
+        envs = make_native(autoreset_mode=AutoresetMode.NEXT_STEP)
+        first = run(envs, actions[:30])
+        for _ in range(2):
+            for ours, theirs in zip(run(envs, actions[:30]), first, strict=True):
+                assert_identical(ours, theirs)
+
+
+class TestStep:
+    def test_never_overwrites_what_it_gave(self, actions):
+        envs = make_native()
+        kept = [envs.reset()[0]]
+        copies = [kept[0].copy()]
+        for action in actions[:30]:
+            kept.append(envs.step(action)[0])
+            copies.append(kept[-1].copy())
+        np.testing.assert_array_equal(kept, copies)
+
+    def test_overwrites_observations_without_copies(self, actions):
+        envs, twins = make_native(copy=False), make_native()
+        observations = envs.reset()[0]
+        twins.reset()
+        for action in actions[:60]:
+            assert envs.step(action)[0] is observations
+            np.testing.assert_array_equal(observations, twins.step(action)[0])
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_refuses_actions_that_are_not_finite(self, value, actions, assert_identical):
+        envs, twins = make_native(), make_native()
+        for each in (envs, twins):
+            each.reset()
+        bad = actions[0].copy()
+        bad[2, 1] = value
+        with pytest.raises(ValueError, match="`actions` must be finite"):
+            envs.step(bad)
+        assert_identical(envs.step(actions[0]), twins.step(actions[0]))
+
+    def test_raises_where_the_physics_fail_and_needs_a_reset_then(self, actions, assert_identical):
+        envs, twins = make_native(), make_native()
+        envs.reset()
+        envs._simulation._batch.bind("qvel")[3, 0] = 1e12
+        with pytest.raises(SimulationError, match="simulation 3"):
+            envs.step(actions[0])
+        with pytest.raises(ResetNeeded):
+            envs.step(actions[0])
+        assert_identical(envs.reset(), twins.reset())
+        assert_identical(envs.step(actions[0]), twins.step(actions[0]))
+
+
+class TestMakeVec:
+    def test_makes_it_with_the_mode_and_horizon(self):
+        envs = gym.make_vec(
+            "CuriosityControl-Finger-v0",
+            num_envs=2,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode="SameStep",
+            max_episode_steps=3,
+        )
+        assert isinstance(envs, ControlVectorEnv)
+        assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        envs.reset(seed=0)
+        ends = [envs.step(np.zeros((2, 2)))[3].tolist() for _ in range(3)]
+        assert ends == [[False] * 2, [False] * 2, [True] * 2]
+
+    @pytest.mark.parametrize(
+        ("keyword", "value"),
+        [("num_envs", 0), ("n_threads", 0), ("render_mode", "human"), ("horizon", 0)],
+    )
+    def test_rejects_bad_keywords(self, keyword, value):
+        with pytest.raises(ValueError, match=f"`{keyword}` must be"):
+            make_native(**{keyword: value})
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+def test_copies_continue_on_their_own(duplicate, actions, run, assert_identical):
+    envs = make_native()
+    run(envs, actions[:25])
+    twins = duplicate(envs)
+    for action in actions[25:]:
+        assert_identical(envs.step(action), twins.step(action))
+
+
+@pytest.mark.parametrize("start_method", ["fork", "spawn"])
+def test_single_envs_work_in_processes_started_after_threads(
+    start_method, actions, run, assert_identical
+):
+    if start_method not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"no {start_method} here")
+    native = make_native(n_threads=2)
+    expected = run(native, actions[:20])
+    envs = AsyncVectorEnv(
+        [partial(gym.make, "curiosity_gym:CuriosityControl-Stacker-v0", success_threshold=1e-45)]
+        * N_ENVS,
+        context=start_method,
+    )
+    try:
+        for ours, theirs in zip(run(envs, actions[:20]), expected, strict=True):
+            np.testing.assert_array_equal(ours[0], theirs[0])
+    finally:
+        envs.close()

@@ -1,0 +1,76 @@
+"""What each extra installs works: a release of a dependency that breaks shows here at once."""
+
+import importlib
+import importlib.util
+import tomllib
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import curiosity_gym  # noqa: F401
+
+PYPROJECT = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+MODULES = {
+    "control": ["dm_control.suite", "imageio", "mujoco.batch", "packaging", "shimmy"],
+    "robotics": ["gymnasium_robotics", "mujoco"],
+    "render": ["pygame"],
+    "ray": ["ray"],
+    "report": ["plotly"],
+    "tensorboard": ["tensorboard"],
+}
+ENVS = {
+    "control": ["CuriosityControl-Stacker-v0", "CuriositySparse-CartPoleSwingUp-v0"],
+    "robotics": ["CuriositySparse-PointMaze_UMaze-v0", "CuriositySparse-AntMaze_UMaze-v0"],
+    "render": ["CuriosityMaze-Hard-v0"],
+}
+
+
+def require(extra):
+    """Skip where the extra is not installed at all; a part of it that is missing is a failure."""
+    if not any(importlib.util.find_spec(name.partition(".")[0]) for name in MODULES[extra]):
+        pytest.skip(f"the extra {extra} is not installed")
+
+
+def test_every_extra_for_users_is_here():
+    collections = {"all", "bench", "dev", "docs"}
+    assert set(MODULES) == set(PYPROJECT["project"]["optional-dependencies"]) - collections
+
+
+def test_the_tests_install_every_extra_that_has_an_environment():
+    dev = PYPROJECT["project"]["optional-dependencies"]["dev"]
+    own = next(entry for entry in dev if entry.startswith("curiosity["))
+    assert set(ENVS) <= set(own.removeprefix("curiosity[").removesuffix("]").split(","))
+
+
+@pytest.mark.parametrize("extra", MODULES)
+def test_imports(extra):
+    require(extra)
+    for name in MODULES[extra]:
+        assert importlib.import_module(name).__name__ == name
+
+
+@pytest.mark.parametrize(("extra", "env_id"), [(e, env_id) for e in ENVS for env_id in ENVS[e]])
+def test_steps_an_environment(extra, env_id):
+    require(extra)
+    env = gym.make(env_id, render_mode="human" if extra == "render" else None)
+    first = env.reset(seed=0)[0]
+    for _ in range(3):
+        observation, reward, *_ = env.step(np.ones(env.action_space.shape, np.float32))
+    env.close()
+    assert env.observation_space.contains(observation)
+    assert reward == 0.0
+    assert (observation != first).any()
+
+
+def test_steps_a_task_through_shimmy():
+    require("control")
+    import shimmy
+
+    gym.register_envs(shimmy)
+    env = gym.make("dm_control/ball_in_cup-catch-v0")
+    env.reset(seed=0)
+    observation = env.step(env.action_space.sample())[0]
+    assert observation["position"].shape == (4,)
+    env.close()

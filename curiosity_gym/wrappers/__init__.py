@@ -1,0 +1,1 @@
+"""Wrappers that give other packages' environments what those of this package offer."""

@@ -1,0 +1,209 @@
+"""Tasks of Gymnasium-Robotics and of the DeepMind Control Suite, made sparse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, SupportsFloat
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from curiosity_gym.extras import import_extra
+from curiosity_gym.validation import check_choice
+from curiosity_gym.wrappers.behavior import BehaviorFunction
+from curiosity_gym.wrappers.sparse import Observation, SparseRewardWrapper, Success
+
+BareEnv = gym.Env[Any, Any]
+Float64Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SparseTask:
+    """What makes a task sparse.
+
+    Attributes:
+        make: Makes the original environment of an id, without a limit of its own on steps.
+        success: See `SparseRewardWrapper`, as for `behavior`.
+        behavior: Likewise.
+        behavior_space: The bounds of the behavior in an environment.
+        horizon: The limit on steps that the original comes with.
+        options: What every reset of the original is told, unless the user says otherwise.
+    """
+
+    make: Callable[..., BareEnv]
+    success: Success
+    behavior: BehaviorFunction
+    behavior_space: Callable[[BareEnv], spaces.Box]
+    horizon: int
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
+    """A task of another package with a sparse reward and a behavior.
+
+    Description:
+        The environment in `env`, a `SparseRewardWrapper`, whose documentation says what the
+        spaces, the reward and the end of an episode are.
+
+    Starting State:
+        That of the original environment. In the mazes start and goal, which the original draws from
+        all cells and often side by side, are in the two cells farthest from each other, somewhere
+        within them; `reset(options={"reset_cell": (i, j), "goal_cell": (i, j)})` sets others, and
+        None instead of a cell draws one.
+
+    Args:
+        env_id: The original environment, a key of `TASKS`.
+        horizon: Steps after which an episode is truncated; None: as many as in the original.
+        render_mode: "human", "rgb_array", "depth_array", or None.
+        **kwargs: Of the original environment.
+
+    Raises:
+        ValueError: If `env_id` is not in the table, or `horizon` is not at least 1.
+        gymnasium.error.DependencyNotInstalled: If the extra that the task needs is missing.
+
+    Version History:
+        * v0: Initial version.
+    """
+
+    # No wrapper, as Stable-Baselines3 refuses what holds a goal environment's `compute_reward`.
+    metadata = {"render_modes": ["human", "rgb_array", "depth_array"]}  # noqa: RUF012
+
+    def __init__(
+        self,
+        env_id: str,
+        *,
+        horizon: int | None = None,
+        render_mode: str | None = None,
+        **kwargs: Any,
+    ) -> None:
+        check_choice(tuple(TASKS), env_id=env_id)
+        task = TASKS[env_id]
+        original = task.make(env_id, render_mode=render_mode, **kwargs)
+        self.env = SparseRewardWrapper(
+            original,
+            task.success,
+            horizon=task.horizon if horizon is None else horizon,
+            behavior=task.behavior,
+            behavior_space=task.behavior_space(original),
+        )
+        self.metadata = {**original.metadata, **self.metadata}
+        self.observation_space = self.env.observation_space
+        self.action_space = self.env.action_space
+        self.behavior_space = self.env.behavior_space
+        self.render_mode = render_mode
+        self._options = task.options
+
+    @property
+    def horizon(self) -> int:
+        """Steps after which an episode is truncated."""
+        return self.env.horizon
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Of the original environment, whose starts are random.
+            options: Of the original environment.
+        """
+        super().reset(seed=seed)
+        return self.env.reset(seed=seed, options={**self._options, **(options or {})})
+
+    def step(
+        self, action: npt.NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """See `SparseRewardWrapper`."""
+        return self.env.step(action)
+
+    def render(self) -> Any:
+        """See the original environment."""
+        return self.env.render()
+
+    def close(self) -> None:
+        """See the original environment."""
+        self.env.close()
+
+
+def _make_robotics(env_id: str, **kwargs: Any) -> BareEnv:
+    import_extra("robotics", "gymnasium_robotics")
+    return gym.make(env_id, disable_env_checker=True, **kwargs).unwrapped
+
+
+def _make_control(
+    env_id: str, *, task_kwargs: dict[str, Any] | None = None, **kwargs: Any
+) -> BareEnv:
+    import_extra("control", "dm_control.suite", "shimmy")
+    task_kwargs = {"time_limit": math.inf, **(task_kwargs or {})}
+    return gym.make(env_id, disable_env_checker=True, task_kwargs=task_kwargs, **kwargs).unwrapped
+
+
+def _is_at_goal(
+    env: BareEnv, observation: Any, reward: SupportsFloat, info: dict[str, Any]
+) -> bool:
+    """Within 0.45 m of the goal, in Gymnasium-Robotics' own judgement."""
+    return bool(info["success"])
+
+
+def _is_rewarded(
+    env: BareEnv, observation: Any, reward: SupportsFloat, info: dict[str, Any]
+) -> bool:
+    """Whether a task that is sparse but pays at every step within the goal begins to pay."""
+    return float(reward) > 0.0
+
+
+def _maze_position(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64Array:
+    """The agent's x and y (m)."""
+    return observation["achieved_goal"]  # type: ignore[no-any-return]
+
+
+def _maze_bounds(env: BareEnv) -> spaces.Box:
+    """The maze's extent, with its outer walls."""
+    maze = env.unwrapped.maze  # type: ignore[attr-defined]
+    high = np.array([maze.x_map_center, maze.y_map_center])
+    return spaces.Box(-high, high, dtype=np.float64)
+
+
+def _cart_and_pole(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64Array:
+    """The cart's position (m) and the pole's angle from upright (rad)."""
+    position, cosine, sine = observation["position"]
+    return np.array([position, math.atan2(sine, cosine)])
+
+
+def _cart_and_pole_bounds(env: BareEnv) -> spaces.Box:
+    high = np.array([1.8, math.pi])
+    return spaces.Box(-high, high, dtype=np.float64)
+
+
+def _arm_angles(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64Array:
+    """The upper and the lower arm's angles from upright (rad)."""
+    sines, cosines = observation["orientations"].reshape(2, 2)
+    return np.arctan2(sines, cosines)  # type: ignore[no-any-return]
+
+
+def _arm_angles_bounds(env: BareEnv) -> spaces.Box:
+    return spaces.Box(-math.pi, math.pi, (2,), dtype=np.float64)
+
+
+def _maze(horizon: int, start: tuple[int, int], goal: tuple[int, int]) -> SparseTask:
+    """A maze with start and goal in cells, row and column."""
+    options = {"reset_cell": start, "goal_cell": goal}
+    return SparseTask(_make_robotics, _is_at_goal, _maze_position, _maze_bounds, horizon, options)
+
+
+TASKS = {
+    "PointMaze_UMaze-v3": _maze(300, start=(1, 1), goal=(3, 1)),
+    "PointMaze_Large-v3": _maze(800, start=(7, 1), goal=(7, 10)),
+    "AntMaze_UMaze-v5": _maze(700, start=(1, 1), goal=(3, 1)),
+    "dm_control/cartpole-swingup_sparse-v0": SparseTask(
+        _make_control, _is_rewarded, _cart_and_pole, _cart_and_pole_bounds, horizon=1000
+    ),
+    "dm_control/acrobot-swingup_sparse-v0": SparseTask(
+        _make_control, _is_rewarded, _arm_angles, _arm_angles_bounds, horizon=1000
+    ),
+}
+"""Every task that `SparseEnv` makes, by the id of its original."""

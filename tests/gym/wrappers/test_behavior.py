@@ -1,0 +1,120 @@
+import copy
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordEpisodeStatistics
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiosity_gym.wrappers.behavior import BehaviorWrapper
+
+SPACE = spaces.Box(np.array([-4.8, -0.5]), np.array([4.8, 0.5]), dtype=np.float64)
+
+
+def cart_and_pole(env, observation, info):
+    return observation[[0, 2]]
+
+
+def make_cart_pole(behavior=cart_and_pole, behavior_space=SPACE):
+    return BehaviorWrapper(gym.make("CartPole-v1"), behavior, behavior_space)
+
+
+def test_every_info_holds_the_behavior():
+    env = make_cart_pole()
+    observation, info = env.reset(seed=0)
+    for action in [None, 0, 1, 1]:
+        if action is not None:
+            observation, _, _, _, info = env.step(action)
+        assert info["behavior"].dtype == np.float64
+        np.testing.assert_array_equal(info["behavior"], observation[[0, 2]].astype(np.float64))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**31), actions=st.lists(st.integers(0, 1), max_size=8))
+def test_nothing_else_changes(seed, actions):
+    env, plain = make_cart_pole(), gym.make("CartPole-v1")
+    np.testing.assert_array_equal(env.reset(seed=seed)[0], plain.reset(seed=seed)[0])
+    for action in actions:
+        one, other = env.step(action), plain.step(action)
+        np.testing.assert_array_equal(one[0], other[0])
+        assert one[1:4] == other[1:4]
+
+
+def test_the_function_is_given_the_wrapped_environment_and_its_info():
+    seen = []
+
+    def behavior(env, observation, info):
+        seen.append((env, dict(info)))
+        return [0.0, 0.0]
+
+    env = make_cart_pole(behavior)
+    info = {"own": 1}
+    env.env.reset = lambda **kwargs: (np.zeros(4), info)
+    assert set(env.reset()[1]) == {"own", "behavior"}
+    assert seen == [(env.env, {"own": 1})]
+    assert info == {"own": 1}
+
+
+def test_behaviors_are_copies():
+    state = np.zeros(2)
+    env = make_cart_pole(lambda env, observation, info: state)
+    _, info = env.reset()
+    state += 1.0
+    assert info["behavior"].tolist() == [0.0, 0.0]
+
+
+def test_the_space_is_float64_and_found_through_wrappers():
+    env = RecordEpisodeStatistics(make_cart_pole(behavior_space=spaces.Box(-1.0, 1.0, (2,))))
+    space = env.get_wrapper_attr("behavior_space")
+    assert space == spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
+
+
+def test_the_grid_of_the_environments_own_behavior_is_hidden():
+    maze = gym.make("CuriosityMaze-Hard-v0")
+    space = spaces.Box(-20.0, 20.0, (2,))
+    env = BehaviorWrapper(maze, lambda env, observation, info: info["velocity"], space)
+    assert maze.get_wrapper_attr("coverage_grid") is not None
+    assert env.get_wrapper_attr("coverage_grid") is None
+
+
+@pytest.mark.parametrize("value", [0.0, [0.0], [[0.0, 0.0]], [0.0, 0.0, 0.0]])
+def test_behaviors_of_another_shape_are_errors(value):
+    env = make_cart_pole(lambda env, observation, info: value)
+    with pytest.raises(ValueError, match="`behavior`"):
+        env.reset()
+
+
+@pytest.mark.parametrize("space", [None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,)])
+def test_spaces_that_are_no_vector_are_errors(space):
+    with pytest.raises(ValueError, match="`behavior_space`"):
+        make_cart_pole(behavior_space=space)
+
+
+def test_a_behavior_is_a_function():
+    with pytest.raises(ValueError, match="`behavior`"):
+        make_cart_pole(behavior=[0.0, 0.0])
+
+
+def test_passes_gymnasiums_checks_and_can_be_copied():
+    env = make_cart_pole()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", ".*different from the unwrapped version")
+        warnings.filterwarnings("ignore", ".*minimum value is -infinity|.*maximum value is inf")
+        check_env(env, skip_render_check=True)
+    twin = copy.deepcopy(env)
+    for one in (env, twin):
+        assert one.reset(seed=5)[1]["behavior"].shape == (2,)
+
+
+def test_a_spec_makes_the_same_again():
+    env = make_cart_pole()
+    again = gym.make(env.spec)
+    assert type(again) is BehaviorWrapper
+    np.testing.assert_array_equal(
+        again.reset(seed=1)[1]["behavior"], env.reset(seed=1)[1]["behavior"]
+    )

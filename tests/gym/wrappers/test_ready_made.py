@@ -1,0 +1,389 @@
+import copy
+import importlib.util
+import math
+import os
+import pickle
+import subprocess
+import sys
+import warnings
+from collections import deque
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import DependencyNotInstalled
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+from curiosity_gym.registration import SPECS
+from curiosity_gym.wrappers.ready_made import TASKS, SparseEnv
+
+ROOT = Path(__file__).parents[3]
+MODULES = {"control": ["dm_control.suite", "shimmy"], "robotics": ["gymnasium_robotics"]}
+
+
+def is_installed(extra):
+    return all(importlib.util.find_spec(name.split(".")[0]) for name in MODULES[extra])
+
+
+MARKS = {
+    extra: pytest.mark.skipif(not is_installed(extra), reason=f"needs the extra {extra}")
+    for extra in MODULES
+}
+POINT_MAZES = ["CuriositySparse-PointMaze_UMaze-v0", "CuriositySparse-PointMaze_Large-v0"]
+ANT_MAZE = "CuriositySparse-AntMaze_UMaze-v0"
+MAZES = [*POINT_MAZES, ANT_MAZE]
+CART_POLE = "CuriositySparse-CartPoleSwingUp-v0"
+ACROBOT = "CuriositySparse-AcrobotSwingUp-v0"
+
+
+def marked(env_ids):
+    return [
+        pytest.param(env_id, marks=MARKS["robotics" if env_id in MAZES else "control"])
+        for env_id in env_ids
+    ]
+
+
+ALL = marked([*MAZES, CART_POLE, ACROBOT])
+
+
+def play(env, act, seed, options=None):
+    """One episode, of which every step but the last is checked; the steps and the last step."""
+    observation, info = env.reset(seed=seed, options=options)
+    assert not info["is_success"]
+    t, is_over = 0, False
+    while not is_over:
+        observation, reward, terminated, truncated, info = env.step(act(observation))
+        t += 1
+        assert observation in env.observation_space
+        is_over = terminated or truncated
+        assert info["is_success"] == terminated
+        assert reward == (1.0 - t / env.unwrapped.horizon if terminated else 0.0)
+    return t, info["is_success"]
+
+
+def random_actions(env, seed):
+    env.action_space.seed(seed)
+    return lambda observation: env.action_space.sample()
+
+
+def test_every_task_has_an_id():
+    ids = {env_id for env_id in SPECS if env_id.startswith("CuriositySparse-")}
+    assert ids == {param.values[0] for param in ALL}
+    assert {SPECS[env_id]["kwargs"]["env_id"] for env_id in ids} == set(TASKS)
+
+
+@pytest.mark.parametrize("env_id", ALL)
+class TestEveryTask:
+    def test_offers_what_this_packages_environments_offer(self, env_id):
+        env = gym.make(env_id)
+        assert env.spec.max_episode_steps is None
+        assert env.observation_space.dtype == env.action_space.dtype == np.float32
+        np.testing.assert_array_equal(env.action_space.low, -1.0)
+        np.testing.assert_array_equal(env.action_space.high, 1.0)
+        space = env.unwrapped.behavior_space
+        assert space.dtype == np.float64
+        assert space.is_bounded()
+        _, info = env.reset(seed=0)
+        for _ in range(20):
+            assert info["behavior"] in space
+            assert info["is_success"] is False
+            info = env.step(env.action_space.sample())[4]
+
+    def test_passes_both_checks(self, env_id):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", ".*minimum value is -infinity")
+            warnings.filterwarnings("ignore", ".*maximum value is infinity")
+            env = gym.make(env_id)
+            check_env(env.unwrapped, skip_render_check=True)
+            sb3_check_env(env.unwrapped)
+            sb3_check_env(env)
+
+    def test_episodes_end_at_the_horizon(self, env_id):
+        env = gym.make(env_id, horizon=30)
+        for seed in range(3):
+            assert play(env, random_actions(env, seed), seed) == (30, False)
+
+    def test_an_episode_lasts_as_long_as_in_the_original(self, env_id):
+        env = gym.make(env_id)
+        base = gym.spec(SPECS[env_id]["kwargs"]["env_id"]).max_episode_steps
+        assert env.unwrapped.horizon == (1000 if base is None else base)
+
+    def test_seeds_reproduce_episodes(self, env_id):
+        env, twin = gym.make(env_id), gym.make(env_id)
+        for one, other in ((env, twin), (env, copy.deepcopy(env))):
+            actions = [env.action_space.sample() for _ in range(10)]
+            np.testing.assert_array_equal(one.reset(seed=7)[0], other.reset(seed=7)[0])
+            for action in actions:
+                mine, theirs = one.step(action), other.step(action)
+                np.testing.assert_array_equal(mine[0], theirs[0])
+                np.testing.assert_array_equal(mine[4]["behavior"], theirs[4]["behavior"])
+        starts = [env.reset(seed=seed)[0].tolist() for seed in (7, 8)]
+        assert starts[0] != starts[1]
+
+    def test_can_be_pickled(self, env_id):
+        env = SparseEnv(SPECS[env_id]["kwargs"]["env_id"])
+        twin = pickle.loads(pickle.dumps(env))
+        np.testing.assert_array_equal(env.reset(seed=2)[0], twin.reset(seed=2)[0])
+
+    def test_random_actions_seldom_succeed(self, env_id):
+        env = gym.make(env_id)
+        n_episodes = 3 if env_id == ANT_MAZE else 8
+        won = [play(env, random_actions(env, seed), seed)[1] for seed in range(n_episodes)]
+        assert sum(won) <= n_episodes // 3
+
+
+def way(maze, start, goal):
+    """Centers of the cells on a shortest way between two points, and the goal itself."""
+    first, last = (tuple(maze.cell_xy_to_rowcol(xy).tolist()) for xy in (start, goal))
+    came_from, queue = {last: None}, deque([last])
+    while queue:
+        i, j = queue.popleft()
+        for neighbor in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            if maze.maze_map[neighbor[0]][neighbor[1]] != 1 and neighbor not in came_from:
+                came_from[neighbor] = i, j
+                queue.append(neighbor)
+    cells = [first]
+    while cells[-1] != last:
+        cells.append(came_from[cells[-1]])
+    return [*(maze.cell_rowcol_to_xy(np.array(cell)) for cell in cells[1:-1]), goal]
+
+
+def waypoint_controller(maze):
+    """Accelerates towards the next corner, and against the speed."""
+    points = []
+
+    def act(observation):
+        position, goal, velocity = observation[:2], observation[2:4], observation[6:8]
+        if not points:
+            points.extend(way(maze, position, goal))
+        if len(points) > 1 and np.linalg.norm(points[0] - position) < 0.3:
+            points.pop(0)
+        return np.float32(10.0 * (points[0] - position) - velocity)
+
+    return act
+
+
+@pytest.mark.parametrize("env_id", marked(POINT_MAZES))
+def test_point_mazes_are_solved_along_a_shortest_way(env_id):
+    env = gym.make(env_id)
+    for seed in range(3):
+        controller = waypoint_controller(env.unwrapped.env.unwrapped.maze)
+        t, is_success = play(env, controller, seed)
+        assert is_success
+        assert 50 < t < env.unwrapped.horizon
+
+
+@MARKS["robotics"]
+class TestMazes:
+    @pytest.mark.parametrize("env_id", MAZES)
+    def test_start_and_goal_are_far_apart_unless_the_options_say_otherwise(self, env_id):
+        env = gym.make(env_id)
+        maze = env.unwrapped.env.unwrapped.maze
+        lengths = {"own": set(), "near": set(), "random": set()}
+        cell = env.unwrapped._options["goal_cell"]
+        near = {"reset_cell": cell, "goal_cell": cell}
+        anywhere = {"reset_cell": None, "goal_cell": None}
+        options = {"own": None, "near": near, "random": anywhere}
+        for name, seed in ((name, seed) for name in options for seed in range(12)):
+            observation, _ = env.reset(seed=seed, options=options[name])
+            lengths[name].add(len(way(maze, observation[:2], observation[2:4])))
+        free = [
+            maze.cell_rowcol_to_xy(np.array([i, j]))
+            for i, row in enumerate(maze.maze_map)
+            for j, kind in enumerate(row)
+            if kind != 1
+        ]
+        longest = max(len(way(maze, one, other)) for one in free for other in free)
+        assert lengths["own"] == {longest}
+        assert lengths["near"] == {1}
+        assert len(lengths["random"]) > 2
+
+    @pytest.mark.parametrize("env_id", MAZES)
+    def test_the_behavior_is_the_position_in_the_bounds_of_the_map(self, env_id):
+        env = gym.make(env_id)
+        _, info = env.reset(seed=1)
+        base = env.unwrapped.env.unwrapped
+        np.testing.assert_array_equal(info["behavior"], base.data.qpos[:2])
+        size = np.array([len(base.maze.maze_map[0]), len(base.maze.maze_map)])
+        extent = env.unwrapped.behavior_space.high - env.unwrapped.behavior_space.low
+        np.testing.assert_array_equal(extent, size * base.maze.maze_size_scaling)
+
+    @pytest.mark.parametrize("continuing_task", [True, False])
+    @pytest.mark.parametrize("reset_target", [True, False])
+    def test_whether_the_original_goes_on_does_not_matter(self, continuing_task, reset_target):
+        env = gym.make(POINT_MAZES[0], continuing_task=continuing_task, reset_target=reset_target)
+        _, is_success = play(env, waypoint_controller(env.unwrapped.env.unwrapped.maze), 0)
+        assert is_success
+
+    def test_an_ant_that_plans_ahead_finds_its_way(self):
+        env = gym.make(ANT_MAZE)
+        base = env.unwrapped.env.unwrapped
+        t, is_success = play(env, ant_planner(base, np.random.default_rng(0)), seed=0)
+        assert is_success
+        assert 50 < t < env.unwrapped.horizon
+
+
+def ant_planner(env, rng, n_plans=40, n_held=5):
+    """The best of random plans of two held actions, tried in the simulator every fifth step."""
+    from mujoco import MjData, rollout
+
+    ant, points, queue = env.ant_env, [], []
+    scratch = MjData(ant.model)
+
+    def act(observation):
+        position, goal = observation[:2], observation[2:4]
+        if not points:
+            points.extend(way(env.maze, position, goal))
+        if len(points) > 1 and np.linalg.norm(points[0] - position) < 1.0:
+            points.pop(0)
+        if not queue:
+            plans = rng.uniform(-1.0, 1.0, (n_plans, 2, ant.model.nu))
+            controls = np.repeat(plans, n_held * ant.frame_skip, axis=1)
+            state = np.concatenate([[ant.data.time], ant.data.qpos, ant.data.qvel])
+            states, _ = rollout.rollout(ant.model, scratch, np.tile(state, (n_plans, 1)), controls)
+            distances = np.linalg.norm(states[..., 1:3] - points[0], axis=2)
+            # The two components of the torso's quaternion that tilt it.
+            tilt = (states[:, -1, 5:7] ** 2).sum(axis=1)
+            best = (distances.min(axis=1) + 0.5 * distances[:, -1] + tilt).argmin()
+            queue.extend([plans[best, 0]] * n_held)
+        return np.float32(queue.pop())
+
+    return act
+
+
+def pump_pole(observation):
+    """Raises the pole's energy to a little above upright's, and keeps the cart at the middle."""
+    position, cosine, _, velocity, angular_velocity = observation
+    # In units of m g l / 2, where a rod of length 1 has a moment of inertia of m / 3.
+    energy = angular_velocity**2 / (3 * 9.81) + cosine - 1.1
+    pump = 2.0 * np.sign(angular_velocity * cosine) * energy
+    return np.float32([pump - position - 0.3 * velocity])
+
+
+def acrobot_planner(physics, rng, n_plans=30, n_held=15, n_actions=10, n_rounds=4):
+    """Plans by the cross-entropy method: near the target, or with the energy to get there."""
+    from mujoco import MjData, rollout
+
+    model, queue = physics.model.ptr, []
+    scratch = MjData(model)
+
+    def misses_and_lacks(controls):
+        state = np.concatenate([[0.0], physics.data.qpos, physics.data.qvel])
+        states, _ = rollout.rollout(model, scratch, np.tile(state, (n_plans, 1)), controls)
+        upper, lower = states[..., 1], states[..., 1] + states[..., 2]
+        misses = np.hypot(np.sin(upper) + np.sin(lower), 2 - np.cos(upper) - np.cos(lower))
+        (v, w), q = (states[:, -1, 3], states[:, -1, 3:5].sum(axis=1)), states[:, -1, 2]
+        kinetic = 2 / 3 * v**2 + w**2 / 6 + v * w * np.cos(q) / 2
+        heights = 1.5 * np.cos(upper[:, -1]) + 0.5 * np.cos(lower[:, -1])
+        return misses.min(axis=1), np.maximum(2 - kinetic / 9.81 - heights, 0)
+
+    def act(observation):
+        if not queue:
+            mean, spread, best = np.zeros(n_actions), np.ones(n_actions), math.inf
+            for _ in range(n_rounds):
+                plans = mean + spread * rng.standard_normal((n_plans, n_actions))
+                plans = plans.clip(-1.0, 1.0)
+                controls = np.repeat(plans, n_held, axis=1)
+                misses, lacks = misses_and_lacks(controls[..., None])
+                costs = misses + 3.0 * lacks - 100.0 * (misses < 0.15)
+                order = costs.argsort()
+                if costs[order[0]] < best:
+                    best, chosen = costs[order[0]], controls[order[0]]
+                elite = plans[order[: n_plans // 5]]
+                mean, spread = elite.mean(axis=0), elite.std(axis=0) + 0.1
+            queue.extend(chosen if best < -50.0 else chosen[:50])
+        return np.float32([queue.pop(0)])
+
+    return act
+
+
+@MARKS["control"]
+class TestControl:
+    def test_the_pole_swings_up(self):
+        env = gym.make(CART_POLE)
+        for seed in range(3):
+            t, is_success = play(env, pump_pole, seed)
+            assert is_success
+            assert t < 500
+
+    def test_the_acrobot_swings_up_if_it_takes_longer_than_the_original_allows(self):
+        env = gym.make(ACROBOT, horizon=3000)
+        physics = env.unwrapped.env.unwrapped.physics
+        for seed in range(2):
+            planner = acrobot_planner(physics, np.random.default_rng(seed))
+            assert play(env, planner, seed)[1]
+
+    @pytest.mark.parametrize("env_id", [CART_POLE, ACROBOT])
+    def test_the_horizon_may_be_longer_than_the_original(self, env_id):
+        env = gym.make(env_id, horizon=1005, task_kwargs={"random": 3})
+        assert play(env, lambda observation: np.zeros(1, dtype=np.float32), 0) == (1005, False)
+
+    def test_the_cart_and_pole_behave_as_the_physics_say(self):
+        env = gym.make(CART_POLE)
+        env.reset(seed=0)
+        physics = env.unwrapped.env.unwrapped.physics
+        for _ in range(200):
+            behavior = env.step(env.action_space.sample())[4]["behavior"]
+            position, angle = physics.data.qpos
+            assert behavior[0] == position
+            assert math.remainder(behavior[1] - angle, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+    def test_the_arms_behave_as_the_physics_say(self):
+        env = gym.make(ACROBOT)
+        env.reset(seed=0)
+        physics = env.unwrapped.env.unwrapped.physics
+        for _ in range(200):
+            behavior = env.step(env.action_space.sample())[4]["behavior"]
+            angles = np.cumsum(physics.data.qpos)
+            for mine, joint in zip(behavior, angles, strict=True):
+                assert math.remainder(mine - joint, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+
+class TestArguments:
+    def test_an_unknown_task_is_an_error_that_lists_them(self):
+        with pytest.raises(ValueError, match=r"`env_id`.*PointMaze_UMaze-v3"):
+            SparseEnv("FetchReach-v4")
+
+    @MARKS["robotics"]
+    def test_the_horizon_is_checked(self):
+        with pytest.raises(ValueError, match="`horizon`"):
+            gym.make(POINT_MAZES[0], horizon=0)
+
+
+class TestExtras:
+    @pytest.mark.parametrize(
+        ("env_id", "extra"), [(POINT_MAZES[0], "robotics"), (CART_POLE, "control")]
+    )
+    @pytest.mark.parametrize("position", [0, -1])
+    def test_a_missing_one_is_one_sentence_with_the_command(
+        self, env_id, extra, position, monkeypatch
+    ):
+        monkeypatch.setitem(sys.modules, MODULES[extra][position], None)
+        with pytest.raises(DependencyNotInstalled) as caught:
+            gym.make(env_id)
+        assert any(f"needs {name}, " in str(caught.value) for name in MODULES[extra])
+        assert str(caught.value).endswith(f'`pip install "curiosity[{extra}]"`.')
+        assert "\n" not in str(caught.value)
+
+    @MARKS["control"]
+    def test_no_display_is_no_warning(self):
+        code = (
+            "import gymnasium as gym\n"
+            f"env = gym.make('curiosity_gym:{CART_POLE}')\n"
+            "print(env.reset(seed=0)[1]['is_success'])"
+        )
+        hidden = ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")
+        environment = {key: value for key, value in os.environ.items() if key not in hidden}
+        ran = subprocess.run(
+            [sys.executable, "-W", "default::UserWarning", "-c", code],
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert ran.stdout == "False\n"
+        assert "GLFW" not in ran.stderr

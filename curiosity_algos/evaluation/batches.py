@@ -19,6 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
+from curiosity_gym.control.vector_env import ControlVectorEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 
 _VECTOR_KEYWORDS = {
@@ -161,7 +162,7 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any
     if hasattr(inner, "env_fns"):
         maker: Callable[[], gym.Env[Any, Any]] = inner.env_fns[0]
         return maker
-    if isinstance(inner, MazeVectorEnv):
+    if isinstance(inner, ControlVectorEnv | MazeVectorEnv):
         return inner.make_single_env
     spec = inner.spec
     if spec is None:

@@ -12,10 +12,13 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper,
 
 from curiosity_algos.common.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.batches import GymnasiumView, describe
+from curiosity_algos.evaluation.control import ControlEvaluator
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.vector import VectorEvaluator
-from curiosity_gym.maze.dynamics import Maze, same_maze
+from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
@@ -98,37 +101,33 @@ def _fastest(env: MadeEnv, mlp: Mlp, n_threads: int | None) -> Evaluator:
         raise ValueError(_OPAQUE.format(type(env).__name__))
     if type(env) is DummyVecEnv and _are_alike(env.envs):
         return _fastest(env.envs[0], mlp, n_threads)
-    if type(env) is MazeVectorEnv:
-        return MazeEvaluator(env.maze, mlp, n_threads)
     if isinstance(env, Monitor):
         # A monitor's spec cannot make copies of it; what it records is SB3's, not ours.
         return _fastest(env.env, mlp, n_threads)
-    if isinstance(env, gym.Env):
-        maze = _plain_maze(env)
-        if maze is not None:
-            return MazeEvaluator(maze, mlp, n_threads)
+    # Exactly these types: a subclass may step or reward in another way.
+    bare = _bare(env)
+    if type(bare) in (MazeEnv, MazeVectorEnv):
+        return MazeEvaluator(bare.maze, mlp, n_threads)
+    if type(bare) in (ControlEnv, ControlVectorEnv):
+        return ControlEvaluator(bare.task, bare.horizon, mlp, n_threads)
     return VectorEvaluator(env, mlp)
 
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
-    """Whether one env can stand for all: it is alone, or they are the same plain maze."""
-    if len(envs) == 1:
-        return True
-    mazes = [_plain_maze(env.env if isinstance(env, Monitor) else env) for env in envs]
-    first, *others = mazes
-    return first is not None and all(
-        other is not None and same_maze(first, other) for other in others
-    )
+    """Whether one env can stand for all: it is alone, or they are the same maze or task."""
+    first, *others = [_bare(env.env if isinstance(env, Monitor) else env) for env in envs]
+    return all(_is_same(first, other) for other in others)
 
 
-def _plain_maze(env: gym.Env[Any, Any]) -> Maze | None:
-    """The maze of an unchanged `MazeEnv`, or None."""
-    env = _bare(env)
-    # Exactly this type: a subclass may step or reward in another way.
-    return env.maze if type(env) is MazeEnv else None
+def _is_same(env: Any, other: Any) -> bool:
+    if type(env) is not type(other):
+        return False
+    if type(env) is MazeEnv:
+        return same_maze(env.maze, other.maze)
+    return type(env) is ControlEnv and env.horizon == other.horizon and env.task == other.task
 
 
-def _bare(env: gym.Env[Any, Any]) -> gym.Env[Any, Any]:
+def _bare(env: Any) -> Any:
     """The env within wrappers that change nothing, or the first wrapper that does."""
     while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
         env = env.env

@@ -72,3 +72,27 @@ class Rollouts:
     def timesteps(self) -> int:
         """Environment steps taken by all individuals together."""
         return int(self.lengths.sum())
+
+
+def concatenate(waves: list[Rollouts]) -> Rollouts:
+    """Waves as one record, padded to the longest episode."""
+    longest = max(wave.lengths.max() for wave in waves)
+
+    def join(name: str, length: int | None = None) -> npt.NDArray[Any]:
+        arrays = [getattr(wave, name) for wave in waves]
+        return np.concatenate([_pad(a, length) if length else a for a in arrays])
+
+    return Rollouts(
+        returns=join("returns"),
+        lengths=join("lengths"),
+        success=join("success"),
+        behaviors=join("behaviors"),
+        final_observations=join("final_observations"),
+        observations=join("observations", longest + 1),
+        actions=join("actions", longest),
+    )
+
+
+def _pad(array: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:
+    missing = length - array.shape[1]
+    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))

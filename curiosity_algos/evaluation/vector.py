@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
-from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters
+from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
 
 N_COPIES = 16
 """Copies of a single env, so that the policy's call serves many of them."""
@@ -45,7 +45,7 @@ class VectorEvaluator:
             self._play(parameters[begin : begin + n], seed)
             for begin in range(0, len(parameters), n)
         ]
-        return _concatenate(waves)
+        return concatenate(waves)
 
     def _play(self, parameters: Float32Array, seed: int | None) -> Rollouts:
         """One wave: at most as many policies as the batch has envs."""
@@ -94,27 +94,3 @@ def _copies(env: gym.Env[Any, Any]) -> list[gym.Env[Any, Any]]:
         return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
     except Exception:  # whatever an env of the user's raises, it can still be used alone
         return [env]
-
-
-def _concatenate(waves: list[Rollouts]) -> Rollouts:
-    """Waves as one record, padded to the longest episode."""
-    longest = max(wave.lengths.max() for wave in waves)
-
-    def join(name: str, length: int | None = None) -> npt.NDArray[Any]:
-        arrays = [getattr(wave, name) for wave in waves]
-        return np.concatenate([_pad(a, length) if length else a for a in arrays])
-
-    return Rollouts(
-        returns=join("returns"),
-        lengths=join("lengths"),
-        success=join("success"),
-        behaviors=join("behaviors"),
-        final_observations=join("final_observations"),
-        observations=join("observations", longest + 1),
-        actions=join("actions", longest),
-    )
-
-
-def _pad(array: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:
-    missing = length - array.shape[1]
-    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))

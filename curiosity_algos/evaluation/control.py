@@ -1,0 +1,83 @@
+"""Control tasks: one batch of physics, and a compiled policy for those still on their way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curiosity_algos.common.policies import Float32Array, Mlp, forward_each, scratch
+from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
+from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.tasks import ControlTask
+
+MAX_SIMULATIONS = 256
+"""Throughput is flat from 56 on, and a simulation takes half a megabyte."""
+
+
+class ControlEvaluator:
+    """Evaluates populations on one control task; the same bits for every number of threads.
+
+    An individual that has succeeded costs nothing more.
+
+    Args:
+        task: The task.
+        horizon: Steps after which an episode is truncated.
+        mlp: The policies' shape.
+        n_threads: None: as many as there are processors.
+    """
+
+    def __init__(
+        self, task: ControlTask, horizon: int, mlp: Mlp, n_threads: int | None = None
+    ) -> None:
+        self.task = task
+        self.horizon = horizon
+        self.mlp = mlp
+        self.n_parameters = mlp.n_parameters
+        self._n_threads = n_threads
+        self._simulation: Simulation | None = None
+
+    def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
+        """One episode of each policy (P, n_parameters); tasks draw nothing: `seed` is unused."""
+        parameters = check_parameters(parameters, self.n_parameters)
+        n = min(len(parameters), MAX_SIMULATIONS)
+        if self._simulation is None or self._simulation.n != n:
+            self._simulation = Simulation(self.task, n, self._n_threads)
+        waves = [
+            self._play(self._simulation, parameters[begin : begin + n])
+            for begin in range(0, len(parameters), n)
+        ]
+        return concatenate(waves)
+
+    def _play(self, simulation: Simulation, parameters: Float32Array) -> Rollouts:
+        """One wave: at most as many policies as there are simulations."""
+        n, horizon = len(parameters), self.horizon
+        observations = np.empty((n, horizon + 1, self.task.n_observations), dtype=np.float32)
+        actions = np.empty((n, horizon, self.task.n_actions), dtype=np.float32)
+        lengths = np.full(n, horizon)
+        success = np.zeros(n, dtype=np.bool_)
+        active = np.arange(n)
+        even, odd = scratch(self.mlp, 1)
+        simulation.reset(active)
+        observations[:, 0] = simulation.observations[:n]
+        chosen = actions[:, 0].copy()
+        for t in range(horizon):
+            forward_each(self.mlp, parameters, observations[active, t], even[0], odd[0], chosen)
+            actions[active, t] = chosen
+            succeeded = simulation.step(chosen, active)
+            observations[active, t + 1] = simulation.observations[active]
+            if succeeded.any():
+                lengths[active[succeeded]], success[active[succeeded]] = t + 1, True
+                going = ~succeeded
+                active, parameters, chosen = active[going], parameters[going], chosen[going]
+            if not len(active):
+                break
+        rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
+        longest = int(lengths.max())
+        return Rollouts(
+            returns=rewards.astype(np.float32).astype(np.float64),
+            lengths=lengths,
+            success=success,
+            behaviors=simulation.behaviors[:n],
+            final_observations=observations[np.arange(n), lengths],
+            observations=observations[:, : longest + 1],
+            actions=actions[:, :longest],
+        )

@@ -1,0 +1,121 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+
+pytest.importorskip("dm_control")
+
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from curiosity_algos import make_evaluator
+from curiosity_algos.common.policies import build_mlp
+from curiosity_algos.evaluation import control
+from curiosity_algos.evaluation.control import ControlEvaluator
+from curiosity_algos.evaluation.vector import VectorEvaluator
+
+NAMES = {"BallInCup": 0.5, "Finger": 1.0, "Stacker": 0.3}
+"""A task, and a deviation of policies of which some succeed within `HORIZON` steps."""
+HORIZON = 400
+
+
+def make(name, n_individuals=24, net_arch=(8,), **kwargs):
+    """The env, and policies."""
+    env = gym.make(f"CuriosityControl-{name}-v0", **({"horizon": HORIZON} | kwargs))
+    mlp = build_mlp(env.observation_space, env.action_space, net_arch)
+    rng = np.random.default_rng(0)
+    parameters = rng.normal(0, NAMES[name], (n_individuals, mlp.n_parameters))
+    return env, mlp, parameters.astype(np.float32)
+
+
+def evaluate(env, mlp, parameters, n_threads=None):
+    task = env.unwrapped.task
+    return ControlEvaluator(task, env.unwrapped.horizon, mlp, n_threads).evaluate(parameters)
+
+
+def assert_same_rollouts(one, other):
+    for name in ("returns", "lengths", "success", "behaviors", "final_observations"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for i, length in enumerate(one.lengths):
+        np.testing.assert_array_equal(
+            one.observations[i, : length + 1], other.observations[i, : length + 1]
+        )
+        np.testing.assert_array_equal(one.actions[i, :length], other.actions[i, :length])
+
+
+@pytest.mark.parametrize("name", NAMES)
+class TestEveryTask:
+    def test_equals_a_loop_over_the_env(self, name, play, assert_equal_episodes):
+        env, mlp, parameters = make(name)
+        rollouts = evaluate(env, mlp, parameters)
+        assert_equal_episodes(rollouts, play(env, mlp, parameters))
+        assert len(np.unique(rollouts.behaviors, axis=0)) > len(parameters) / 2
+
+    @pytest.mark.parametrize("n_individuals", [1, 5])
+    def test_threads_change_no_bit(self, name, n_individuals):
+        env, mlp, parameters = make(name, n_individuals, horizon=150)
+        one, *others = (evaluate(env, mlp, parameters, threads) for threads in (1, 2, 4, None))
+        for other in others:
+            assert_same_rollouts(one, other)
+
+    def test_equals_the_generic_evaluator(self, name):
+        env, mlp, parameters = make(name, 5, horizon=100)
+        envs = gym.make_vec(env.spec.id, num_envs=2, horizon=100)
+        generic = VectorEvaluator(envs, mlp).evaluate(parameters)
+        assert_same_rollouts(evaluate(env, mlp, parameters), generic)
+
+    def test_is_chosen_for_every_way_to_pass_the_env(self, name):
+        env = make(name)[0]
+        vector = gym.make_vec(env.spec.id, num_envs=2, vectorization_mode="vector_entry_point")
+        copies = DummyVecEnv([lambda: Monitor(make(name)[0])] * 2)
+        for each in (env.spec.id, env, env.unwrapped, Monitor(env), vector, copies):
+            assert isinstance(make_evaluator(each), ControlEvaluator)
+        changed = gym.wrappers.TransformReward(env, lambda reward: 2.0 * reward)
+        assert isinstance(make_evaluator(changed), VectorEvaluator)
+
+
+def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
+    env, mlp, parameters = make("Stacker", 16, success_threshold=1e-45)
+    stepped = []
+    step = control.Simulation.step
+
+    def count(self, actions, ids=None):
+        stepped.append(len(actions))
+        return step(self, actions, ids)
+
+    monkeypatch.setattr(control.Simulation, "step", count)
+    rollouts = evaluate(env, mlp, parameters)
+    assert 0 < rollouts.success.sum() < 16
+    assert sum(stepped) == rollouts.timesteps < 16 * HORIZON
+    np.testing.assert_array_equal(rollouts.returns > 0.0, rollouts.success)
+
+
+def test_many_individuals_are_played_in_waves(monkeypatch):
+    env, mlp, parameters = make("Stacker", 11, success_threshold=1e-45, horizon=60)
+    whole = evaluate(env, mlp, parameters)
+    monkeypatch.setattr(control, "MAX_SIMULATIONS", 4)
+    assert_same_rollouts(whole, evaluate(env, mlp, parameters))
+    assert whole.success.any()
+
+
+def test_an_evaluation_leaves_the_next_alone():
+    env, mlp, parameters = make("Finger", 6, horizon=100)
+    evaluator = ControlEvaluator(env.unwrapped.task, 100, mlp)
+    first = evaluator.evaluate(parameters)
+    kept = first.observations.copy()
+    evaluator.evaluate(-parameters)
+    evaluator.evaluate(parameters[:2])
+    np.testing.assert_array_equal(first.observations, kept)
+    assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))
+
+
+def test_stackers_of_different_thresholds_are_not_taken_for_one():
+    envs = DummyVecEnv([lambda t=t: make("Stacker", success_threshold=t)[0] for t in (0.1, 0.5)])
+    assert isinstance(make_evaluator(envs), VectorEvaluator)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e38])
+def test_parameters_that_overflow_give_finite_actions(value):
+    evaluator = make_evaluator(gym.make("CuriosityControl-Finger-v0", horizon=20))
+    rollouts = evaluator.evaluate(np.full((3, evaluator.n_parameters), value))
+    assert np.isfinite(rollouts.behaviors).all()
+    assert (np.abs(rollouts.actions) <= 1.0).all()

@@ -1,0 +1,117 @@
+"""Control tasks and other packages' tasks, made sparse, under every algorithm."""
+
+import importlib.util
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.wrappers import TimeLimit
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from curiosity_algos.common.coverage import coverage_grid
+from curiosity_algos.evaluation.evaluator import make_evaluator
+from curiosity_gym.registration import SPECS
+from curiosity_gym.wrappers.behavior import BehaviorWrapper
+from curiosity_gym.wrappers.sparse import SparseRewardWrapper
+
+HORIZON = 30
+EXTRAS = {"Control": "dm_control", "Maze": "gymnasium_robotics", "SwingUp": "shimmy"}
+
+
+def needs(env_id):
+    """A mark that skips a task whose extra is missing."""
+    is_missing = any(
+        part in env_id and importlib.util.find_spec(module) is None
+        for part, module in EXTRAS.items()
+    )
+    return pytest.mark.skipif(is_missing, reason="needs an extra")
+
+
+ENV_IDS = [
+    pytest.param(env_id, marks=needs(env_id))
+    for env_id in SPECS
+    if env_id.startswith(("CuriosityControl-", "CuriositySparse-"))
+]
+OFF_POLICY = {"learning_starts": 20, "buffer_size": 500, "batch_size": 16, "train_freq": 4}
+PEERS = {PPO: {"n_steps": 64, "n_epochs": 2}, SAC: OFF_POLICY, TD3: OFF_POLICY}
+
+
+def make_copies(env_id):
+    """Two envs side by side, as copies of the mazes take a while."""
+    return gym.make_vec(env_id, num_envs=2, vectorization_mode="sync", horizon=HORIZON)
+
+
+def never(env, observation, reward, info):
+    return False
+
+
+def cart_and_pole(env, observation, info):
+    return observation[[0, 2]]
+
+
+BOUNDS = spaces.Box(np.float32([-4.8, -0.5]), np.float32([4.8, 0.5]))
+WRAPPERS = {
+    "behavior": lambda env: BehaviorWrapper(env, cart_and_pole, BOUNDS),
+    "sparse": lambda env: SparseRewardWrapper(
+        env, never, horizon=100, behavior=cart_and_pole, behavior_space=BOUNDS
+    ),
+}
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+class TestEveryTask:
+    def test_the_evolution_strategies_run(self, env_id, algorithm, make_model):
+        model = make_model(algorithm, make_copies(env_id), population_size=4, n_parents=2)
+        model.learn(2 * 4 * HORIZON)
+        assert model.num_timesteps == 2 * 4 * HORIZON
+        assert model.generation == 2
+        assert 0.0 < model.coverage < 1.0
+
+    @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.__name__)
+    def test_stable_baselines3s_algorithms_run(self, env_id, peer):
+        env = gym.make(env_id, horizon=HORIZON)
+        model = peer("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=0, **PEERS[peer])
+        model.learn(200)
+        assert model.num_timesteps >= 200
+        assert len(model.ep_info_buffer) >= 6
+
+    def test_the_evaluator_is_a_plain_loop(self, env_id, play, assert_equal_episodes):
+        evaluator = make_evaluator(make_copies(env_id))
+        rng = np.random.default_rng(0)
+        parameters = rng.standard_normal((3, evaluator.n_parameters)).astype(np.float32)
+        rollouts = evaluator.evaluate(parameters, seed=5)
+        env = gym.make(env_id, horizon=HORIZON)
+        assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters, seed=5))
+
+    def test_coverage_counts_the_behavior_space(self, env_id):
+        env = gym.make(env_id)
+        grid = coverage_grid(DummyVecEnv([lambda: Monitor(env)]))
+        np.testing.assert_array_equal(grid.low, env.unwrapped.behavior_space.low)
+        np.testing.assert_array_equal(grid.high, env.unwrapped.behavior_space.high)
+
+
+@pytest.mark.parametrize("wrap", WRAPPERS.values(), ids=WRAPPERS)
+class TestWrappers:
+    def test_coverage_counts_the_behavior_space(self, wrap):
+        env = TimeLimit(wrap(gym.make("CartPole-v1")), 200)
+        grid = coverage_grid(DummyVecEnv([lambda: Monitor(env)]))
+        np.testing.assert_array_equal(grid.low, BOUNDS.low.astype(np.float64))
+        np.testing.assert_array_equal(grid.high, BOUNDS.high.astype(np.float64))
+
+    def test_coverage_counts_the_new_behavior_of_a_maze(self, wrap):
+        # CartPole's function picks the maze's x and its velocity along x.
+        env = wrap(gym.make("CuriosityMaze-Hard-v0", horizon=200))
+        grid = coverage_grid(DummyVecEnv([lambda: Monitor(env)]))
+        assert grid.dimensions == (0, 1)
+        assert grid.reachable is None
+
+    def test_copies_in_an_evaluator_are_a_plain_loop(self, wrap, play, assert_equal_episodes):
+        evaluator = make_evaluator(wrap(gym.make("CartPole-v1")))
+        rng = np.random.default_rng(0)
+        parameters = rng.standard_normal((20, evaluator.n_parameters)).astype(np.float32)
+        rollouts = evaluator.evaluate(parameters, seed=1)
+        env = wrap(gym.make("CartPole-v1"))
+        assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters, seed=1))

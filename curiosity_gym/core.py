@@ -1,6 +1,7 @@
 """What every environment of this package offers beside Gymnasium's own API.
 
-- `env.unwrapped.behavior_space`: a `Box`, the bounds of the behavior;
+- `env.unwrapped.behavior_space`: a `Box`, the bounds of the behavior (of a wrapper that adds one:
+  `env.get_wrapper_attr("behavior_space")`);
 - `env.unwrapped.coverage_grid`: a `CoverageGrid`, which part of the behavior coverage counts;
 - `info["behavior"]`: what the episode has come to, (B,) float64;
 - `info["is_success"]`: whether the goal is reached.
@@ -13,6 +14,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+
+
+class SimulationError(RuntimeError):
+    """A simulation became unstable: its state is no longer one that physics led to."""
 
 
 @dataclass(frozen=True, eq=False)

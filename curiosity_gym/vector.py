@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium as gym
 import numpy as np
@@ -23,6 +23,40 @@ Mask = npt.NDArray[np.bool_]
 Frame = npt.NDArray[np.uint8]
 
 
+class Config(Protocol):
+    """What the keywords of an environment come to."""
+
+    @property
+    def observation_space(self) -> spaces.Box[np.float32]:
+        """Of a single env, (O,)."""
+        ...
+
+    @property
+    def action_space(self) -> spaces.Box[np.float32]:
+        """Of a single env, (A,)."""
+        ...
+
+    @property
+    def behavior_space(self) -> spaces.Box[np.float64]:
+        """Bounds of `info["behavior"]`, (B,)."""
+        ...
+
+    @property
+    def coverage_grid(self) -> CoverageGrid:
+        """What coverage counts of the behavior."""
+        ...
+
+    @property
+    def horizon(self) -> int:
+        """Steps after which an episode is truncated."""
+        ...
+
+    @property
+    def fps(self) -> int:
+        """Frames a second."""
+        ...
+
+
 class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     """n episodes side by side, each rewarded `1 - t / horizon` when it succeeds in its step t.
 
@@ -30,13 +64,8 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_frames`.
 
     Args:
+        config: Spaces, horizon and frame rate of a single env.
         num_envs: Number of episodes side by side.
-        observation_space: Of a single env.
-        action_space: Likewise.
-        behavior_space: Bounds of `info["behavior"]`.
-        coverage_grid: What coverage counts of it.
-        horizon: Steps after which an episode is truncated.
-        fps: Frames a second.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
         render_mode: "rgb_array" or None.
@@ -51,14 +80,9 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
 
     def __init__(
         self,
+        config: Config,
         *,
         num_envs: int,
-        observation_space: spaces.Box,
-        action_space: spaces.Box,
-        behavior_space: spaces.Box,
-        coverage_grid: CoverageGrid,
-        horizon: int,
-        fps: int,
         autoreset_mode: AutoresetMode | str,
         render_mode: str | None,
         copy: bool,
@@ -67,23 +91,30 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
         self.num_envs = num_envs
-        self.single_observation_space = observation_space
-        self.single_action_space = action_space
-        self.observation_space = batch_space(observation_space, num_envs)
-        self.action_space = batch_space(action_space, num_envs)
-        self.behavior_space = behavior_space
-        self.coverage_grid = coverage_grid
-        self.horizon = horizon
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
-        own = {"render_fps": fps, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = config.observation_space
+        self.single_action_space = config.action_space
+        self.observation_space = batch_space(config.observation_space, num_envs)
+        self.action_space = batch_space(config.action_space, num_envs)
+        self.behavior_space = config.behavior_space
+        self.coverage_grid = config.coverage_grid
+        self.horizon = config.horizon
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        own = {"render_fps": config.fps, "autoreset_mode": self.autoreset_mode}
         self.metadata = {**type(self).metadata, **own}
         self.render_mode = render_mode
         self.copy = copy
-        shape = (num_envs, *observation_space.shape)
+        shape = (num_envs, *config.observation_space.shape)
         self._observations: Float32Array = np.zeros(shape, dtype=np.float32)
-        self._steps = np.full(num_envs, -1)  # no episode yet
+        self._steps = self._no_episodes()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self._is_ready = False
+
+    def _no_episodes(self) -> npt.NDArray[np.int64]:
+        return np.full(self.num_envs, -1)
+
+    @property
+    def _is_ready(self) -> bool:
+        """Whether every env has an episode, under way or just ended."""
+        return bool((self._steps >= 0).all())
 
     # -- what an environment writes ---------------------------------------------------------------
 
@@ -137,7 +168,6 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self._begin(mask, options)
         super().reset(seed=seed if isinstance(seed, int) else None)
         self._count_begin(mask)
-        self._is_ready = bool((self._steps >= 0).all())
         return self._handed_out(), self._infos(mask)
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
@@ -178,9 +208,10 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         is_disabled = self.autoreset_mode == AutoresetMode.DISABLED
         if not self._is_ready or (is_disabled and self._ended.any()):
             raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
-        resets = self._ended
+        resets, steps = self._ended, self._steps
+        self._steps = self._no_episodes()  # all need a reset, should the physics fail midway
         terminated = self._advance(actions, resets)
-        self._steps = np.where(resets, 0, self._steps + 1)
+        self._steps = np.where(resets, 0, steps + 1)
         truncated = ~terminated & (self._steps >= self.horizon)
         rewards = np.where(terminated, 1.0 - self._steps / self.horizon, 0.0)
         self._ended = terminated | truncated
@@ -229,3 +260,11 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if not self._is_ready:
             raise ResetNeeded("Call reset() before render().")
         return self._frames()
+
+
+def _autoreset_mode(value: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(value)
+    except ValueError:
+        names = ", ".join(mode.value for mode in AutoresetMode)
+        raise ValueError(f"`autoreset_mode` must be one of {names}, got {value!r}.") from None

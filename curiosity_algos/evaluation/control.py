@@ -39,7 +39,7 @@ class ControlEvaluator:
         """One episode of each policy (P, n_parameters); tasks draw nothing: `seed` is unused."""
         parameters = check_parameters(parameters, self.n_parameters)
         n = min(len(parameters), MAX_SIMULATIONS)
-        if self._simulation is None or self._simulation.n != n:
+        if self._simulation is None or self._simulation.n < n:
             self._simulation = Simulation(self.task, n, self._n_threads)
         waves = [
             self._play(self._simulation, parameters[begin : begin + n])

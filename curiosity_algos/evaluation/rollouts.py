@@ -76,6 +76,8 @@ class Rollouts:
 
 def concatenate(waves: list[Rollouts]) -> Rollouts:
     """Waves as one record, padded to the longest episode."""
+    if len(waves) == 1:
+        return waves[0]
     longest = max(wave.lengths.max() for wave in waves)
 
     def join(name: str, length: int | None = None) -> npt.NDArray[Any]:

@@ -62,7 +62,8 @@ class ControlEnv(gym.Env[Float32Array, Float32Array]):
         horizon: Steps after which an episode is truncated.
         width: Of a frame, in pixels.
         height: Likewise.
-        render_mode: "rgb_array" or None. For a window, `gymnasium.wrappers.HumanRendering`.
+        render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
+            Gymnasium's own window.
         **kwargs: Keywords of the task: for stacker `success_threshold`.
 
     Raises:
@@ -145,6 +146,10 @@ class ControlEnv(gym.Env[Float32Array, Float32Array]):
         if self._viewer is None:
             self._viewer = self._make_viewer()
         return self._viewer.draw(self._simulation)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle without the renderer, which belongs to its process."""
+        return {**self.__dict__, "_viewer": None}
 
     def close(self) -> None:
         """Free the renderer, if there is one."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import weakref
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,14 +13,8 @@ import numpy.typing as npt
 
 from curiosity_gym.compiled import available_cpus
 from curiosity_gym.control.tasks import ControlTask, Float32Array, Float64Array, Mask
+from curiosity_gym.core import SimulationError
 from curiosity_gym.extras import import_extra
-
-_INHERITED: list[Any] = []
-"""Batches made before a fork: without their threads they can be neither used nor freed."""
-
-
-class SimulationError(RuntimeError):
-    """MuJoCo gave up on a simulation: its state is no longer that of the physics."""
 
 
 class Simulation:
@@ -46,6 +42,7 @@ class Simulation:
         # Persistent: one MjData each, or a touch sensor may show another simulation's force.
         self._batch = batch.Batch(self.task.model, self.n, self.n_threads, persistent=True)
         self._owner = os.getpid()
+        _LIVE.add(self)
         self._controls: Float64Array = self._batch.bind("ctrl")
         self._warnings = self._batch.warning[:, :, 1]
         self._fields = {name: self._batch.bind(name) for name in self.task.fields}
@@ -65,7 +62,7 @@ class Simulation:
     def reset(self, ids: npt.NDArray[np.int64] | None = None) -> None:
         """Put simulations `ids`, sorted, None: all, at the start; the others stay as they are."""
         self._stay_in_process()
-        rows = slice(None) if ids is None else ids
+        ids, rows = self._select(ids)
         self._batch.state[rows] = self._start
         self._batch.forward(ids, self._mujoco.mjtStage.mjSTAGE_ACC.value)
         self._batch.state[rows] = self._start  # the solver has moved its warm start
@@ -88,7 +85,7 @@ class Simulation:
             SimulationError: If MuJoCo warned of a simulation, most of which it then resets.
         """
         self._stay_in_process()
-        rows = slice(None) if ids is None else ids
+        ids, rows = self._select(ids)
         self._controls[rows] = actions
         # dm_control steps with mj_step2, mj_step, mj_step1: of the stages, this one equals it.
         stage = self._mujoco.mjtStage.mjSTAGE_VEL.value
@@ -96,6 +93,14 @@ class Simulation:
         if self._warnings.any():
             self._raise_warning()
         return self.task.success(self._observe(rows))
+
+    def _select(
+        self, ids: npt.NDArray[np.int64] | None
+    ) -> tuple[npt.NDArray[np.int64] | None, Any]:
+        """The ids as the batch takes them, and as an index: a slice for all, which copies less."""
+        if ids is None or len(ids) == self.n:
+            return None, slice(None)
+        return ids, ids
 
     def _observe(self, rows: Any) -> SimpleNamespace:
         """Write the observations of `rows`; their fields."""
@@ -110,6 +115,7 @@ class Simulation:
 
     def _raise_warning(self) -> None:
         simulation, kind = np.argwhere(self._warnings)[0].tolist()
+        self._batch.warning[:] = 0
         name = self._mujoco.mjtWarning(kind).name.removeprefix("mjWARN_")
         raise SimulationError(
             f"MuJoCo warned of {name} in simulation {simulation} and may have reset it: "
@@ -129,7 +135,6 @@ class Simulation:
     def _stay_in_process(self) -> None:
         """Threads do not survive a fork: a child process makes its own batch."""
         if self._owner != os.getpid():
-            _INHERITED.append(self._batch)
             self.__setstate__(self.__getstate__())
 
     def __getstate__(self) -> dict[str, Any]:
@@ -145,3 +150,16 @@ class Simulation:
         self._batch.state[:] = rows
         self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
         self._batch.state[:] = rows
+
+
+_LIVE: weakref.WeakSet[Simulation] = weakref.WeakSet()
+
+
+def _keep_batches() -> None:
+    """In a child process: a batch whose threads stayed in the parent must never be freed."""
+    for simulation in _LIVE:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(simulation._batch))
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_keep_batches)

@@ -54,7 +54,9 @@ class ControlTask:
     behavior_high: Float64Array
 
     def __init__(self) -> None:
-        mujoco, suite = import_extra("control", "mujoco", f"dm_control.suite.{self.domain}")
+        # The package before its module: two threads would wait for each other's import.
+        names = ("mujoco", "dm_control.suite", f"dm_control.suite.{self.domain}")
+        mujoco, _, suite = import_extra("control", *names)
         self.model = mujoco.MjModel.from_xml_string(*self._source(suite))
         # Without this stage of collision detection the bits are the same, and the steps faster.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
@@ -123,9 +125,8 @@ class BallInCup(ControlTask):
         At rest, the cup at (0, 0), the ball straight below at (0, -0.05).
 
     Success:
-        The ball is inside the cup. From this start it is no feat: a random action that is held for
-        ten steps at a time, all the way to one side or the other, catches it in two episodes of
-        three.
+        The ball is inside the cup. From this start it is no feat: random actions of full strength,
+        held for ten steps each, catch it in three episodes of five.
     """
 
     domain = "ball_in_cup"
@@ -185,8 +186,8 @@ class Finger(ControlTask):
 
     Behavior:
         Angles of the proximal and the distal joint, within their ranges of +-110 degrees, and of
-        the hinge, wrapped to +-pi. The ranges are soft: a joint pushed slightly past its own counts
-        as at its end.
+        the hinge, wrapped to +-pi. The ranges are soft: a joint pushed past its own, by a
+        third of a radian or so, counts as at its end.
 
     Starting State:
         At rest: proximal joint and hinge at pi/2, distal joint at 0; the target lies at

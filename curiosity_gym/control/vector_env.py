@@ -56,13 +56,8 @@ class ControlVectorEnv(SparseVectorEnv):
             check_at_least_one(n_threads=n_threads)
         config = configure_control(task, **kwargs)
         super().__init__(
+            config,
             num_envs=num_envs,
-            observation_space=config.observation_space,
-            action_space=config.action_space,
-            behavior_space=config.behavior_space,
-            coverage_grid=config.coverage_grid,
-            horizon=config.horizon,
-            fps=config.fps,
             autoreset_mode=autoreset_mode,
             render_mode=render_mode,
             copy=copy,
@@ -84,11 +79,9 @@ class ControlVectorEnv(SparseVectorEnv):
     def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
         success = np.zeros(self.num_envs, dtype=np.bool_)
         going = np.flatnonzero(~resets)
-        self._is_ready = False  # should the simulation fail, the envs need a reset
         success[going] = self._simulation.step(actions[going], going)
         if resets.any():
             self._simulation.reset(np.flatnonzero(resets))
-        self._is_ready = True
         return success
 
     def _info_arrays(self) -> dict[str, Float64Array]:
@@ -98,6 +91,10 @@ class ControlVectorEnv(SparseVectorEnv):
         if self._viewer is None:
             self._viewer = self._make_viewer()
         return tuple(self._viewer.draw(self._simulation, i) for i in range(self.num_envs))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle without the renderer, which belongs to its process."""
+        return {**self.__dict__, "_viewer": None}
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the renderer, if there is one."""

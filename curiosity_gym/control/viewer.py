@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import sys
+import weakref
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.error import DependencyNotInstalled
+from gymnasium.error import DependencyNotInstalled, Error
 
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.extras import import_extra
@@ -28,8 +30,12 @@ class ControlViewer:
         width: Of a frame, in pixels.
         height: Likewise.
 
+    Attributes:
+        close: Frees what OpenGL holds; called at exit at the latest.
+
     Raises:
         gymnasium.error.DependencyNotInstalled: If there is no OpenGL to draw with.
+        gymnasium.error.Error: In a process forked from one that has drawn.
     """
 
     def __init__(self, model: mujoco.MjModel, *, width: int, height: int) -> None:
@@ -50,6 +56,9 @@ class ControlViewer:
         self._renderer = self._mujoco.MjrContext(model, font.value)
         buffer = self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN
         self._mujoco.mjr_setBuffer(buffer.value, self._renderer)
+        self.close = weakref.finalize(self, _free, self._gl, self._renderer)
+        # Registered after EGL's own farewell, and so called before it.
+        atexit.register(self.close)
 
     def draw(self, simulation: Simulation, index: int = 0) -> npt.NDArray[np.uint8]:
         """A frame (height, width, 3) of simulation `index`."""
@@ -69,29 +78,47 @@ class ControlViewer:
         self._mujoco.mjr_readPixels(frame, None, self._viewport, self._renderer)
         return np.ascontiguousarray(frame[::-1])  # OpenGL's first row is the lowest
 
-    def close(self) -> None:
-        """Free what OpenGL holds, which must be gone before the interpreter is."""
-        self._gl.make_current()
-        self._renderer.free()
-        self._gl.free()
+
+def _free(gl: Any, renderer: Any) -> None:
+    gl.make_current()
+    renderer.free()
+    gl.free()
+
+
+_processes: set[int] = set()
+"""Those that have drawn."""
 
 
 def _gl_context(width: int, height: int) -> Any:
     """An OpenGL context of the library that `MUJOCO_GL` names, or else of the first that works."""
-    headless = ("egl", "osmesa") if sys.platform == "linux" else ()
-    names = (os.environ["MUJOCO_GL"],) if os.environ.get("MUJOCO_GL") else (*headless, "glfw")
-    for name in names:
+    if _processes - {os.getpid()}:
+        # OpenGL waits for threads that stayed in the parent.
+        raise Error(
+            "Rendering in a process forked from one that has rendered would hang: start the "
+            'processes with another method, such as context="spawn".'
+        )
+    reasons = []
+    for name in _gl_names():
         # What they raise without a library or a device is of many kinds.
         try:
-            if name != "glfw" or sys.platform != "linux" or _has_display():
-                return importlib.import_module(f"mujoco.{name}").GLContext(width, height)
+            context = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
         except Exception as error:
-            reason = f"{name}: {error}"
+            reasons.append(f"{name}: {error}")
+        else:
+            _processes.add(os.getpid())
+            return context
     raise DependencyNotInstalled(
         "Rendering needs OpenGL: install EGL or OSMesa (on Debian libegl1 and libgl1-mesa-dri, or "
-        f"libosmesa6), or set MUJOCO_GL to egl, osmesa or glfw ({reason})."
+        "libosmesa6), or set MUJOCO_GL to egl, osmesa or, with a display, glfw "
+        f"({'; '.join(reasons)})."
     )
 
 
-def _has_display() -> bool:
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def _gl_names() -> list[str]:
+    """The OpenGL libraries to try, in this order."""
+    is_linux = sys.platform == "linux"
+    chosen = os.environ.get("MUJOCO_GL")
+    names = [chosen] if chosen else [*(("egl", "osmesa") if is_linux else ()), "glfw"]
+    # glfw does not say so itself where there is no display: MuJoCo aborts then.
+    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return [name for name in names if name != "glfw" or has_display or not is_linux]

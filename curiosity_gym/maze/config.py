@@ -24,6 +24,8 @@ from curiosity_gym.maze.layouts import (
 from curiosity_gym.maze.viewer import MazeViewer
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
+FPS = 10
+"""Frames a second: a step lasts 0.1 s."""
 LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
 
@@ -39,6 +41,13 @@ class MazeConfig:
     action_space: spaces.Box[np.float32]
     behavior_space: spaces.Box[np.float64]
     coverage_grid: CoverageGrid
+
+    fps: int = FPS
+
+    @property
+    def horizon(self) -> int:
+        """Steps after which an episode is truncated."""
+        return self.maze.horizon
 
     def make_viewer(self) -> MazeViewer:
         """What draws this maze."""

@@ -11,14 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
-from curiosity_gym.maze.config import configure_maze, start_state
+from curiosity_gym.maze.config import FPS, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.viewer import MazeViewer
 
 Observation = npt.NDArray[np.float32]
-FPS = 10
-"""Frames a second: a step lasts 0.1 s."""
 
 
 class MazeEnv(gym.Env[Observation, npt.NDArray[np.float32]]):

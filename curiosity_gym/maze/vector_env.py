@@ -12,7 +12,7 @@ from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.maze.config import configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import MazeLayout
-from curiosity_gym.maze.maze_env import FPS, MazeEnv
+from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.viewer import MazeViewer
 from curiosity_gym.vector import Float32Array, Float64Array, Frame, Mask, SparseVectorEnv
 
@@ -87,13 +87,8 @@ class MazeVectorEnv(SparseVectorEnv):
             kwargs["horizon"] = max_episode_steps
         config = configure_maze(layout, **kwargs)
         super().__init__(
+            config,
             num_envs=num_envs,
-            observation_space=config.observation_space,
-            action_space=config.action_space,
-            behavior_space=config.behavior_space,
-            coverage_grid=config.coverage_grid,
-            horizon=config.maze.horizon,
-            fps=FPS,
             autoreset_mode=autoreset_mode,
             render_mode=render_mode,
             copy=copy,

@@ -46,7 +46,7 @@ class BehaviorRecorder:
         """The info with its `behavior`, a copy.
 
         Raises:
-            ValueError: If the behavior has another shape than its space.
+            ValueError: If the behavior has another shape than its space, or is not finite.
         """
         # A copy: environments may write into the same array at every step.
         behavior = np.array(self._behavior(env, observation, info), dtype=np.float64)
@@ -55,6 +55,8 @@ class BehaviorRecorder:
                 f"`behavior` must return shape {self.space.shape}, as `behavior_space` has it, "
                 f"got {behavior.shape}."
             )
+        if not np.isfinite(behavior).all():
+            raise ValueError(f"`behavior` must return finite numbers, got {behavior}.")
         return {**info, "behavior": behavior}
 
 
@@ -66,8 +68,8 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     Args:
         env: The environment.
-        behavior: `behavior(env, observation, info)`, an array of B numbers; `env` is the wrapped
-            environment. A function of a module, if the environment shall be pickled.
+        behavior: `behavior(env, observation, info)`, an array of B finite numbers; `env` is the
+            wrapped environment. A function of a module, if the environment shall be pickled.
         behavior_space: A `Box` of shape (B,), the bounds of the behavior.
 
     Raises:

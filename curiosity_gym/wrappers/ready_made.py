@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from curiosity_gym.core import SimulationError
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 from curiosity_gym.wrappers.behavior import BehaviorFunction
@@ -117,7 +118,12 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
     def step(
         self, action: npt.NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """See `SparseRewardWrapper`."""
+        """See `SparseRewardWrapper`.
+
+        Raises:
+            SimulationError: If the physics of a maze became unstable.
+            dm_control.rl.control.PhysicsError: If those of another task did.
+        """
         return self.env.step(action)
 
     def render(self) -> Any:
@@ -129,9 +135,34 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         self.env.close()
 
 
+class _StableMaze(gym.Wrapper[Any, Any, Any, Any]):
+    """A maze of Gymnasium-Robotics that does not go on once MuJoCo has reset its simulation."""
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Take one step.
+
+        Raises:
+            SimulationError: If MuJoCo warned since the last reset, which clears its counters.
+        """
+        result = self.env.step(action)
+        counts = self.unwrapped.data.warning.number  # type: ignore[attr-defined]
+        if np.count_nonzero(counts):
+            raise SimulationError(
+                f"MuJoCo warned of {_warning_name(counts)} and may have reset the simulation: the "
+                "episode cannot go on, reset the environment."
+            )
+        return result
+
+
+def _warning_name(counts: npt.NDArray[np.int32]) -> str:
+    (mujoco,) = import_extra("robotics", "mujoco")
+    name: str = mujoco.mjtWarning(int(counts.argmax())).name
+    return name.removeprefix("mjWARN_")
+
+
 def _make_robotics(env_id: str, **kwargs: Any) -> BareEnv:
-    import_extra("robotics", "gymnasium_robotics")
-    return gym.make(env_id, disable_env_checker=True, **kwargs).unwrapped
+    import_extra("robotics", "mujoco", "gymnasium_robotics")
+    return _StableMaze(gym.make(env_id, disable_env_checker=True, **kwargs).unwrapped)
 
 
 def _make_control(
@@ -175,7 +206,7 @@ def _cart_and_pole(env: BareEnv, observation: Any, info: dict[str, Any]) -> Floa
 
 
 def _cart_and_pole_bounds(env: BareEnv) -> spaces.Box:
-    high = np.array([1.8, math.pi])
+    high = np.array([2.0, math.pi])
     return spaces.Box(-high, high, dtype=np.float64)
 
 

@@ -59,8 +59,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             success; `env` is the wrapped environment, and observation and reward are its own. A
             function of a module, if the environment shall be pickled, as `behavior`.
         horizon: Steps after which an episode is truncated.
-        behavior: `behavior(env, observation, info)`, an array of B numbers; None: `env` keeps the
-            behavior that it has, if any.
+        behavior: `behavior(env, observation, info)`, an array of B finite numbers; None: `env`
+            keeps the behavior that it has, if any.
         behavior_space: A `Box` of shape (B,), the bounds of the behavior.
 
     Raises:
@@ -106,28 +106,34 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         """Begin an episode; `seed` and `options` are those of the wrapped environment."""
         self._is_running = False
         observation, info = self.env.reset(seed=seed, options=options)
+        info = self._complete(info, observation, is_success=False)
         self._t, self._is_running = 0, True
-        return self._flatten(observation), self._complete(info, observation, is_success=False)
+        return self._flatten(observation), info
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take one step.
 
+        An error of `env`, `success` or `behavior` ends the episode.
+
         Raises:
-            ValueError: If the action is not finite, or of another shape than the action space.
+            ValueError: If action or behavior is not finite, or of another shape than its space.
             gymnasium.error.ResetNeeded: If no episode is under way.
         """
         action = self._check_action(action)
         if not self._is_running:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
+        # Before the step: after an error the state may be one that no episode leads to.
+        self._is_running = False
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._t += 1
         is_success = bool(self._success(self.env, observation, reward, info))
         terminated = bool(is_success or terminated)
         truncated = not terminated and bool(truncated or self._t == self.horizon)
-        self._is_running = not (terminated or truncated)
         reward = 1.0 - self._t / self.horizon if is_success else 0.0
         info = self._complete(info, observation, is_success)
-        return self._flatten(observation), reward, terminated, truncated, info
+        flat = self._flatten(observation)
+        self._is_running = not (terminated or truncated)
+        return flat, reward, terminated, truncated, info
 
     def _check_action(self, action: Any) -> Any:
         """The action as the wrapped environment takes it."""

@@ -29,6 +29,18 @@ def test_cells_agree_with_numpys_histogram():
     np.testing.assert_array_equal(counts, np.histogram2d(*behaviors[:, [0, 2]].T, bins=edges)[0])
 
 
+@pytest.mark.parametrize(("kept", "entries"), [((0,), [0]), ((1,), [2]), ((1, 0), [2, 0])])
+def test_projected_cells_are_those_of_a_grid_of_their_own(kept, entries):
+    rng = np.random.default_rng(0)
+    behaviors = rng.uniform([0.0, 0.0, -1.0], [10.0, 1.0, 1.0], (200, 3))
+    grid = make_grid(projections={"part": kept})
+    alone = make_grid(
+        dimensions=tuple(entries), low=grid.low[list(kept)], high=grid.high[list(kept)]
+    )
+    projected = grid.project(grid.cells(behaviors), "part")
+    np.testing.assert_array_equal(projected, alone.cells(behaviors))
+
+
 def test_no_behaviors_have_no_cells():
     assert make_grid().cells(np.empty((0, 3))).shape == (0,)
 
@@ -39,6 +51,7 @@ def test_no_behaviors_have_no_cells():
         {"dimensions": (0, 1)},
         {"low": np.array([0.0, -2.0])},
         {"n_cells": 6},
+        {"projections": {"part": (1,)}},
         {"reachable": np.ones((5, 5), dtype=bool)},
     ],
 )

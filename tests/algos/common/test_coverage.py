@@ -33,11 +33,20 @@ def test_unknown_reachability_counts_all_cells():
     assert coverage.reachable == coverage.all == 0.5
 
 
+def test_parts_that_the_grid_names_are_counted_beside_the_whole():
+    grid = CoverageGrid((0, 1), np.zeros(2), np.full(2, 3.0), 3, projections={"height": (1,)})
+    coverage = Coverage(grid)
+    assert coverage.shares == {"reachable": 0.0, "all": 0.0, "height": 0.0}
+    coverage.add(np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [2.5, 1.5]]))
+    assert coverage.shares == {"reachable": 4 / 9, "all": 4 / 9, "height": 2 / 3}
+
+
 def test_nothing_to_count_is_none():
     coverage = Coverage(None)
     coverage.add(np.zeros((3, 0)))
     assert coverage.all is None
     assert coverage.reachable is None
+    assert coverage.shares == {}
 
 
 def test_the_state_goes_over():

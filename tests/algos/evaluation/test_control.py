@@ -4,14 +4,16 @@ import pytest
 
 pytest.importorskip("dm_control")
 
+from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos import make_evaluator
+from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.common.policies import build_mlp
 from curiosity_algos.evaluation import control
 from curiosity_algos.evaluation.control import ControlEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
+from curiosity_gym.core import SimulationError
 
 NAMES = {"BallInCup": 0.5, "Finger": 1.0, "Stacker": 0.3}
 """A task, and a deviation of policies of which some succeed within `HORIZON` steps."""
@@ -87,6 +89,45 @@ def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
     assert 0 < rollouts.success.sum() < 16
     assert sum(stepped) == rollouts.timesteps < 16 * HORIZON
     np.testing.assert_array_equal(rollouts.returns > 0.0, rollouts.success)
+
+
+def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
+    env, mlp, parameters = make("BallInCup", 6, horizon=50)
+    evaluator = ControlEvaluator(env.unwrapped.task, 50, mlp)
+    expected = evaluator.evaluate(parameters)
+    simulation = evaluator._simulation
+    reset = simulation.reset
+
+    def break_one(ids=None):
+        reset(ids)
+        simulation._batch.bind("qvel")[4, 0] = 1e12
+
+    simulation.reset = break_one
+    with pytest.raises(SimulationError, match="simulation 4"):
+        evaluator.evaluate(parameters)
+    simulation.reset = reset
+    for n in (2, 6):
+        rollouts = evaluator.evaluate(parameters[:n])
+        np.testing.assert_array_equal(rollouts.behaviors, expected.behaviors[:n])
+
+
+def test_the_parts_of_a_behavior_are_logged(make_model):
+    model = make_model(CanonicalES, make("BallInCup", horizon=30)[0])
+    logged = {}
+    model.set_logger(Logger(None, [Keep(logged)]))
+    model.learn(200)
+    assert logged["coverage/ball"] == model._coverage.shares["ball"]
+    assert logged["coverage/reachable"] < logged["coverage/ball"] < 1.0
+
+
+class Keep(KVWriter):
+    """Keeps what was logged last."""
+
+    def __init__(self, logged):
+        self.logged = logged
+
+    def write(self, key_values, key_excluded, step=0):
+        self.logged |= key_values
 
 
 def test_many_individuals_are_played_in_waves(monkeypatch):

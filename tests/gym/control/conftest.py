@@ -1,49 +1,51 @@
 """The oracle of the control tasks: dm_control's own environments, begun at the fixed starts."""
 
+from functools import cache
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-
-pytest.importorskip("dm_control")
-
-from dm_control.rl import control
-from dm_control.suite import ball_in_cup, finger, stacker
 
 TASK_NAMES = ["ball_in_cup", "finger", "stacker"]
 
 
-class FixedBallInCup(ball_in_cup.BallInCup):
-    def initialize_episode(self, physics):
-        physics.named.data.qpos["ball_x"] = 0.0
-        physics.named.data.qpos["ball_z"] = -0.05
+@cache
+def fixed_tasks():
+    """dm_control's tasks, each with `initialize_episode` at the fixed start."""
+    from dm_control.suite import ball_in_cup, finger, stacker
 
+    class FixedBallInCup(ball_in_cup.BallInCup):
+        def initialize_episode(self, physics):
+            physics.named.data.qpos["ball_x"] = 0.0
+            physics.named.data.qpos["ball_z"] = -0.05
 
-class FixedFinger(finger.Turn):
-    def initialize_episode(self, physics):
-        physics.named.model.site_pos["target"] = 0.3168727, 0.0, 0.45692778
-        physics.named.model.site_size["target", 0] = 0.03
-        for joint, angle in {"proximal": np.pi / 2, "distal": 0.0, "hinge": np.pi / 2}.items():
-            physics.named.data.qpos[joint] = angle
+    class FixedFinger(finger.Turn):
+        def initialize_episode(self, physics):
+            physics.named.model.site_pos["target"] = 0.3168727, 0.0, 0.45692778
+            physics.named.model.site_size["target", 0] = 0.03
+            for joint, angle in {"proximal": np.pi / 2, "distal": 0.0, "hinge": np.pi / 2}.items():
+                physics.named.data.qpos[joint] = angle
 
+    class FixedStacker(stacker.Stack):
+        def initialize_episode(self, physics):
+            physics.named.model.body_pos["target"] = 0.0, 0.0, 0.07
+            physics.named.data.qpos["arm_root"] = np.pi / 2
+            for axis, position in {"x": -0.3, "z": 0.04, "y": 0.0}.items():
+                physics.named.data.qpos[f"box0_{axis}"] = position
 
-class FixedStacker(stacker.Stack):
-    def initialize_episode(self, physics):
-        physics.named.model.body_pos["target"] = 0.0, 0.0, 0.07
-        physics.named.data.qpos["arm_root"] = np.pi / 2
-        for axis, position in {"x": -0.3, "z": 0.04, "y": 0.0}.items():
-            physics.named.data.qpos[f"box0_{axis}"] = position
+    return SimpleNamespace(
+        ball_in_cup=(ball_in_cup, ball_in_cup.get_model_and_assets(), FixedBallInCup(), 0.02),
+        finger=(finger, finger.get_model_and_assets(), FixedFinger(target_radius=0.03), 0.02),
+        stacker=(stacker, stacker.make_model(1), FixedStacker(1, fully_observable=True), 0.01),
+    )
 
 
 def make_reference(name):
     """dm_control's environment of a task, without a time limit."""
-    if name == "ball_in_cup":
-        physics = ball_in_cup.Physics.from_xml_string(*ball_in_cup.get_model_and_assets())
-        task, timestep = FixedBallInCup(), 0.02
-    elif name == "finger":
-        physics = finger.Physics.from_xml_string(*finger.get_model_and_assets())
-        task, timestep = FixedFinger(target_radius=0.03), 0.02
-    else:
-        physics = stacker.Physics.from_xml_string(*stacker.make_model(1))
-        task, timestep = FixedStacker(n_boxes=1, fully_observable=True), 0.01
+    from dm_control.rl import control
+
+    suite, model, task, timestep = getattr(fixed_tasks(), name)
+    physics = suite.Physics.from_xml_string(*model)
     return control.Environment(physics, task, control_timestep=timestep)
 
 

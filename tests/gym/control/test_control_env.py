@@ -12,9 +12,11 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.simulation import SimulationError
 from curiosity_gym.control.tasks import TASKS
+from curiosity_gym.core import SimulationError
 from curiosity_gym.registration import SPECS
+
+pytest.importorskip("dm_control")
 
 IDS = {spec["kwargs"]["task"]: env_id for env_id, spec in SPECS.items() if "Control" in env_id}
 SIZES = {"ball_in_cup": (8, 2, 4, 50), "finger": (12, 2, 3, 50), "stacker": (42, 5, 2, 100)}
@@ -119,6 +121,16 @@ class TestEveryTask:
             "print(before, 'dm_control' in sys.modules)"
         )
         assert run_python(code).strip() == "[] True"
+
+    def test_can_be_made_in_several_threads_at_once(self):
+        code = (
+            "from concurrent.futures import ThreadPoolExecutor\n"
+            "from curiosity_gym.control.control_env import ControlEnv\n"
+            "with ThreadPoolExecutor(3) as pool:\n"
+            "    envs = list(pool.map(ControlEnv, ['finger', 'stacker', 'ball_in_cup']))\n"
+            "print([env.reset()[0].shape[0] for env in envs])"
+        )
+        assert run_python(code).strip() == "[12, 42, 8]"
 
     def test_without_the_extra_says_what_to_install(self, name):
         code = (

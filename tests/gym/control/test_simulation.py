@@ -1,12 +1,18 @@
 import copy
 import multiprocessing
+import os
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from curiosity_gym.control.simulation import Simulation, SimulationError
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS
+from curiosity_gym.core import SimulationError
+
+pytest.importorskip("dm_control")
 
 N_STEPS = 1000
 
@@ -150,9 +156,43 @@ class TestCopies:
         child.start()
         theirs = queue.get(timeout=60)
         child.join(60)
+        assert child.exitcode == 0
         for action in actions:
             simulation.step(action)
         np.testing.assert_array_equal(simulation.observations, theirs)
+
+
+FORK = """
+import gc, os, sys, time
+import numpy as np
+from curiosity_gym.control.vector_env import ControlVectorEnv
+
+envs = ControlVectorEnv("finger", num_envs=4, n_threads=2)
+envs.reset()
+child = os.fork()
+if child == 0:
+    {act}
+deadline = time.monotonic() + 60
+while not (ended := os.waitpid(child, os.WNOHANG))[0] and time.monotonic() < deadline:
+    time.sleep(0.02)
+print(ended[0] == child, ended[1])
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.parametrize(
+    "act",
+    [
+        "del envs; gc.collect(); os._exit(0)",
+        "envs.close(); sys.exit(0)",
+        "envs.step(np.zeros((4, 2))); sys.exit(0)",
+        "envs.step(np.zeros((4, 2))); del envs; gc.collect(); sys.exit(0)",
+    ],
+)
+def test_a_forked_process_may_forget_what_it_inherited(act):
+    command = [sys.executable, "-c", FORK.format(act=act)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert (ran.stdout.split(), ran.stderr) == (["True", "0"], "")
 
 
 def _go_on(simulation, actions, queue):

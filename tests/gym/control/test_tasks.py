@@ -1,8 +1,12 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS, Stacker
+
+pytest.importorskip("dm_control")
 
 N_EPISODES = 200
 
@@ -29,8 +33,8 @@ def test_independent_random_actions_do_not_solve_it(name, make_actions):
     assert solved_episodes(name, make_actions, "uniform") <= 1
 
 
-def test_held_bang_bang_actions_catch_the_ball_in_two_thirds_of_the_episodes(make_actions):
-    assert 100 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 160
+def test_held_bang_bang_actions_catch_the_ball_in_most_episodes(make_actions):
+    assert 90 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 150
 
 
 def test_random_actions_solve_the_stacker_at_its_default_threshold_alone(make_actions):
@@ -119,7 +123,10 @@ class TestBehavior:
                     [make_actions("bang-bang", t + 1, task.n_actions, i)[t] for i in range(16)]
                 )
             )
-            behaviors = simulation.behaviors
-            assert ((task.behavior_low <= behaviors) & (behaviors <= task.behavior_high)).all()
-            inside = (task.behavior_low < behaviors) & (behaviors < task.behavior_high)
-            assert inside.mean() > 0.5
+            unbounded = task.behavior(SimpleNamespace(**simulation._fields))
+            overshoot = np.maximum(task.behavior_low - unbounded, unbounded - task.behavior_high)
+            # Joint limits are soft: a push goes through them, and counts as at the end.
+            assert overshoot.max() < (0.5 if name == "finger" else 0.0)
+            at_end = np.where(unbounded > 0.0, task.behavior_high, task.behavior_low)
+            expected = np.where(overshoot > 0.0, at_end, unbounded)
+            np.testing.assert_array_equal(simulation.behaviors, expected)

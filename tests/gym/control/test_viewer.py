@@ -1,24 +1,59 @@
+import copy
+import importlib
+import os
+import pickle
+import subprocess
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.error import DependencyNotInstalled, ResetNeeded
+from gymnasium.error import ResetNeeded
 
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
 
+pytest.importorskip("dm_control")
+
 
 def has_opengl():
-    env = ControlEnv("finger", render_mode="rgb_array")
+    """Whether there is EGL or OSMesa, as MuJoCo itself finds them."""
+    for name in ("egl", "osmesa"):
+        try:
+            importlib.import_module(f"mujoco.{name}").GLContext(8, 8).free()
+        except Exception:
+            continue
+        return True
+    return False
+
+
+needs_opengl = pytest.mark.skipif(not has_opengl(), reason="neither EGL nor OSMesa is here")
+
+
+def run_python(code, **environment):
+    """What a fresh interpreter prints, and what it complains of."""
+    kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        env=kept | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    return ran.stdout, ran.stderr
+
+
+RENDER = """
+import gymnasium as gym
+import curiosity_gym
+try:
+    env = gym.make("CuriosityControl-Finger-v0", render_mode="rgb_array")
     env.reset()
-    try:
-        env.render()
-    except DependencyNotInstalled:
-        return False
-    env.close()
-    return True
-
-
-needs_opengl = pytest.mark.skipif("not has_opengl()", reason="neither EGL nor OSMesa is here")
+    print(env.render().shape)
+except gym.error.DependencyNotInstalled as error:
+    print(error)
+"""
 
 
 @needs_opengl
@@ -104,13 +139,55 @@ class TestFrames:
         env.close()
 
 
-def test_without_opengl_one_sentence_says_what_to_install(monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "nonsense")
+@needs_opengl
+def test_an_env_that_is_never_closed_leaves_no_noise():
+    assert run_python(RENDER) == ("(240, 320, 3)\n", "")
+
+
+@pytest.mark.parametrize("library", ["glfw", "nonsense"])
+def test_a_library_that_is_not_there_is_named_in_one_sentence(library):
+    printed, complaint = run_python(RENDER, MUJOCO_GL=library)
+    assert complaint == ""
+    assert printed.count("\n") == 1
+    assert "egl, osmesa or" in printed
+    assert "MUJOCO_GL" in printed
+
+
+@needs_opengl
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_process_is_told_rather_than_hung():
+    code = (
+        RENDER
+        + "import os\n"
+        + "child = os.fork()\n"
+        + "if child == 0:\n"
+        + "    other = gym.make('CuriosityControl-Stacker-v0', render_mode='rgb_array')\n"
+        + "    other.reset()\n"
+        + "    try:\n"
+        + "        other.render()\n"
+        + "    except gym.error.Error as error:\n"
+        + "        print(error, flush=True)\n"
+        + "    os._exit(0)\n"
+        + "os.waitpid(child, 0)\n"
+    )
+    assert "spawn" in run_python(code)[0]
+
+
+@needs_opengl
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+def test_copies_of_an_env_that_has_rendered_render_too(duplicate):
     env = ControlEnv("finger", render_mode="rgb_array")
     env.reset()
-    with pytest.raises(DependencyNotInstalled, match="install EGL or OSMesa") as raised:
-        env.render()
-    assert "\n" not in str(raised.value)
+    frame = env.render()
+    twin = duplicate(env)
+    np.testing.assert_array_equal(twin.render(), frame)
+    envs = ControlVectorEnv("finger", num_envs=2, render_mode="rgb_array")
+    envs.reset()
+    envs.render()
+    twins = duplicate(envs)
+    np.testing.assert_array_equal(twins.render()[1], frame)
+    for each in (env, twin, envs, twins):
+        each.close()
 
 
 def test_rendering_needs_a_mode_and_an_episode():

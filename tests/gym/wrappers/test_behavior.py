@@ -1,4 +1,5 @@
 import copy
+import math
 import warnings
 
 import gymnasium as gym
@@ -86,6 +87,17 @@ def test_behaviors_of_another_shape_are_errors(value):
     env = make_cart_pole(lambda env, observation, info: value)
     with pytest.raises(ValueError, match="`behavior`"):
         env.reset()
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_behaviors_that_are_not_finite_are_errors(bad):
+    values = [0.0, 0.0]
+    env = make_cart_pole(lambda env, observation, info: values)
+    env.reset()
+    values[1] = bad
+    for call in (env.reset, lambda: env.step(0)):
+        with pytest.raises(ValueError, match=r"`behavior`.*finite"):
+            call()
 
 
 @pytest.mark.parametrize("space", [None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,)])

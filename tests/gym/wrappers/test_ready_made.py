@@ -12,15 +12,16 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.error import DependencyNotInstalled
+from gymnasium.error import DependencyNotInstalled, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
+from curiosity_gym.core import SimulationError
 from curiosity_gym.registration import SPECS
 from curiosity_gym.wrappers.ready_made import TASKS, SparseEnv
 
 ROOT = Path(__file__).parents[3]
-MODULES = {"control": ["dm_control.suite", "shimmy"], "robotics": ["gymnasium_robotics"]}
+MODULES = {"control": ["dm_control.suite", "shimmy"], "robotics": ["mujoco", "gymnasium_robotics"]}
 
 
 def is_installed(extra):
@@ -218,6 +219,48 @@ class TestMazes:
         _, is_success = play(env, waypoint_controller(env.unwrapped.env.unwrapped.maze), 0)
         assert is_success
 
+    @pytest.mark.parametrize("env_id", MAZES)
+    @pytest.mark.parametrize("bad", [{"qvel": math.nan}, {"qpos": math.nan}, {"qpos": 1e12}])
+    def test_unstable_physics_end_the_episode_with_an_error(
+        self, env_id, bad, tmp_path, monkeypatch
+    ):
+        monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+        env = gym.make(env_id)
+        data = env.unwrapped.env.unwrapped.data
+        action = np.zeros(env.action_space.shape, dtype=np.float32)
+        expected = [env.reset(seed=4)[0], env.step(action)[0]]
+        ((name, value),) = bad.items()
+        getattr(data, name)[0] = value
+        with pytest.raises(SimulationError, match=f"BAD{name.upper()} .* reset the environment"):
+            env.step(action)
+        with pytest.raises(ResetNeeded):
+            env.step(action)
+        again = [env.reset(seed=4)[0]]
+        assert not data.warning.number.any()
+        again.append(env.step(action)[0])
+        np.testing.assert_array_equal(again, expected)
+
+    def test_an_ant_that_flies_apart_ends_the_episode_with_an_error(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        env = gym.make(ANT_MAZE)
+        env.reset(seed=0)
+        env.unwrapped.env.unwrapped.data.qvel[:] = 1e12
+        with pytest.raises(SimulationError, match="BADQVEL"):
+            env.step(env.action_space.sample())
+
+    @pytest.mark.parametrize("env_id", MAZES)
+    @pytest.mark.parametrize("are_extreme", [False, True])
+    def test_random_actions_keep_the_physics_stable(self, env_id, are_extreme):
+        env = gym.make(env_id)
+        env.reset(seed=0)
+        env.action_space.seed(0)
+        for _ in range(300):
+            action = env.action_space.sample()
+            _, _, is_over, _, _ = env.step(np.sign(action) if are_extreme else action)
+            if is_over:
+                env.reset()
+        assert not env.unwrapped.env.unwrapped.data.warning.number.any()
+
     def test_an_ant_that_plans_ahead_finds_its_way(self):
         env = gym.make(ANT_MAZE)
         base = env.unwrapped.env.unwrapped
@@ -320,6 +363,23 @@ class TestControl:
     def test_the_horizon_may_be_longer_than_the_original(self, env_id):
         env = gym.make(env_id, horizon=1005, task_kwargs={"random": 3})
         assert play(env, lambda observation: np.zeros(1, dtype=np.float32), 0) == (1005, False)
+
+    @pytest.mark.parametrize("env_id", [CART_POLE, ACROBOT])
+    def test_unstable_physics_end_the_episode_with_an_error(self, env_id, tmp_path, monkeypatch):
+        from dm_control.rl.control import PhysicsError
+
+        monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+        env = gym.make(env_id)
+        env.reset(seed=0)
+        env.unwrapped.env.unwrapped.physics.data.qvel[:] = math.nan
+        action = np.zeros(1, dtype=np.float32)
+        with pytest.raises(PhysicsError):
+            env.step(action)
+        # MuJoCo has put pole and arms upright, where another step could be a success.
+        with pytest.raises(ResetNeeded):
+            env.step(action)
+        env.reset(seed=0)
+        assert env.step(action)[1:4] == (0.0, False, False)
 
     def test_the_cart_and_pole_behave_as_the_physics_say(self):
         env = gym.make(CART_POLE)

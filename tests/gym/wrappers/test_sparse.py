@@ -158,6 +158,42 @@ class TestContract:
         with pytest.raises(ResetNeeded):
             make_walk().step(RIGHT)
 
+    @pytest.mark.parametrize("part", ["env", "success", "behavior"])
+    def test_an_error_ends_the_episode(self, part):
+        class Trip(Walk):
+            def step(self, action):
+                result = super().step(action)
+                check("env", self.x)
+                return result
+
+        def check(name, x):
+            if name == part and x == 2:
+                raise ZeroDivisionError
+
+        def success(env, observation, reward, info):
+            check("success", info["x"])
+            return at_goal(env, observation, reward, info)
+
+        def behavior(env, observation, info):
+            check("behavior", info["x"])
+            return [info["x"]]
+
+        env = SparseRewardWrapper(Trip(), success, 10, behavior, POSITIONS)
+        env.reset(options={"x": 1})
+        with pytest.raises(ZeroDivisionError):
+            env.step(RIGHT)
+        with pytest.raises(ResetNeeded):
+            env.step(RIGHT)
+        env.reset(options={"x": 3})
+        assert env.step(RIGHT)[1:3] == (0.9, True)
+
+    def test_an_error_at_a_reset_begins_no_episode(self):
+        env = make_walk(behavior=lambda *_: [math.nan], behavior_space=POSITIONS)
+        with pytest.raises(ValueError, match="`behavior`"):
+            env.reset()
+        with pytest.raises(ResetNeeded):
+            env.step(RIGHT)
+
     def test_a_reset_begins_anew_at_any_time(self):
         env = make_walk(horizon=5)
         for _ in range(3):

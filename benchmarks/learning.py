@@ -1,4 +1,4 @@
-"""Who finds the goal: `python -m benchmarks.learning` prints the table of the README and the docs.
+"""Who finds the goal: `python -m benchmarks.learning` prints the tables of the README and the docs.
 
 Every run is one process on one thread; results do not depend on how many run at once.
 """
@@ -14,13 +14,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
-import gymnasium as gym
 import typer
 
 import curiosity_algos
+from curiosity_gym.registration import SPECS
 
 ALGORITHMS = ("CuriosityES", "CanonicalES")
-MAZES = ("Snake", "US", "Hard")
+ENVS = ("Snake", "US", "Hard")
 
 
 @dataclass(frozen=True)
@@ -28,59 +28,72 @@ class Result:
     """What one run came to."""
 
     algorithm: str
-    maze: str
+    env: str
     seed: int
     first_success: int | None
     best_return: float
-    reachable: float
-    all_cells: float
+    coverage: dict[str, float]
     seconds: float
 
 
-def run(algorithm: str, maze: str, seed: int, timesteps: float, settings: dict[str, Any]) -> Result:
+def run(algorithm: str, name: str, seed: int, timesteps: float, settings: dict[str, Any]) -> Result:
     """Train one algorithm, with its defaults where `settings` says nothing else."""
     began = time.perf_counter()
-    env = gym.make(f"CuriosityMaze-{maze}-v0")
     make = getattr(curiosity_algos, algorithm)
-    model = make(env, seed=seed, n_threads=1, device="cpu", **settings)
+    model = make(full_id(name), seed=seed, n_threads=1, device="cpu", **settings)
     model.learn(timesteps)
-    visited_share = float(env.unwrapped.coverage_grid.reachable.mean() * model.coverage)
-    seconds = time.perf_counter() - began
     return Result(
         algorithm,
-        maze,
+        name,
         seed,
         model.first_success_timesteps,
         model.best_return,
-        model.coverage,
-        visited_share,
-        seconds,
+        model._coverage.shares,
+        time.perf_counter() - began,
     )
 
 
+def full_id(name: str) -> str:
+    """The environment id of a short name such as "Snake" or "Finger"."""
+    (env_id,) = (i for i in SPECS if i.startswith("Curiosity") and i.split("-")[1] == name)
+    return env_id
+
+
 def table(results: list[Result]) -> str:
-    """Markdown: a row for each algorithm and maze, a value for each seed."""
-    lines = [
-        "| Algorithm | Maze | Found | First reward (M steps) | Best return "
-        "| Coverage of reachable cells (%) | of all cells (%) | Seconds a run |",
-        "|---|---|---|---|---|---|---|---|",
+    """Markdown: a row for each algorithm and environment, a value for each seed."""
+    keys = list(dict.fromkeys((r.algorithm, r.env) for r in results))
+    groups = [[r for r in results if (r.algorithm, r.env) == key] for key in keys]
+    shares = list(dict.fromkeys(name for r in results for name in r.coverage))
+    columns = [
+        "Algorithm",
+        "Environment",
+        "Found",
+        "First reward (M steps)",
+        "Best return",
+        *(f"Coverage, {name} (%)" for name in shares),
+        "Seconds a run",
     ]
-    keys = list(dict.fromkeys((r.algorithm, r.maze) for r in results))
-    for algorithm, maze in keys:
-        rows = [r for r in results if (r.algorithm, r.maze) == (algorithm, maze)]
-        found = [r.first_success for r in rows if r.first_success is not None]
-        cells = [
-            f"{len(found)} of {len(rows)}",
-            " / ".join(
-                "never" if (t := r.first_success) is None else f"{t / 1e6:.1f}" for r in rows
-            ),
-            " / ".join(f"{r.best_return:.2f}" for r in rows),
-            " / ".join(f"{100 * r.reachable:.0f}" for r in rows),
-            " / ".join(f"{100 * r.all_cells:.0f}" for r in rows),
-            f"{sum(r.seconds for r in rows) / len(rows):.0f}",
-        ]
-        lines.append(f"| {algorithm} | {maze} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    lines = [columns, ["---"] * len(columns), *(_row(group, shares) for group in groups)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _row(group: list[Result], shares: list[str]) -> list[str]:
+    firsts = [r.first_success for r in group]
+    columns = [
+        ["never" if first is None else f"{first / 1e6:.2g}" for first in firsts],
+        [f"{r.best_return:.2f}" for r in group],
+        *(
+            [f"{100 * r.coverage[name]:.2g}" for r in group if name in r.coverage]
+            for name in shares
+        ),
+    ]
+    return [
+        group[0].algorithm,
+        group[0].env,
+        f"{sum(first is not None for first in firsts)} of {len(group)}",
+        *(" / ".join(column) for column in columns),
+        f"{sum(r.seconds for r in group) / len(group):.0f}",
+    ]
 
 
 def main(
@@ -88,14 +101,14 @@ def main(
     first_seed: int = 0,
     n_seeds: int = 5,
     algorithms: str = ",".join(ALGORITHMS),
-    mazes: str = ",".join(MAZES),
+    envs: str = ",".join(ENVS),
     settings: Annotated[str, typer.Option(help="Keywords of the algorithms, as JSON.")] = "{}",
     jobs: int = 2,
     out: Path | None = None,
 ) -> None:
-    """Train every algorithm on every maze with every seed, and print the table."""
+    """Train every algorithm on every environment with every seed, and print the table."""
     seeds = range(first_seed, first_seed + n_seeds)
-    tasks = list(product(algorithms.split(","), mazes.split(","), seeds))
+    tasks = list(product(algorithms.split(","), envs.split(","), seeds))
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         futures = {pool.submit(run, *task, timesteps, json.loads(settings)): task for task in tasks}
         for done, future in enumerate(as_completed(futures), start=1):

@@ -15,12 +15,13 @@ SECTIONS = {
     "population": "benchmarks.population",
     "python_loop": "benchmarks.python_loop",
     "vector": "benchmarks.vector",
+    "control": "benchmarks.control",
     "learn": "benchmarks.training",
     "cold_start": "benchmarks.cold_start",
 }
 """The module of each section, imported late: spawned workers import this file again."""
 PACKAGES = ("numpy", "numba", "torch", "gymnasium", "stable-baselines3")
-PEERS = ("gymnasium-robotics", "mujoco", "kheperax", "jax")
+PEERS = ("gymnasium-robotics", "mujoco", "dm-control", "shimmy", "kheperax", "jax")
 
 
 def main(

@@ -1,30 +1,41 @@
 """The benchmarks run and print figures; how fast anything is, no test says."""
 
+import importlib.util
 import math
 import re
 import subprocess
 import sys
+from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
 
+import gymnasium as gym
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks import population, training
+import curiosity_gym  # noqa: F401  registers the ids
+from benchmarks import baselines, population, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
+from curiosity_algos import make_evaluator
 
 ROOT = Path(__file__).parents[1]
 TITLES = {
     "population": ["population: CuriosityMaze-Snake-v0", "population: every maze"],
     "python_loop": ["python_loop: one environment"],
     "vector": ["vector: CuriosityMaze-Hard-v0"],
+    "control": [f"control: CuriosityControl-{name}-v0" for name in baselines.NAMES],
     "learn": ["learn: CuriosityMaze-Hard-v0", "learn: where the time goes"],
     "cold_start": ["cold_start: fresh processes"],
 }
+needs_control = pytest.mark.skipif(
+    importlib.util.find_spec("dm_control") is None, reason="needs the extra control"
+)
 
 
-def benchmark(*arguments):
-    command = [sys.executable, "-m", "benchmarks.run", *arguments]
+def benchmark(*arguments, module="run"):
+    command = [sys.executable, "-m", f"benchmarks.{module}", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
@@ -39,7 +50,14 @@ def medians(printed):
 
 
 @pytest.mark.parametrize(
-    "names", [["population", "python_loop"], ["vector"], ["learn"], ["cold_start"]]
+    "names",
+    [
+        ["population", "python_loop"],
+        ["vector"],
+        pytest.param(["control"], marks=needs_control),
+        ["learn"],
+        ["cold_start"],
+    ],
 )
 def test_sections_print_figures(names):
     result = benchmark("--quick", "--only", ",".join(names))
@@ -68,6 +86,75 @@ def test_a_missing_peer_leaves_a_note(monkeypatch):
     add_peer(tasks, notes, "Kheperax", lambda: population.kheperax_task(Plan(1, quick=True)))
     assert tasks == {}
     assert notes == ["Kheperax is left out: the package jax is not installed."]
+
+
+@needs_control
+@pytest.mark.parametrize("name", baselines.NAMES)
+def test_bare_physics_replays_the_evaluation(name):
+    import mujoco
+
+    from benchmarks import control
+
+    env = gym.make(f"CuriosityControl-{name}-v0", horizon=40)
+    task, evaluator = env.unwrapped.task, make_evaluator(env)
+    parameters = np.random.default_rng(0).normal(0.0, 1.0, (3, evaluator.n_parameters))
+    rollouts = evaluator.evaluate(parameters)
+    model = control.make_peer(name).unwrapped.physics.model.ptr
+    data, start = mujoco.MjData(model), control.start_state(model, task)
+    for i, actions in enumerate(rollouts.trajectories[1]):
+        taken = actions[: rollouts.lengths[i]].astype(np.float64)
+        control.bare_episode(model, data, start, taken, task.n_substeps)
+        fields = SimpleNamespace(qpos=data.qpos[None], xpos=data.xpos[None])
+        behavior = np.clip(task.behavior(fields)[0], task.behavior_low, task.behavior_high)
+        assert behavior.tobytes() == rollouts.behaviors[i].tobytes()
+
+
+@needs_control
+def test_a_stream_repeats_the_episode_after_a_reset():
+    from benchmarks import control
+
+    episodes = [np.array([[1.0, 2.0]]), np.array([[3.0, 4.0], [5.0, 6.0], [7.0, 8.0]])]
+    streams = control.streams(episodes, 6)
+    assert streams[:, 0].tolist() == [[1.0, 2.0], [0.0, 0.0]] * 3
+    assert streams[:4, 1].tolist() == [[3.0, 4.0], [5.0, 6.0], [7.0, 8.0], [0.0, 0.0]]
+    assert streams[4:, 1].tolist() == streams[:2, 1].tolist()
+
+
+@needs_control
+def test_baselines_count_successes():
+    result = benchmark("--quick", module="baselines")
+    assert result.returncode == 0, result.stderr
+    rows = [line.strip("| ").split(" | ") for line in result.stdout.splitlines() if "|" in line]
+    assert [row[0] for row in rows[2:]] == list(baselines.NAMES)
+    assert {len(row) for row in rows[2:]} == {len(rows[0])}
+    assert all(0 <= int(count) <= 3 for row in rows[2:] for count in row[1:])
+
+
+@needs_control
+@pytest.mark.parametrize("draw", [baselines.uniform, baselines.bang_bang])
+def test_open_loop_counts_what_single_envs_succeed_in(draw):
+    env = gym.make("CuriosityControl-BallInCup-v0", horizon=200)
+    n = 4
+
+    def succeeds(i):
+        env.reset()
+        terminated = truncated = False
+        actions = draw(np.random.default_rng(0), (n, 2))
+        while not (terminated or truncated):
+            _, _, terminated, truncated, _ = env.step(next(actions)[i])
+        return terminated
+
+    expected = sum(map(succeeds, range(n)))
+    assert baselines.open_loop(env, n, draw(np.random.default_rng(0), (n, 2))) == expected
+
+
+def test_bang_bang_actions_are_held():
+    rng = np.random.default_rng(0)
+    steps = np.array(list(islice(baselines.bang_bang(rng, (50, 2)), 30)))
+    assert set(steps.ravel()) == {-1.0, 1.0}
+    blocks = steps.reshape(3, baselines.N_HELD, 50, 2)
+    assert (blocks == blocks[:, :1]).all()
+    assert not (blocks[0] == blocks[1]).all()
 
 
 def test_tasks_take_turns():

@@ -1,0 +1,89 @@
+"""Who solves the control tasks without learning: `python -m benchmarks.baselines` prints a table.
+
+Every episode begins at the task's fixed start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import typer
+
+from curiosity_algos import make_evaluator
+from curiosity_gym.control.simulation import Simulation
+
+Actions = npt.NDArray[np.float32]
+
+NAMES = ("BallInCup", "Finger", "Stacker")
+DEVIATIONS = (0.3, 1.0)
+"""Of the random policies' weights."""
+N_HELD = 10
+"""Steps that a bang-bang action lasts."""
+
+
+def main(
+    seed: Annotated[int, typer.Option(min=0, help="Of actions and policies.")] = 0,
+    quick: Annotated[bool, typer.Option("--quick", help="Few episodes, and short.")] = False,
+) -> None:
+    """Count the episodes that succeed, and print a table."""
+    n_episodes, horizon = (3, 20) if quick else (200, 1000)
+    print(f"Solved of {n_episodes} episodes of {horizon} steps each, seed {seed}:\n")
+    policies = " | ".join(f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS)
+    print(f"| Task | Uniform actions | +-1, held {N_HELD} steps | {policies} |")
+    print("|---|--:|--:|--:|--:|")
+    for name in NAMES:
+        env = gym.make(f"CuriosityControl-{name}-v0", horizon=horizon)
+        print(f"| {name} | {' | '.join(map(str, solved(env, n_episodes, seed)))} |", flush=True)
+
+
+def solved(env: gym.Env[Any, Any], n_episodes: int, seed: int) -> list[int]:
+    """Episodes solved by uniform actions, by bang-bang ones, and by policies of each deviation."""
+    children = np.random.SeedSequence(seed).spawn(2 + len(DEVIATIONS))
+    first, second, *others = map(np.random.default_rng, children)
+    shape = (n_episodes, *env.action_space.shape)
+    draws = uniform(first, shape), bang_bang(second, shape)
+    counts = [open_loop(env, n_episodes, actions) for actions in draws]
+    evaluator = make_evaluator(env)
+    for rng, deviation in zip(others, DEVIATIONS, strict=True):
+        parameters = rng.normal(0.0, deviation, (n_episodes, evaluator.n_parameters))
+        counts.append(int(evaluator.evaluate(parameters).success.sum()))
+    return counts
+
+
+def uniform(rng: np.random.Generator, shape: tuple[int, ...]) -> Iterator[Actions]:
+    """Independent actions, without end."""
+    while True:
+        yield rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+
+
+def bang_bang(rng: np.random.Generator, shape: tuple[int, ...]) -> Iterator[Actions]:
+    """All the way to one side or the other, for some steps at a time, without end."""
+    while True:
+        yield from [rng.choice([-1.0, 1.0], shape).astype(np.float32)] * N_HELD
+
+
+def open_loop(env: gym.Env[Any, Any], n_episodes: int, actions: Iterator[Actions]) -> int:
+    """Episodes of a control environment that succeed.
+
+    Args:
+        env: The environment.
+        n_episodes: n.
+        actions: (n, A) of each step, a row for each episode.
+    """
+    simulation = Simulation(env.unwrapped.task, n_episodes)
+    simulation.reset()
+    going = np.arange(n_episodes)
+    for action in islice(actions, env.unwrapped.horizon):
+        going = going[~simulation.step(action[going], going)]
+        if not len(going):
+            break
+    return n_episodes - len(going)
+
+
+if __name__ == "__main__":
+    typer.run(main)

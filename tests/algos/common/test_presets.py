@@ -7,11 +7,12 @@ from curiosity_algos.common.presets import PRESETS
 
 HARD = "CuriosityMaze-Hard-v0"
 MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]
+CONTROL = [f"CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")]
 
 
 @pytest.mark.parametrize("algorithm", [CuriosityES, CanonicalES])
 @pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("env_id", MAZES)
+@pytest.mark.parametrize("env_id", MAZES + CONTROL)
 def test_every_preset_makes_a_model(algorithm, preset, env_id):
     keywords = load_preset(preset, algorithm.__name__, env_id)
     model = algorithm(env_id, **keywords)
@@ -31,6 +32,12 @@ def test_the_papers_table():
     assert (snake["learning_rate"], snake["bonus_kwargs"]["beta"]) == (0.5, 0.1)
     assert (hard["learning_rate"], hard["bonus_kwargs"]["beta"]) == (1.0, 0.2)
     assert {each["sigma"] for each in (snake, hard)} == {0.5}
+    control = [load_preset("paper", "CuriosityES", env_id) for env_id in CONTROL]
+    assert [each["sigma"] for each in control] == [0.005, 0.005, 0.001]
+    assert [each["learning_rate"] for each in control] == [1.0, 0.5, 0.5]
+    assert [each["n_updates"] for each in control] == [96, 96, 64]
+    assert {each["gamma"] for each in control} == {0.999}
+    assert {each["bonus_kwargs"]["beta"] for each in control} == {0.2}
 
 
 def test_an_unknown_preset_is_refused():

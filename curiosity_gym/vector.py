@@ -243,8 +243,9 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     def _infos(self, mask: Mask, is_success: Mask | None = None) -> dict[str, Any]:
         """Infos of the envs of `mask`, in the form that Gymnasium's vector environments give."""
         values: dict[str, npt.NDArray[Any]] = dict(self._info_arrays())
-        for array in values.values():
-            array[~mask] = 0.0
+        if not mask.all():
+            for array in values.values():
+                array[~mask] = 0.0
         none = np.zeros(self.num_envs, dtype=np.bool_)
         values["is_success"] = none if is_success is None else is_success & mask
         infos: dict[str, Any] = {}

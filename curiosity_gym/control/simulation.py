@@ -39,7 +39,7 @@ class Simulation:
     def _open(self) -> None:
         """Make the batch, which owns threads, and bind the arrays that are views of it."""
         (self._mujoco, batch) = import_extra("control", "mujoco", "mujoco.batch")
-        # Persistent: one MjData each, or a touch sensor may show another simulation's force.
+        # Persistent: an MjData each, from which the next step goes on and which the viewer draws.
         self._batch = batch.Batch(self.task.model, self.n, self.n_threads, persistent=True)
         self._owner = os.getpid()
         _LIVE.add(self)
@@ -65,8 +65,6 @@ class Simulation:
         ids, rows = self._select(ids)
         self._batch.state[rows] = self._start
         self._batch.forward(ids, self._mujoco.mjtStage.mjSTAGE_ACC.value)
-        self._batch.state[rows] = self._start  # the solver has moved its warm start
-        self._batch.warning[rows] = 0
         self._observe(rows)
 
     def step(
@@ -149,7 +147,6 @@ class Simulation:
         self._open()
         self._batch.state[:] = rows
         self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
-        self._batch.state[:] = rows
 
 
 _LIVE: weakref.WeakSet[Simulation] = weakref.WeakSet()

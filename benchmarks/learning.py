@@ -80,12 +80,9 @@ def table(results: list[Result]) -> str:
 def _row(group: list[Result], shares: list[str]) -> list[str]:
     firsts = [r.first_success for r in group]
     columns = [
-        ["never" if first is None else f"{first / 1e6:.2g}" for first in firsts],
+        ["never" if first is None else _short(first / 1e6, 1) for first in firsts],
         [f"{r.best_return:.2f}" for r in group],
-        *(
-            [f"{100 * r.coverage[name]:.2g}" for r in group if name in r.coverage]
-            for name in shares
-        ),
+        *([_short(100 * r.coverage[key]) for r in group if key in r.coverage] for key in shares),
     ]
     return [
         group[0].algorithm,
@@ -94,6 +91,11 @@ def _row(group: list[Result], shares: list[str]) -> list[str]:
         *(" / ".join(column) for column in columns),
         f"{sum(r.seconds for r in group) / len(group):.0f}",
     ]
+
+
+def _short(value: float, digits: int = 0) -> str:
+    """With `digits` after the point, or two that count where it is small."""
+    return f"{value:.{digits}f}" if value >= 5 / 10**digits else f"{value:.2g}"
 
 
 def main(

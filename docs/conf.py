@@ -34,6 +34,7 @@ napoleon_custom_sections = [
     "Behavior",
     "Rewards",
     "Starting State",
+    "Success",
     "Episode End",
     "Information",
     "Version History",

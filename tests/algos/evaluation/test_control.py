@@ -141,7 +141,9 @@ def test_many_individuals_are_played_in_waves(monkeypatch):
 def test_an_evaluation_leaves_the_next_alone():
     env, mlp, parameters = make("Finger", 6, horizon=100)
     evaluator = ControlEvaluator(env.unwrapped.task, 100, mlp)
+    few = evaluator.evaluate(parameters[:2])
     first = evaluator.evaluate(parameters)
+    np.testing.assert_array_equal(first.behaviors[:2], few.behaviors)
     kept = first.observations.copy()
     evaluator.evaluate(-parameters)
     evaluator.evaluate(parameters[:2])

@@ -56,7 +56,7 @@ class ControlViewer:
         self._renderer = self._mujoco.MjrContext(model, font.value)
         buffer = self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN
         self._mujoco.mjr_setBuffer(buffer.value, self._renderer)
-        self.close = weakref.finalize(self, _free, self._gl, self._renderer)
+        self.close = weakref.finalize(self, _free, self._gl, self._renderer, os.getpid())
         # Registered after EGL's own farewell, and so called before it.
         atexit.register(self.close)
 
@@ -79,10 +79,11 @@ class ControlViewer:
         return np.ascontiguousarray(frame[::-1])  # OpenGL's first row is the lowest
 
 
-def _free(gl: Any, renderer: Any) -> None:
-    gl.make_current()
-    renderer.free()
-    gl.free()
+def _free(gl: Any, renderer: Any, process: int) -> None:
+    if process == os.getpid():  # a forked child has inherited what it cannot free
+        gl.make_current()
+        renderer.free()
+        gl.free()
 
 
 _processes: set[int] = set()
@@ -97,11 +98,13 @@ def _gl_context(width: int, height: int) -> Any:
             "Rendering in a process forked from one that has rendered would hang: start the "
             'processes with another method, such as context="spawn".'
         )
+    chosen, is_linux = os.environ.get("MUJOCO_GL"), sys.platform == "linux"
+    names = [chosen] if chosen else [*(("egl", "osmesa") if is_linux else ()), "glfw"]
     reasons = []
-    for name in _gl_names():
+    for name in names:
         # What they raise without a library or a device is of many kinds.
         try:
-            context = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
+            context = _open(name, width, height)
         except Exception as error:
             reasons.append(f"{name}: {error}")
         else:
@@ -114,11 +117,9 @@ def _gl_context(width: int, height: int) -> Any:
     )
 
 
-def _gl_names() -> list[str]:
-    """The OpenGL libraries to try, in this order."""
-    is_linux = sys.platform == "linux"
-    chosen = os.environ.get("MUJOCO_GL")
-    names = [chosen] if chosen else [*(("egl", "osmesa") if is_linux else ()), "glfw"]
-    # glfw does not say so itself where there is no display: MuJoCo aborts then.
+def _open(name: str, width: int, height: int) -> Any:
+    """A context of one library."""
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return [name for name in names if name != "glfw" or has_display or not is_linux]
+    if name == "glfw" and sys.platform == "linux" and not has_display:
+        raise RuntimeError("no display")  # MuJoCo aborts of it only later
+    return importlib.import_module(f"mujoco.{name}").GLContext(width, height)

@@ -44,6 +44,17 @@ def assert_equal_episodes(rollouts, episodes):
         np.testing.assert_array_equal(rollouts.final_observations[i], observations[-1])
 
 
+def assert_same_rollouts(one, other):
+    """Two rollouts are the same, in every bit that is defined."""
+    for name in ("returns", "lengths", "success", "behaviors", "final_observations"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for i, length in enumerate(one.lengths):
+        np.testing.assert_array_equal(
+            one.observations[i, : length + 1], other.observations[i, : length + 1]
+        )
+        np.testing.assert_array_equal(one.actions[i, :length], other.actions[i, :length])
+
+
 @pytest.fixture(name="play")
 def play_fixture():
     return play
@@ -52,3 +63,8 @@ def play_fixture():
 @pytest.fixture(name="assert_equal_episodes")
 def assert_equal_episodes_fixture():
     return assert_equal_episodes
+
+
+@pytest.fixture(name="assert_same_rollouts")
+def assert_same_rollouts_fixture():
+    return assert_same_rollouts

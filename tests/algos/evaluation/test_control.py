@@ -34,16 +34,6 @@ def evaluate(env, mlp, parameters, n_threads=None):
     return ControlEvaluator(task, env.unwrapped.horizon, mlp, n_threads).evaluate(parameters)
 
 
-def assert_same_rollouts(one, other):
-    for name in ("returns", "lengths", "success", "behaviors", "final_observations"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    for i, length in enumerate(one.lengths):
-        np.testing.assert_array_equal(
-            one.observations[i, : length + 1], other.observations[i, : length + 1]
-        )
-        np.testing.assert_array_equal(one.actions[i, :length], other.actions[i, :length])
-
-
 @pytest.mark.parametrize("name", NAMES)
 class TestEveryTask:
     def test_equals_a_loop_over_the_env(self, name, play, assert_equal_episodes):
@@ -53,13 +43,13 @@ class TestEveryTask:
         assert len(np.unique(rollouts.behaviors, axis=0)) > len(parameters) / 2
 
     @pytest.mark.parametrize("n_individuals", [1, 5])
-    def test_threads_change_no_bit(self, name, n_individuals):
+    def test_threads_change_no_bit(self, name, n_individuals, assert_same_rollouts):
         env, mlp, parameters = make(name, n_individuals, horizon=150)
         one, *others = (evaluate(env, mlp, parameters, threads) for threads in (1, 2, 4, None))
         for other in others:
             assert_same_rollouts(one, other)
 
-    def test_equals_the_generic_evaluator(self, name):
+    def test_equals_the_generic_evaluator(self, name, assert_same_rollouts):
         env, mlp, parameters = make(name, 5, horizon=100)
         envs = gym.make_vec(env.spec.id, num_envs=2, horizon=100)
         generic = VectorEvaluator(envs, mlp).evaluate(parameters)
@@ -130,7 +120,7 @@ class Keep(KVWriter):
         self.logged |= key_values
 
 
-def test_many_individuals_are_played_in_waves(monkeypatch):
+def test_many_individuals_are_played_in_waves(monkeypatch, assert_same_rollouts):
     env, mlp, parameters = make("Stacker", 11, success_threshold=1e-45, horizon=60)
     whole = evaluate(env, mlp, parameters)
     monkeypatch.setattr(control, "MAX_SIMULATIONS", 4)
@@ -138,7 +128,7 @@ def test_many_individuals_are_played_in_waves(monkeypatch):
     assert whole.success.any()
 
 
-def test_an_evaluation_leaves_the_next_alone():
+def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     env, mlp, parameters = make("Finger", 6, horizon=100)
     evaluator = ControlEvaluator(env.unwrapped.task, 100, mlp)
     few = evaluator.evaluate(parameters[:2])

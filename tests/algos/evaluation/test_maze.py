@@ -19,16 +19,6 @@ def make(env, n_individuals, seed=0, net_arch=(8,)):
     return maze, mlp, rng.normal(0, 1, (n_individuals, mlp.n_parameters)).astype(np.float32)
 
 
-def assert_same_rollouts(one, other):
-    for name in ("returns", "lengths", "success", "behaviors", "final_observations"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    for i, length in enumerate(one.lengths):
-        np.testing.assert_array_equal(
-            one.observations[i, : length + 1], other.observations[i, : length + 1]
-        )
-        np.testing.assert_array_equal(one.actions[i, :length], other.actions[i, :length])
-
-
 @pytest.mark.parametrize("name", MAZES)
 def test_equals_a_loop_over_the_env(name, play, assert_equal_episodes):
     env = gym.make(f"CuriosityMaze-{name}-v0", horizon=250)
@@ -48,7 +38,7 @@ def test_equals_the_loop_where_goals_are_found(make_easy_maze, play, assert_equa
 
 
 @pytest.mark.parametrize("n_individuals", [1, 5, 23])
-def test_threads_change_no_bit(make_easy_maze, n_individuals):
+def test_threads_change_no_bit(make_easy_maze, n_individuals, assert_same_rollouts):
     env = make_easy_maze()
     maze, mlp, parameters = make(env, n_individuals)
     one, *others = (
@@ -59,7 +49,7 @@ def test_threads_change_no_bit(make_easy_maze, n_individuals):
 
 
 @pytest.mark.parametrize("net_arch", [(), (32, 16), (5, 3, 2)], ids=str)
-def test_equals_the_generic_evaluator(make_easy_maze, net_arch):
+def test_equals_the_generic_evaluator(make_easy_maze, net_arch, assert_same_rollouts):
     maze, mlp, parameters = make(make_easy_maze(), 7, net_arch=net_arch)
     layout = make_easy_maze().unwrapped.layout
     compiled = MazeEvaluator(maze, mlp).evaluate(parameters)
@@ -74,7 +64,7 @@ def test_equals_the_generic_evaluator(make_easy_maze, net_arch):
         assert_same_rollouts(compiled, VectorEvaluator(envs, mlp).evaluate(parameters))
 
 
-def test_an_evaluation_leaves_the_next_alone(make_easy_maze):
+def test_an_evaluation_leaves_the_next_alone(make_easy_maze, assert_same_rollouts):
     maze, mlp, parameters = make(make_easy_maze(), 5)
     evaluator = MazeEvaluator(maze, mlp)
     first = evaluator.evaluate(parameters)

@@ -151,6 +151,7 @@ def test_a_library_that_is_not_there_is_named_in_one_sentence(library):
     assert printed.count("\n") == 1
     assert "egl, osmesa or" in printed
     assert "MUJOCO_GL" in printed
+    assert ("no display" in printed) == (library == "glfw")
 
 
 @needs_opengl
@@ -167,10 +168,12 @@ def test_a_forked_process_is_told_rather_than_hung():
         + "        other.render()\n"
         + "    except gym.error.Error as error:\n"
         + "        print(error, flush=True)\n"
-        + "    os._exit(0)\n"
-        + "os.waitpid(child, 0)\n"
+        + "    raise SystemExit(0)\n"
+        + "print(os.waitpid(child, 0)[1])\n"
     )
-    assert "spawn" in run_python(code)[0]
+    first, told, status = run_python(code)[0].splitlines()
+    assert "spawn" in told
+    assert (first, status) == ("(240, 320, 3)", "0")
 
 
 @needs_opengl

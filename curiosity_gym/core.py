@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 
 
 class SimulationError(RuntimeError):
@@ -74,3 +76,37 @@ class CoverageGrid:
         shape = (self.n_cells,) * len(kept)
         flat: npt.NDArray[np.int64] = np.ravel_multi_index([indices[i] for i in kept], shape)
         return flat
+
+
+class EnvConfig(Protocol):
+    """What the keywords of an environment come to."""
+
+    @property
+    def observation_space(self) -> spaces.Box[np.float32]:
+        """Of a single env, (O,)."""
+        ...
+
+    @property
+    def action_space(self) -> spaces.Box[np.float32]:
+        """Of a single env, (A,)."""
+        ...
+
+    @property
+    def behavior_space(self) -> spaces.Box[np.float64]:
+        """Bounds of `info["behavior"]`, (B,)."""
+        ...
+
+    @property
+    def coverage_grid(self) -> CoverageGrid:
+        """What coverage counts of the behavior."""
+        ...
+
+    @property
+    def horizon(self) -> int:
+        """Steps after which an episode is truncated."""
+        ...
+
+    @property
+    def fps(self) -> int:
+        """Frames a second."""
+        ...

@@ -4,57 +4,22 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from curiosity_gym.core import CoverageGrid
+from curiosity_gym.core import EnvConfig
 from curiosity_gym.validation import check_at_least_one
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Frame = npt.NDArray[np.uint8]
-
-
-class Config(Protocol):
-    """What the keywords of an environment come to."""
-
-    @property
-    def observation_space(self) -> spaces.Box[np.float32]:
-        """Of a single env, (O,)."""
-        ...
-
-    @property
-    def action_space(self) -> spaces.Box[np.float32]:
-        """Of a single env, (A,)."""
-        ...
-
-    @property
-    def behavior_space(self) -> spaces.Box[np.float64]:
-        """Bounds of `info["behavior"]`, (B,)."""
-        ...
-
-    @property
-    def coverage_grid(self) -> CoverageGrid:
-        """What coverage counts of the behavior."""
-        ...
-
-    @property
-    def horizon(self) -> int:
-        """Steps after which an episode is truncated."""
-        ...
-
-    @property
-    def fps(self) -> int:
-        """Frames a second."""
-        ...
 
 
 class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
@@ -80,7 +45,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
 
     def __init__(
         self,
-        config: Config,
+        config: EnvConfig,
         *,
         num_envs: int,
         autoreset_mode: AutoresetMode | str,

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium as gym
-import numpy as np
-import numpy.typing as npt
-from gymnasium.error import ResetNeeded
-
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.viewer import ControlViewer
+from curiosity_gym.single import Float32Array, Float64Array, Frame, SparseSingleEnv
 
-Float32Array = npt.NDArray[np.float32]
 
-
-class ControlEnv(gym.Env[Float32Array, Float32Array]):
+class ControlEnv(SparseSingleEnv):
     """A task of the DeepMind Control Suite from a fixed start, rewarded only when it is solved.
 
     Description:
@@ -80,69 +74,25 @@ class ControlEnv(gym.Env[Float32Array, Float32Array]):
         self, task: str | None = None, *, render_mode: str | None = None, **kwargs: Any
     ) -> None:
         config = configure_control(task, **kwargs)
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
+        super().__init__(config, render_mode)
         self.task = config.task
-        self.horizon = config.horizon
         self._make_viewer = config.make_viewer
-        self.observation_space = config.observation_space
-        self.action_space = config.action_space
-        self.behavior_space = config.behavior_space
-        self.coverage_grid = config.coverage_grid
-        self.metadata = {**type(self).metadata, "render_fps": config.fps}
-        self.render_mode = render_mode
         self._simulation = Simulation(config.task, 1)
         self._viewer: ControlViewer | None = None
-        self._t = -1
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float32Array, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: Of `np_random`, as in Gymnasium; nothing here is random.
-            options: Unused.
-        """
-        super().reset(seed=seed)
+    def _begin(self, options: dict[str, Any] | None) -> Float32Array:
         self._simulation.reset()
-        self._t = 0
-        return self._simulation.observations[0].copy(), self._info(is_success=False)
+        observation: Float32Array = self._simulation.observations[0].copy()
+        return observation
 
-    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool, bool, dict[str, Any]]:
-        """Act for one control step.
-
-        Args:
-            action: (A,), clipped to [-1, 1].
-
-        Raises:
-            ValueError: If the action is not A finite numbers.
-            gymnasium.error.ResetNeeded: If no episode is under way.
-            SimulationError: If the physics became unstable.
-        """
-        action = np.asarray(action, dtype=np.float32)
-        if action.shape != self.action_space.shape or not np.isfinite(action).all():
-            raise ValueError(f"`action` must be {self.task.n_actions} finite numbers.")
-        if not 0 <= self._t < self.horizon:
-            raise ResetNeeded("Call reset() before step(): no episode is under way.")
-        t, self._t = self._t + 1, -1  # no episode is under way where the simulation fails
+    def _advance(self, action: Float32Array) -> tuple[Float32Array, bool]:
         terminated = bool(self._simulation.step(action[None])[0])
-        truncated = not terminated and t == self.horizon
-        self._t = self.horizon if terminated else t
-        reward = 1.0 - t / self.horizon if terminated else 0.0
-        observation = self._simulation.observations[0].copy()
-        return observation, reward, terminated, truncated, self._info(terminated)
+        return self._simulation.observations[0].copy(), terminated
 
-    def _info(self, is_success: bool) -> dict[str, Any]:
-        return {"behavior": self._simulation.behaviors[0], "is_success": is_success}
+    def _info_arrays(self) -> dict[str, Float64Array]:
+        return {"behavior": self._simulation.behaviors[0]}
 
-    def render(self) -> npt.NDArray[np.uint8] | None:
-        """A frame (height, width, 3) for "rgb_array"."""
-        if self.render_mode is None:
-            gym.logger.warn("render() needs a render_mode: make the env with one.")
-            return None
-        if self._t < 0:
-            raise ResetNeeded("Call reset() before render().")
+    def _frame(self) -> Frame:
         if self._viewer is None:
             self._viewer = self._make_viewer()
         return self._viewer.draw(self._simulation)

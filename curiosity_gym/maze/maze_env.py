@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
-from gymnasium.error import ResetNeeded
 
-from curiosity_gym.maze.config import FPS, configure_maze, start_state
+from curiosity_gym.maze.config import configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.viewer import MazeViewer
+from curiosity_gym.single import Float32Array, Float64Array, Frame, SparseSingleEnv
 
-Observation = npt.NDArray[np.float32]
 
-
-class MazeEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
+class MazeEnv(SparseSingleEnv):
     """A point robot with a ring of LIDAR beams looks for the goal of a maze, rewarded only there.
 
     Description:
@@ -86,7 +81,7 @@ class MazeEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         * v0: Initial version.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": FPS}  # noqa: RUF012
+    metadata = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -96,105 +91,42 @@ class MazeEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         **kwargs: Any,
     ) -> None:
         config = configure_maze(layout, **kwargs)
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"`render_mode` must be None or one of {self.metadata['render_modes']}, "
-                f"got {render_mode!r}."
-            )
+        super().__init__(config, render_mode)
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
         self._make_viewer = config.make_viewer
-        self.observation_space = config.observation_space
-        self.action_space = config.action_space
-        self.behavior_space = config.behavior_space
-        self.coverage_grid = config.coverage_grid
-        self.render_mode = render_mode
         self._viewer: MazeViewer | None = None
         self._n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
         self._state = self.maze.start.copy()
-        self._t = -1
 
-    @property
-    def horizon(self) -> int:
-        """Steps after which an episode is truncated."""
-        return self.maze.horizon
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: Of `np_random`, as in Gymnasium; nothing here is random.
-            options: `state`: x, y, vx, vy to start from, instead of the layout's start at rest.
-
-        Raises:
-            ValueError: If the state is inside a wall, too fast, or not four finite numbers.
-        """
-        state = start_state(self.layout, self.maze, options)
-        super().reset(seed=seed)
-        self._state = state
-        self._t = 0
+    def _begin(self, options: dict[str, Any] | None) -> Float32Array:
+        self._state = start_state(self.layout, self.maze, options)
         self._observation = np.empty(self._n_features, dtype=np.float32)
         observe(self.maze, self._state, self._observation)
-        if self.render_mode == "human":
-            self.render()
-        return self._observation.copy(), self._info(is_success=False)
+        return self._observation.copy()
 
-    def step(
-        self, action: npt.NDArray[np.float32]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Accelerate for one step.
+    def _advance(self, action: Float32Array) -> tuple[Float32Array, bool]:
+        terminated = step(self.maze, self._state, action, self._observation)
+        return self._observation.copy(), terminated
 
-        Args:
-            action: (2,), clipped to [-1, 1].
-
-        Raises:
-            ValueError: If the action is not two finite numbers.
-            gymnasium.error.ResetNeeded: If no episode is under way.
-        """
-        action = np.asarray(action, dtype=np.float32)
-        if action.shape != (2,) or not (math.isfinite(action[0]) and math.isfinite(action[1])):
-            raise ValueError(f"`action` must be 2 finite numbers, got {action!r}.")
-        if not 0 <= self._t < self.maze.horizon:
-            raise ResetNeeded("Call reset() before step(): no episode is under way.")
-        observation = np.empty(self._n_features, dtype=np.float32)
-        terminated = step(self.maze, self._state, action, observation)
-        self._t += 1
-        self._observation = observation
-        reward = 1.0 - self._t / self.maze.horizon if terminated else 0.0
-        truncated = not terminated and self._t == self.maze.horizon
-        if terminated:
-            self._t = self.maze.horizon
-        if self.render_mode == "human":
-            self.render()
-        return observation.copy(), reward, terminated, truncated, self._info(terminated)
-
-    def _info(self, is_success: bool) -> dict[str, Any]:
+    def _info_arrays(self) -> dict[str, Float64Array]:
         behavior = self._state.copy()
         return {
             "position": behavior[:2].copy(),
             "velocity": behavior[2:].copy(),
             "behavior": behavior,
-            "is_success": is_success,
         }
 
-    def render(self) -> npt.NDArray[np.uint8] | None:
-        """A frame (500, 500, 3) for "rgb_array"; shown in a window for "human"."""
-        if self.render_mode is None:
-            gym.logger.warn("render() needs a render_mode: make the env with one.")
-            return None
-        if self._t < 0:
-            raise ResetNeeded("Call reset() before render().")
+    def _frame(self) -> Frame:
         if self._viewer is None:
             self._viewer = self._make_viewer()
         beams = self._observation[N_BASE_FEATURES:] * self.lidar_range
-        frame = self._viewer.draw(self._state, beams)
-        if self.render_mode == "human":
-            self._viewer.show(frame)
-            return None
-        return frame
+        return self._viewer.draw(self._state, beams)
+
+    def _show(self, frame: Frame) -> None:
+        assert self._viewer is not None  # it has drawn the frame
+        self._viewer.show(frame)
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -1,0 +1,138 @@
+"""What this package's single environments share: episodes, rewards, pictures."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from gymnasium.error import ResetNeeded
+
+from curiosity_gym.core import EnvConfig
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+Frame = npt.NDArray[np.uint8]
+
+
+class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
+    """Episodes that are rewarded `1 - t / horizon` when they succeed in their step t.
+
+    A subclass says how an episode begins and advances: `_begin`, `_advance`, `_info_arrays`,
+    `_frame`, and for "human" `_show`. Nothing here is random.
+
+    Args:
+        config: Spaces, horizon and frame rate.
+        render_mode: None, or one of the subclass' `metadata["render_modes"]`.
+
+    Raises:
+        ValueError: If the mode is another.
+    """
+
+    def __init__(self, config: EnvConfig, render_mode: str | None) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(
+                f"`render_mode` must be None or one of {self.metadata['render_modes']}, "
+                f"got {render_mode!r}."
+            )
+        self.observation_space = config.observation_space
+        self.action_space = config.action_space
+        self.behavior_space = config.behavior_space
+        self.coverage_grid = config.coverage_grid
+        self.horizon = config.horizon
+        self.metadata = {**type(self).metadata, "render_fps": config.fps}
+        self.render_mode = render_mode
+        self._action_shape = config.action_space.shape
+        self._t = -1  # no episode yet
+
+    # -- what an environment writes ---------------------------------------------------------------
+
+    @abstractmethod
+    def _begin(self, options: dict[str, Any] | None) -> Float32Array:
+        """Begin an episode; its first observation, a new array (O,).
+
+        Raises:
+            ValueError: If an option is not what it may be; nothing has changed then.
+        """
+
+    @abstractmethod
+    def _advance(self, action: Float32Array) -> tuple[Float32Array, bool]:
+        """Act for one step; the observation, a new array (O,), and whether the goal is reached."""
+
+    @abstractmethod
+    def _info_arrays(self) -> dict[str, Float64Array]:
+        """New arrays for the info, "behavior" among them."""
+
+    @abstractmethod
+    def _frame(self) -> Frame:
+        """A picture (height, width, 3)."""
+
+    # -- episodes ---------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float32Array, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Of `np_random`, as in Gymnasium; nothing here is random.
+            options: Those that the class names.
+
+        Raises:
+            ValueError: If an option is not what it may be.
+        """
+        observation = self._begin(options)
+        super().reset(seed=seed)
+        self._t = 0
+        if self.render_mode == "human":
+            self.render()
+        return observation, {**self._info_arrays(), "is_success": False}
+
+    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool, bool, dict[str, Any]]:
+        """Act for one step.
+
+        Args:
+            action: (A,), clipped to the action space.
+
+        Raises:
+            ValueError: If the action is not A finite numbers.
+            gymnasium.error.ResetNeeded: If no episode is under way.
+            SimulationError: If the physics became unstable.
+        """
+        action = np.asarray(action, dtype=np.float32)
+        # Python's own loop: a few numbers are checked before an array function has begun.
+        if action.shape != self._action_shape or not all(map(math.isfinite, action.tolist())):
+            raise ValueError(
+                f"`action` must be {self._action_shape[0]} finite numbers, got {action!r}."
+            )
+        if not 0 <= self._t < self.horizon:
+            raise ResetNeeded("Call reset() before step(): no episode is under way.")
+        t, self._t = self._t + 1, -1  # no episode is under way, should the physics fail
+        observation, terminated = self._advance(action)
+        self._t = self.horizon if terminated else t
+        reward = 1.0 - t / self.horizon if terminated else 0.0
+        truncated = not terminated and t == self.horizon
+        if self.render_mode == "human":
+            self.render()
+        info = {**self._info_arrays(), "is_success": terminated}
+        return observation, reward, terminated, truncated, info
+
+    def render(self) -> Frame | None:
+        """A frame (height, width, 3) for "rgb_array"; shown in a window for "human"."""
+        if self.render_mode is None:
+            gym.logger.warn("render() needs a render_mode: make the env with one.")
+            return None
+        if self._t < 0:
+            raise ResetNeeded("Call reset() before render().")
+        frame = self._frame()
+        if self.render_mode == "human":
+            self._show(frame)
+            return None
+        return frame
+
+    def _show(self, frame: Frame) -> None:
+        """Show a picture in a window."""
+        raise NotImplementedError

@@ -79,7 +79,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
 
         Args:
             seed: Of `np_random`, as in Gymnasium; nothing here is random.
-            options: Those that the class names.
+            options: Those that the class names, if any.
 
         Raises:
             ValueError: If an option is not what it may be.

@@ -166,6 +166,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
             ValueError: If the actions are not (num_envs, A) finite numbers.
             gymnasium.error.ResetNeeded: Before the first reset, and with autoreset disabled while
                 an env has ended.
+            SimulationError: If the physics became unstable; every env needs a reset then.
         """
         actions = np.ascontiguousarray(actions, dtype=np.float32)
         if actions.shape != self.action_space.shape or not np.isfinite(actions).all():

@@ -62,6 +62,7 @@ class ControlEnv(SparseSingleEnv):
 
     Raises:
         ValueError: If an argument is not what it may be.
+        TypeError: If the task has no such keyword.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
 
     Version History:

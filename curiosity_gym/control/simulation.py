@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import weakref
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +13,7 @@ from curiosity_gym.compiled import available_cpus
 from curiosity_gym.control.tasks import ControlTask, Float32Array, Float64Array, Mask
 from curiosity_gym.core import SimulationError
 from curiosity_gym.extras import import_extra
+from curiosity_gym.forks import keep_in_children
 
 
 class Simulation:
@@ -42,7 +41,7 @@ class Simulation:
         # Persistent: an MjData each, from which the next step goes on and which the viewer draws.
         self._batch = batch.Batch(self.task.model, self.n, self.n_threads, persistent=True)
         self._owner = os.getpid()
-        _LIVE.add(self)
+        keep_in_children(self, self._batch)
         self._controls: Float64Array = self._batch.bind("ctrl")
         self._warnings = self._batch.warning[:, :, 1]
         self._fields = {name: self._batch.bind(name) for name in self.task.fields}
@@ -147,16 +146,3 @@ class Simulation:
         self._open()
         self._batch.state[:] = rows
         self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
-
-
-_LIVE: weakref.WeakSet[Simulation] = weakref.WeakSet()
-
-
-def _keep_batches() -> None:
-    """In a child process: a batch whose threads stayed in the parent must never be freed."""
-    for simulation in _LIVE:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(simulation._batch))
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_keep_batches)

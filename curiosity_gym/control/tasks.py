@@ -186,8 +186,8 @@ class Finger(ControlTask):
 
     Behavior:
         Angles of the proximal and the distal joint, within their ranges of +-110 degrees, and of
-        the hinge, wrapped to +-pi. The ranges are soft: a joint pushed past its own, by a
-        third of a radian or so, counts as at its end.
+        the hinge, wrapped to +-pi. The ranges are soft: a joint pushed past its own, by up
+        to 0.4 rad, counts as at its end.
 
     Starting State:
         At rest: proximal joint and hinge at pi/2, distal joint at 0; the target lies at

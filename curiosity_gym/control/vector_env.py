@@ -35,6 +35,7 @@ class ControlVectorEnv(SparseVectorEnv):
 
     Raises:
         ValueError: If an argument is not what it may be.
+        TypeError: If the task has no such keyword.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
     """
 

@@ -15,6 +15,7 @@ from gymnasium.error import DependencyNotInstalled, Error
 
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.extras import import_extra
+from curiosity_gym.forks import keep_in_children
 
 if TYPE_CHECKING:
     import mujoco
@@ -26,7 +27,7 @@ class ControlViewer:
     """Draws simulations of one model, from its first camera.
 
     Args:
-        model: The model.
+        model: The model; its buffer for pictures grows to their size.
         width: Of a frame, in pixels.
         height: Likewise.
 
@@ -57,11 +58,17 @@ class ControlViewer:
         buffer = self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN
         self._mujoco.mjr_setBuffer(buffer.value, self._renderer)
         self.close = weakref.finalize(self, _free, self._gl, self._renderer, os.getpid())
+        keep_in_children(self, self._gl, self._renderer)
         # Registered after EGL's own farewell, and so called before it.
         atexit.register(self.close)
 
     def draw(self, simulation: Simulation, index: int = 0) -> npt.NDArray[np.uint8]:
-        """A frame (height, width, 3) of simulation `index`."""
+        """A frame (height, width, 3) of simulation `index`.
+
+        Raises:
+            gymnasium.error.Error: In a process forked from one that has drawn.
+        """
+        _check_process()
         simulation.write_data(index, self._data)
         self._gl.make_current()
         self._mujoco.mjv_updateScene(
@@ -90,14 +97,18 @@ _processes: set[int] = set()
 """Those that have drawn."""
 
 
-def _gl_context(width: int, height: int) -> Any:
-    """An OpenGL context of the library that `MUJOCO_GL` names, or else of the first that works."""
+def _check_process() -> None:
     if _processes - {os.getpid()}:
         # OpenGL waits for threads that stayed in the parent.
         raise Error(
             "Rendering in a process forked from one that has rendered would hang: start the "
             'processes with another method, such as context="spawn".'
         )
+
+
+def _gl_context(width: int, height: int) -> Any:
+    """An OpenGL context of the library that `MUJOCO_GL` names, or else of the first that works."""
+    _check_process()
     chosen, is_linux = os.environ.get("MUJOCO_GL"), sys.platform == "linux"
     names = [chosen] if chosen else [*(("egl", "osmesa") if is_linux else ()), "glfw"]
     reasons = []

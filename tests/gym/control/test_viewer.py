@@ -164,16 +164,44 @@ def test_a_forked_process_is_told_rather_than_hung():
         + "if child == 0:\n"
         + "    other = gym.make('CuriosityControl-Stacker-v0', render_mode='rgb_array')\n"
         + "    other.reset()\n"
-        + "    try:\n"
-        + "        other.render()\n"
-        + "    except gym.error.Error as error:\n"
-        + "        print(error, flush=True)\n"
+        + "    for each in (other, env):\n"
+        + "        try:\n"
+        + "            each.render()\n"
+        + "        except gym.error.Error as error:\n"
+        + "            print(error, flush=True)\n"
         + "    raise SystemExit(0)\n"
         + "print(os.waitpid(child, 0)[1])\n"
     )
-    first, told, status = run_python(code)[0].splitlines()
-    assert "spawn" in told
-    assert (first, status) == ("(240, 320, 3)", "0")
+    printed, complaint = run_python(code)
+    first, new, inherited, status = printed.splitlines()
+    assert "spawn" in new
+    assert inherited == new
+    assert (first, status, complaint) == ("(240, 320, 3)", "0", "")
+
+
+@needs_opengl
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.parametrize(
+    "act",
+    [
+        "sys.exit(0)",
+        "env.close(); sys.exit(0)",
+        "env.close(); other.close(); os._exit(0)",
+        "del env, other; gc.collect(); sys.exit(0)",
+    ],
+)
+def test_a_forked_process_may_forget_what_has_drawn(act):
+    code = (
+        "import gc, os, sys\n"
+        + RENDER
+        + "other = gym.make('CuriosityControl-Stacker-v0', render_mode='rgb_array')\n"
+        + "other.reset()\n"
+        + "other.render()\n"
+        + "child = os.fork()\n"
+        + f"if child == 0:\n    {act}\n"
+        + "print(os.waitpid(child, 0)[1])\n"
+    )
+    assert run_python(code) == ("(240, 320, 3)\n0\n", "")
 
 
 @needs_opengl

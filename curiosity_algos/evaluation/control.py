@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from curiosity_algos.common.policies import Float32Array, Mlp, forward_each, scratch
-from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
+from curiosity_algos.evaluation.rollouts import (
+    Rollouts,
+    check_parameters,
+    concatenate,
+    sparse_rollouts,
+)
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import ControlTask
 
@@ -70,14 +75,12 @@ class ControlEvaluator:
                 active, parameters, chosen = active[going], parameters[going], chosen[going]
             if not len(active):
                 break
-        rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
         longest = int(lengths.max())
-        return Rollouts(
-            returns=rewards.astype(np.float32).astype(np.float64),
+        return sparse_rollouts(
+            horizon,
             lengths=lengths,
             success=success,
             behaviors=simulation.behaviors[:n],
-            final_observations=observations[np.arange(n), lengths],
             observations=observations[:, : longest + 1],
             actions=actions[:, :longest],
         )

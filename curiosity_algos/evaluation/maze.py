@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.common.policies import Float32Array, Mlp, forward, scratch
-from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters
+from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, sparse_rollouts
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
@@ -88,13 +88,11 @@ class MazeEvaluator:
             _rollout_slice(self.maze, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
-        rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
-        return Rollouts(
-            returns=rewards.astype(np.float32).astype(np.float64),
+        return sparse_rollouts(
+            horizon,
             lengths=lengths,
             success=success,
             behaviors=states,
-            final_observations=observations[np.arange(n), lengths],
             observations=observations,
             actions=actions,
         )

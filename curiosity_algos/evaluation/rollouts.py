@@ -74,6 +74,31 @@ class Rollouts:
         return int(self.lengths.sum())
 
 
+def sparse_rollouts(
+    horizon: int,
+    *,
+    lengths: npt.NDArray[np.int64],
+    success: npt.NDArray[np.bool_],
+    behaviors: Float64Array,
+    observations: Float32Array,
+    actions: npt.NDArray[np.float32],
+) -> Rollouts:
+    """Episodes of which a success in step t is worth `1 - t / horizon`, and nothing else anything.
+
+    The arguments are the attributes of `Rollouts`; trajectories go to the longest episode at least.
+    """
+    rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
+    return Rollouts(
+        returns=rewards.astype(np.float32).astype(np.float64),
+        lengths=lengths,
+        success=success,
+        behaviors=behaviors,
+        final_observations=observations[np.arange(len(lengths)), lengths],
+        observations=observations,
+        actions=actions,
+    )
+
+
 def concatenate(waves: list[Rollouts]) -> Rollouts:
     """Waves as one record, padded to the longest episode."""
     if len(waves) == 1:

@@ -16,9 +16,9 @@ from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, secon
 from benchmarks.python_loop import loop
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.evaluator import Evaluator
-from curiosity_gym.compiled import available_cpus
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.extras import import_extra
+from curiosity_gym.processors import available_cpus
 
 Float64Array = npt.NDArray[np.float64]
 Episodes = list[Float64Array]
@@ -171,7 +171,7 @@ def stack_1(**kwargs: Any) -> gym.Env[Any, Any]:
 def bare_task(name: str, episodes: Episodes, task: ControlTask) -> Task:
     """Steps a second of the physics alone, with dm_control's own model."""
     model = make_peer(name).unwrapped.physics.model.ptr
-    data, start = mujoco.MjData(model), start_state(model, task)
+    data, start = mujoco.MjData(model), task.start_state(model)
     n_steps = sum(map(len, episodes))
 
     def replay() -> None:
@@ -179,17 +179,6 @@ def bare_task(name: str, episodes: Episodes, task: ControlTask) -> Task:
             bare_episode(model, data, start, episode, task.n_substeps)
 
     return lambda: n_steps / seconds(replay)
-
-
-def start_state(model: mujoco.MjModel, task: ControlTask) -> Float64Array:
-    """The fixed start, with the solver's warm start there."""
-    data = mujoco.MjData(model)
-    for joint, position in task.start.items():
-        data.joint(joint).qpos[:] = position
-    mujoco.mj_forward(model, data)
-    state = np.empty(mujoco.mj_stateSize(model, STATE))
-    mujoco.mj_getState(model, data, state, STATE)
-    return state
 
 
 def bare_episode(

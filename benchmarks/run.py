@@ -42,7 +42,7 @@ def main(
 
 def header(plan: Plan) -> str:
     """What the figures were measured on."""
-    from curiosity_gym.compiled import available_cpus
+    from curiosity_gym.processors import available_cpus
 
     python = f"Python {platform.python_version()}"
     versions = [python, *(v for name in (*PACKAGES, *PEERS) if (v := version(name)))]

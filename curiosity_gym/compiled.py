@@ -14,6 +14,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -52,11 +53,6 @@ def _package(file: Path) -> Path:
     while (folder.parent / "__init__.py").exists():
         folder = folder.parent
     return folder
-
-
-def available_cpus() -> int:
-    """Number of processors that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class ThreadPool:

@@ -11,11 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Frame = npt.NDArray[np.uint8]
 
 
 class SimulationError(RuntimeError):
@@ -109,4 +114,8 @@ class EnvConfig(Protocol):
     @property
     def fps(self) -> int:
         """Frames a second."""
+        ...
+
+    def make_viewer(self) -> Any:
+        """What draws the environment; it has a `close`."""
         ...

@@ -8,14 +8,10 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
-from curiosity_gym.core import EnvConfig
-
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
-Frame = npt.NDArray[np.uint8]
+from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame
+from curiosity_gym.lazy_viewer import LazyViewer
 
 
 class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
@@ -45,6 +41,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         self.horizon = config.horizon
         self.metadata = {**type(self).metadata, "render_fps": config.fps}
         self.render_mode = render_mode
+        self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
         self._action_shape = config.action_space.shape
         self._t = -1  # no episode yet
 
@@ -136,3 +133,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
     def _show(self, frame: Frame) -> None:
         """Show a picture in a window."""
         raise NotImplementedError
+
+    def close(self) -> None:
+        """Free what draws, and close the window, if there is one."""
+        self._viewer.close()

@@ -13,13 +13,10 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from curiosity_gym.core import EnvConfig
+from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame, Mask
+from curiosity_gym.lazy_viewer import LazyViewer
+from curiosity_gym.single import SparseSingleEnv
 from curiosity_gym.validation import check_at_least_one
-
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Frame = npt.NDArray[np.uint8]
 
 
 class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
@@ -68,6 +65,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self.metadata = {**type(self).metadata, **own}
         self.render_mode = render_mode
         self.copy = copy
+        self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
         shape = (num_envs, *config.observation_space.shape)
         self._observations: Float32Array = np.zeros(shape, dtype=np.float32)
         self._steps = self._no_episodes()
@@ -82,6 +80,10 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         return bool((self._steps >= 0).all())
 
     # -- what an environment writes ---------------------------------------------------------------
+
+    @abstractmethod
+    def make_single_env(self) -> SparseSingleEnv:
+        """A single env of the same task."""
 
     @abstractmethod
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
@@ -227,6 +229,10 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         if not self._is_ready:
             raise ResetNeeded("Call reset() before render().")
         return self._frames()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what draws, if there is something."""
+        self._viewer.close()
 
 
 def _autoreset_mode(value: AutoresetMode | str) -> AutoresetMode:

@@ -101,7 +101,7 @@ def test_bare_physics_replays_the_evaluation(name):
     parameters = np.random.default_rng(0).normal(0.0, 1.0, (3, evaluator.n_parameters))
     rollouts = evaluator.evaluate(parameters)
     model = control.make_peer(name).unwrapped.physics.model.ptr
-    data, start = mujoco.MjData(model), control.start_state(model, task)
+    data, start = mujoco.MjData(model), task.start_state(model)
     for i, actions in enumerate(rollouts.trajectories[1]):
         taken = actions[: rollouts.lengths[i]].astype(np.float64)
         control.bare_episode(model, data, start, taken, task.n_substeps)

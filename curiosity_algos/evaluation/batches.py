@@ -19,8 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
-from curiosity_gym.control.vector_env import ControlVectorEnv
-from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.vector import SparseVectorEnv
 
 _VECTOR_KEYWORDS = {
     "autoreset_mode",
@@ -162,7 +161,7 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any
     if hasattr(inner, "env_fns"):
         maker: Callable[[], gym.Env[Any, Any]] = inner.env_fns[0]
         return maker
-    if isinstance(inner, ControlVectorEnv | MazeVectorEnv):
+    if isinstance(inner, SparseVectorEnv):
         return inner.make_single_env
     spec = inner.spec
     if spec is None:

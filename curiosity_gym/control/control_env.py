@@ -6,8 +6,8 @@ from typing import Any
 
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.viewer import ControlViewer
-from curiosity_gym.single import Float32Array, Float64Array, Frame, SparseSingleEnv
+from curiosity_gym.core import Float32Array, Float64Array, Frame
+from curiosity_gym.single import SparseSingleEnv
 
 
 class ControlEnv(SparseSingleEnv):
@@ -77,9 +77,7 @@ class ControlEnv(SparseSingleEnv):
         config = configure_control(task, **kwargs)
         super().__init__(config, render_mode)
         self.task = config.task
-        self._make_viewer = config.make_viewer
         self._simulation = Simulation(config.task, 1)
-        self._viewer: ControlViewer | None = None
 
     def _begin(self, options: dict[str, Any] | None) -> Float32Array:
         self._simulation.reset()
@@ -94,16 +92,5 @@ class ControlEnv(SparseSingleEnv):
         return {"behavior": self._simulation.behaviors[0]}
 
     def _frame(self) -> Frame:
-        if self._viewer is None:
-            self._viewer = self._make_viewer()
-        return self._viewer.draw(self._simulation)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Pickle without the renderer, which belongs to its process."""
-        return {**self.__dict__, "_viewer": None}
-
-    def close(self) -> None:
-        """Free the renderer, if there is one."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        frame: Frame = self._viewer.get().draw(self._simulation)
+        return frame

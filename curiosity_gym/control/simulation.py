@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_gym.compiled import available_cpus
-from curiosity_gym.control.tasks import ControlTask, Float32Array, Float64Array, Mask
-from curiosity_gym.core import SimulationError
+from curiosity_gym.control.tasks import ControlTask
+from curiosity_gym.core import Float32Array, Float64Array, Mask, SimulationError
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
+from curiosity_gym.processors import available_cpus
+from curiosity_gym.validation import check_at_least_one
 
 
 class Simulation:
@@ -26,9 +27,14 @@ class Simulation:
 
     Attributes:
         observations: (n, O) float32, overwritten by each step.
+
+    Raises:
+        ValueError: If `n_threads` is less than 1.
     """
 
     def __init__(self, task: ControlTask, n: int, n_threads: int | None = None) -> None:
+        if n_threads is not None:
+            check_at_least_one(n_threads=n_threads)
         self.task = task
         self.n = n
         self.n_threads = min(n, n_threads or available_cpus())
@@ -45,18 +51,7 @@ class Simulation:
         self._controls: Float64Array = self._batch.bind("ctrl")
         self._warnings = self._batch.warning[:, :, 1]
         self._fields = {name: self._batch.bind(name) for name in self.task.fields}
-        self._start = self._start_state()
-
-    def _start_state(self) -> Float64Array:
-        """The start, at rest, as a row of the batch's state, with the solver's warm start."""
-        mujoco, model = self._mujoco, self.task.model
-        data = mujoco.MjData(model)
-        for joint, position in self.task.start.items():
-            data.joint(joint).qpos[:] = position
-        mujoco.mj_forward(model, data)
-        row = np.empty(self._batch.nstate)
-        mujoco.mj_getState(model, data, row, mujoco.mjtState.mjSTATE_INTEGRATION)
-        return row
+        self._start = self.task.start_state(self.task.model)
 
     def reset(self, ids: npt.NDArray[np.int64] | None = None) -> None:
         """Put simulations `ids`, sorted, None: all, at the start; the others stay as they are."""

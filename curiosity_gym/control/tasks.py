@@ -11,18 +11,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from curiosity_gym.core import CoverageGrid
+from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_positive
 
 if TYPE_CHECKING:
     import mujoco
 
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Fields = Any
 """Namespace of MuJoCo's fields (`qpos`, `sensordata`, ...), arrays (k, ...)."""
 
@@ -77,6 +73,22 @@ class ControlTask:
         """XML and assets of the model."""
         xml, assets = suite.get_model_and_assets()
         return xml, assets
+
+    def start_state(self, model: mujoco.MjModel) -> Float64Array:
+        """The start, at rest, with the solver's warm start: a state of `mjSTATE_INTEGRATION`.
+
+        Args:
+            model: The task's own, or dm_control's.
+        """
+        (mujoco,) = import_extra("control", "mujoco")
+        data = mujoco.MjData(model)
+        for joint, position in self.start.items():
+            data.joint(joint).qpos[:] = position
+        mujoco.mj_forward(model, data)
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(mujoco.mj_stateSize(model, kind))
+        mujoco.mj_getState(model, data, state, kind)
+        return state
 
     @abstractmethod
     def _prepare(self, model: mujoco.MjModel) -> None:

@@ -10,9 +10,8 @@ from gymnasium.vector import AutoresetMode
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.viewer import ControlViewer
-from curiosity_gym.validation import check_at_least_one
-from curiosity_gym.vector import Float32Array, Float64Array, Frame, Mask, SparseVectorEnv
+from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
+from curiosity_gym.vector import SparseVectorEnv
 
 
 class ControlVectorEnv(SparseVectorEnv):
@@ -53,8 +52,6 @@ class ControlVectorEnv(SparseVectorEnv):
     ) -> None:
         if max_episode_steps is not None:
             kwargs["horizon"] = max_episode_steps
-        if n_threads is not None:
-            check_at_least_one(n_threads=n_threads)
         config = configure_control(task, **kwargs)
         super().__init__(
             config,
@@ -65,10 +62,8 @@ class ControlVectorEnv(SparseVectorEnv):
         )
         self._keywords = {"task": task, **kwargs}
         self.task = config.task
-        self._make_viewer = config.make_viewer
         self._simulation = Simulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
-        self._viewer: ControlViewer | None = None
 
     def make_single_env(self) -> ControlEnv:
         """A single env of the same task."""
@@ -89,16 +84,5 @@ class ControlVectorEnv(SparseVectorEnv):
         return {"behavior": self._simulation.behaviors}
 
     def _frames(self) -> tuple[Frame, ...]:
-        if self._viewer is None:
-            self._viewer = self._make_viewer()
-        return tuple(self._viewer.draw(self._simulation, i) for i in range(self.num_envs))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Pickle without the renderer, which belongs to its process."""
-        return {**self.__dict__, "_viewer": None}
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Free the renderer, if there is one."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        viewer = self._viewer.get()
+        return tuple(viewer.draw(self._simulation, i) for i in range(self.num_envs))

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from curiosity_gym.core import Float32Array, Float64Array, Frame
 from curiosity_gym.maze.config import configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
 from curiosity_gym.maze.layouts import MazeLayout
-from curiosity_gym.maze.viewer import MazeViewer
-from curiosity_gym.single import Float32Array, Float64Array, Frame, SparseSingleEnv
+from curiosity_gym.single import SparseSingleEnv
 
 
 class MazeEnv(SparseSingleEnv):
@@ -95,8 +95,6 @@ class MazeEnv(SparseSingleEnv):
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
-        self._make_viewer = config.make_viewer
-        self._viewer: MazeViewer | None = None
         self._n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
         self._state = self.maze.start.copy()
 
@@ -119,17 +117,9 @@ class MazeEnv(SparseSingleEnv):
         }
 
     def _frame(self) -> Frame:
-        if self._viewer is None:
-            self._viewer = self._make_viewer()
         beams = self._observation[N_BASE_FEATURES:] * self.lidar_range
-        return self._viewer.draw(self._state, beams)
+        frame: Frame = self._viewer.get().draw(self._state, beams)
+        return frame
 
     def _show(self, frame: Frame) -> None:
-        assert self._viewer is not None  # it has drawn the frame
-        self._viewer.show(frame)
-
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        self._viewer.get().show(frame)

@@ -9,12 +9,12 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from curiosity_gym.compiled import ThreadPool, compiled
+from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
 from curiosity_gym.maze.config import configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.maze.viewer import MazeViewer
-from curiosity_gym.vector import Float32Array, Float64Array, Frame, Mask, SparseVectorEnv
+from curiosity_gym.vector import SparseVectorEnv
 
 ENVS_PER_THREAD = 128
 """Fewer envs than this a thread: handing them over costs more than stepping them."""
@@ -97,9 +97,7 @@ class MazeVectorEnv(SparseVectorEnv):
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
-        self._make_viewer = config.make_viewer
         self._pool = ThreadPool(n_threads)
-        self._viewer: MazeViewer | None = None
         self._states = np.tile(self.maze.start, (num_envs, 1))
 
     def make_single_env(self) -> MazeEnv:
@@ -129,13 +127,6 @@ class MazeVectorEnv(SparseVectorEnv):
         }
 
     def _frames(self) -> tuple[Frame, ...]:
-        if self._viewer is None:
-            self._viewer = self._make_viewer()
         beams = self._observations[:, N_BASE_FEATURES:] * self.lidar_range
-        return tuple(self._viewer.draw(*each) for each in zip(self._states, beams, strict=True))
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Let go of the viewer."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        viewer = self._viewer.get()
+        return tuple(viewer.draw(*each) for each in zip(self._states, beams, strict=True))

@@ -6,7 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from curiosity_gym.compiled import ThreadPool, available_cpus, compiled
+from curiosity_gym.compiled import ThreadPool, compiled
+from curiosity_gym.processors import available_cpus
 
 
 @compiled

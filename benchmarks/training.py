@@ -11,7 +11,7 @@ from stable_baselines3 import PPO
 
 from benchmarks.measure import Plan, Row, Table, interleave, ratios, seconds
 from curiosity_algos import CuriosityES
-from curiosity_algos.curiosity.bonus import single_torch_thread
+from curiosity_algos.common.networks import single_torch_thread
 
 MAZE = "CuriosityMaze-Hard-v0"
 STAGES = ("ask", "evaluate", "score", "remember", "bonus updates", "tell", "rest")

@@ -17,7 +17,8 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import get_device
 from torch.nn import functional
 
-from curiosity_algos.curiosity.bonus import RunningNormalizer, action_size, mlp
+from curiosity_algos.common.networks import RunningNormalizer, mlp
+from curiosity_algos.curiosity.bonus import action_size
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 

@@ -1,0 +1,83 @@
+"""What the torch networks of this package share: seeded layers, standardized inputs, one thread."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+
+import torch as th
+
+
+@contextmanager
+def single_torch_thread() -> Iterator[None]:
+    """Run torch on one thread, then give the user's setting back.
+
+    More threads change last bits, and are far slower for small batches once a core is busy.
+    """
+    n_threads = th.get_num_threads()
+    th.set_num_threads(1)
+    try:
+        yield
+    finally:
+        th.set_num_threads(n_threads)
+
+
+def mlp(*sizes: int, generator: th.Generator) -> th.nn.Sequential:
+    """Linear layers with ReLU between them, initialized as torch does but from `generator`."""
+    layers: list[th.nn.Module] = []
+    for n_in, n_out in pairwise(sizes):
+        # Made without memory first: torch would initialize it from the global generator.
+        linear = th.nn.Linear(n_in, n_out, device="meta").to_empty(device="cpu")
+        th.nn.init.kaiming_uniform_(linear.weight, a=math.sqrt(5.0), generator=generator)
+        bound = 1.0 / math.sqrt(n_in)
+        th.nn.init.uniform_(linear.bias, -bound, bound, generator=generator)
+        layers += [linear, th.nn.ReLU()]
+    return th.nn.Sequential(*layers[:-1])
+
+
+class RunningNormalizer(th.nn.Module):
+    """Standardizes features with the mean and variance of all that it observed.
+
+    Args:
+        n_features: Length of a feature vector.
+    """
+
+    CLIP = 5.0
+    """Largest absolute output, in standard deviations, as in Burda et al. 2018 (RND)."""
+
+    mean: th.Tensor
+    variance: th.Tensor
+    count: th.Tensor
+
+    def __init__(self, n_features: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", th.zeros(n_features, dtype=th.float64))
+        self.register_buffer("variance", th.ones(n_features, dtype=th.float64))
+        self.register_buffer("count", th.zeros((), dtype=th.float64))
+
+    @th.no_grad()
+    def observe(self, features: th.Tensor) -> None:
+        """Merge a batch (n, n_features) into the statistics (Chan et al. 1983)."""
+        batch = features.to(th.float64)
+        n = len(batch)
+        total = self.count + n
+        delta = batch.mean(0) - self.mean
+        squares = (
+            self.variance * self.count
+            + batch.var(0, correction=0) * n
+            + delta**2 * (self.count * n / total)
+        )
+        self.mean += delta * (n / total)
+        self.variance.copy_(squares / total)
+        self.count += n
+
+    def forward(self, features: th.Tensor) -> th.Tensor:
+        """Standardized float32 features; unchanged before anything was observed."""
+        if not self.count:
+            return features
+        # A constant feature has no scale of its own; the floor keeps its first change finite.
+        scale = self.variance.sqrt().clamp_min(1e-3)
+        shifted = (features - self.mean.float()) / scale.float()
+        return shifted.clamp(-self.CLIP, self.CLIP)

@@ -1,0 +1,1 @@
+"""Archives of elites behind pyribs' interface, their files, and checks that elites reproduce."""

@@ -1,0 +1,394 @@
+"""What every archive of elites does, whatever decides which solution enters where."""
+
+from __future__ import annotations
+
+import os
+from abc import abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
+
+from curiosity_algos.archives.files import read_archive, write_archive
+from curiosity_algos.archives.verify import Verification, verify
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+
+if TYPE_CHECKING:
+    from curiosity_algos.evaluation.evaluator import AnyEnv
+
+Float64Array = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+Batch = dict[str, npt.NDArray[Any]]
+Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
+
+INITIAL_CAPACITY = 128
+RESERVED = {"solution", "objective", "measures", "index", "about", "file", "allow_pickle"}
+"""No names of extra fields: what every archive has, and what its file and numpy's writer take."""
+NOT_ADDED, IMPROVED, NEW = 0, 1, 2
+"""Statuses of an insertion, as pyribs numbers them."""
+
+
+class EliteArchive(ArchiveBase):
+    """Elites in arrays that grow with their number, behind the interface of pyribs' archives.
+
+    pyribs' emitters and schedulers work on it unchanged. A subclass says which elites a batch
+    replaces (`_insert`), and what tells elites apart (`_identities`).
+
+    Args:
+        solution_dim: Length of a parameter vector.
+        measure_dim: Length of a behavior.
+        qd_score_offset: Subtracted from every objective in the QD-score, for objectives below 0.
+        seed: Of `sample_elites`.
+        solution_dtype: Of the solutions; objectives and measures are float64.
+        extra_fields: Name: (shape, dtype) of what is kept of each elite beside solution, objective
+            and measures. "seed" (the episode's) is what `verify` resets with, and "behavior" what
+            it compares where the measures are something else.
+        net_arch: Hidden layers of the policies that the solutions are, for `verify`; None: the
+            default ones.
+
+    Raises:
+        ValueError: If a name in `extra_fields` is taken, or its type holds no numbers.
+    """
+
+    def __init__(
+        self,
+        *,
+        solution_dim: int,
+        measure_dim: int,
+        qd_score_offset: float = 0.0,
+        seed: int | np.random.SeedSequence | None = None,
+        solution_dtype: npt.DTypeLike = np.float64,
+        extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
+        net_arch: Sequence[int] | None = None,
+    ) -> None:
+        super().__init__(solution_dim=solution_dim, objective_dim=(), measure_dim=measure_dim)
+        self.qd_score_offset = float(qd_score_offset)
+        # Plain integers: the file's JSON knows no others.
+        self.net_arch = None if net_arch is None else np.asarray(net_arch).tolist()
+        self._rng = np.random.default_rng(seed)
+        self._description: Description = {
+            "solution": (_as_shape(solution_dim), np.dtype(solution_dtype)),
+            "objective": ((), np.dtype(np.float64)),
+            "measures": (_as_shape(measure_dim), np.dtype(np.float64)),
+            **_checked_fields(extra_fields or {}),
+        }
+        self._begin()
+
+    def _begin(self, capacity: int = INITIAL_CAPACITY) -> None:
+        """Hold nothing."""
+        # Any: pyribs' annotations deny what `retrieve` returns.
+        self._store: Any = ArrayStore(dict(self._description), capacity)
+        self._objective_sum = np.float64(0.0)
+        self._best_slot = 0
+
+    # -- what an archive writes -----------------------------------------------------------------
+
+    @abstractmethod
+    def _insert(self, data: Batch) -> Batch:
+        """Take a checked batch in; what came of each solution (`status`, `value`, ...)."""
+
+    @abstractmethod
+    def _identities(self, slots: Int64Array) -> Int64Array:
+        """The field "index" of the elites in these slots."""
+
+    @abstractmethod
+    def _settings(self) -> dict[str, Any]:
+        """Keywords of this kind of archive, as JSON can hold them; those of any are not named."""
+
+    @property
+    @abstractmethod
+    def cells(self) -> int:
+        """Number of elites that it could hold."""
+
+    # -- pyribs' interface ----------------------------------------------------------------------
+
+    @property
+    def field_list(self) -> list[str]:
+        """Names of what is kept of each elite."""
+        return [*self._description, "index"]
+
+    @property
+    def dtypes(self) -> dict[str, np.dtype[Any]]:
+        """Data type of each field."""
+        kept = {name: dtype for name, (_, dtype) in self._description.items()}
+        return {**kept, "index": np.dtype(np.int64)}
+
+    @property
+    def empty(self) -> bool:
+        """Whether it holds no elite."""
+        return len(self) == 0
+
+    def __len__(self) -> int:
+        """Number of elites."""
+        return len(self._store)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Each elite as a dictionary."""
+        for slot in range(len(self)):
+            yield self._elite(slot)
+
+    @property
+    def stats(self) -> ArchiveStats:
+        """Number of elites, coverage, QD-score (also per cell), best and mean objective."""
+        n = len(self)
+        qd_score = self._objective_sum - np.float64(n) * self.qd_score_offset
+        return ArchiveStats(
+            num_elites=n,
+            coverage=np.float64(n / self.cells if n else 0.0),
+            qd_score=qd_score,
+            norm_qd_score=np.float64(qd_score / self.cells if n else 0.0),
+            obj_max=self.data("objective")[self._best_slot] if n else None,
+            obj_mean=self._objective_sum / n if n else None,
+        )
+
+    @property
+    def best_elite(self) -> dict[str, Any] | None:
+        """The elite of the highest objective, the first of them; None where there is none."""
+        return None if self.empty else self._elite(self._best_slot)
+
+    def add(
+        self,
+        solution: npt.ArrayLike,
+        objective: npt.ArrayLike,
+        measures: npt.ArrayLike,
+        **fields: npt.ArrayLike,
+    ) -> Batch:
+        """Offer a batch of n solutions.
+
+        Args:
+            solution: (n, solution_dim)
+            objective: (n,)
+            measures: (n, measure_dim)
+            **fields: (n, ...) each of `extra_fields`.
+
+        Returns:
+            `status` (n,): 0 not added, 1 took an elite's place, 2 new; `value` (n,): the objective,
+            less that of the elite before.
+
+        Raises:
+            ValueError: If a field is missing, unknown, of another shape, or not finite.
+        """
+        given = {"solution": solution, "objective": objective, "measures": measures, **fields}
+        return self._insert(self._checked(given))
+
+    def add_single(
+        self,
+        solution: npt.ArrayLike,
+        objective: npt.ArrayLike,
+        measures: npt.ArrayLike,
+        **fields: npt.ArrayLike,
+    ) -> dict[str, Any]:
+        """Offer one solution; as `add`, without the leading dimension."""
+        given = {"solution": solution, "objective": objective, "measures": measures, **fields}
+        info = self.add(**{name: np.asarray(value)[None] for name, value in given.items()})
+        return {name: values[0] for name, values in info.items()}
+
+    def data(
+        self, fields: str | Collection[str] | None = None, return_type: str | None = None
+    ) -> Any:
+        """The elites, in the order in which their places were first taken.
+
+        Args:
+            fields: A name: that array; several, or None for all: a dictionary of arrays.
+            return_type: "dict", "tuple" or "pandas" for another container.
+
+        Raises:
+            ValueError: If there is no such field or return type.
+        """
+        return self._read(np.arange(len(self)), fields, return_type)
+
+    def sample_elites(self, n: int | np.integer[Any], replace: bool = True) -> Batch:
+        """Elites drawn uniformly, a dictionary of arrays (n, ...).
+
+        Raises:
+            IndexError: If there are none.
+            ValueError: If there are fewer than n, and none may be drawn twice.
+        """
+        if self.empty:
+            raise IndexError("The archive holds no elites to sample.")
+        slots = self._rng.choice(len(self), size=n, replace=replace)
+        elites: Batch = self._read(slots)
+        return elites
+
+    def clear(self) -> None:
+        """Forget all elites."""
+        self._begin()
+
+    def reshape_field(self, name: str, shape: tuple[int, ...]) -> None:
+        """Give a field of an empty archive the shape that only its first elites have told."""
+        assert self.empty
+        self._description[name] = (shape, self._description[name][1])
+        self._begin()
+
+    # -- policies -------------------------------------------------------------------------------
+
+    @property
+    def behaviors(self) -> Float64Array:
+        """(n, B): the elites' behaviors, the measures unless a field "behavior" is kept."""
+        name = "behavior" if "behavior" in self._description else "measures"
+        behaviors: Float64Array = self.data(name)
+        return behaviors
+
+    def nearest(self, behavior: npt.ArrayLike) -> npt.NDArray[Any]:
+        """The solution whose behavior is nearest to `behavior` (B,), in Euclidean distance.
+
+        Raises:
+            ValueError: If `behavior` is not finite of that shape, or the archive is empty.
+        """
+        behaviors = self.behaviors
+        wanted = np.asarray(behavior, dtype=np.float64)
+        if wanted.shape != behaviors.shape[1:] or not np.isfinite(wanted).all():
+            raise ValueError(
+                f"`niche` must be finite of shape {behaviors.shape[1:]}, got {behavior!r}."
+            )
+        if self.empty:
+            raise ValueError("`niche` needs an archive with elites: learn first.")
+        slot = int(np.argmin(np.sum((behaviors - wanted) ** 2, axis=1)))
+        solution: npt.NDArray[Any] = self._store.retrieve([slot], "solution")[1][0]
+        return solution
+
+    def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
+        """Play every elite again, and see whether it comes to what is kept of it.
+
+        See `curiosity_algos.archives.verify.verify`.
+        """
+        return verify(self, env, n_threads)
+
+    # -- files and checkpoints ------------------------------------------------------------------
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write all elites to one `.npz` file, which `curiosity_algos.archives.files` describes.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+        """
+        settings = {"qd_score_offset": self.qd_score_offset, "net_arch": self.net_arch}
+        write_archive(path, type(self).__name__, settings | self._settings(), self.data())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read what `save` wrote.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If it holds no archive of this class.
+        """
+        settings, data = read_archive(path, cls.__name__)
+        own = ("solution", "objective", "measures", "index")
+        archive = cls(
+            **settings,
+            solution_dim=data["solution"].shape[1],
+            solution_dtype=data["solution"].dtype,
+            extra_fields={k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in own},
+        )
+        archive._put(data)
+        return archive
+
+    def state_dict(self) -> dict[str, Any]:
+        """Elites and the state of `sample_elites`, for exact resume."""
+        return {
+            "elites": {name: th.from_numpy(array) for name, array in self.data().items()},
+            "objective_sum": float(self._objective_sum),
+            "best_slot": self._best_slot,
+            "rng": generator_state(self._rng),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        self._put({name: tensor.cpu().numpy() for name, tensor in state["elites"].items()})
+        # As it was added up: another order of the sum may have other last bits.
+        self._objective_sum = np.float64(state["objective_sum"])
+        self._best_slot = state["best_slot"]
+        load_generator_state(self._rng, state["rng"])
+
+    def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Hold these elites, all fields with "index", instead of what was held."""
+        n = len(data["objective"])
+        self._description = {k: (data[k].shape[1:], data[k].dtype) for k in self._description}
+        self._begin(capacity=max(n, INITIAL_CAPACITY))
+        self._store.add(np.arange(n), {name: data[name] for name in self._description})
+        if n:
+            self._objective_sum = np.float64(data["objective"].sum())
+            self._best_slot = int(np.argmax(data["objective"]))
+
+    # -- inside ---------------------------------------------------------------------------------
+
+    def _write(self, slots: Int64Array, data: Batch) -> None:
+        """Put elites into their slots, and keep the sum and the best up to date."""
+        objective, n = data["objective"], len(self)
+        is_old = slots < n
+        before = np.zeros(len(slots))
+        before[is_old] = self._store.retrieve(slots[is_old], "objective")[1]
+        needed = max(n, int(slots.max()) + 1)
+        if needed > self._store.capacity:
+            self._store.resize(max(needed, 2 * self._store.capacity))
+        best = self.data("objective")[self._best_slot] if n else -np.inf
+        self._store.add(slots, data)
+        self._objective_sum = self._objective_sum + np.sum(objective - before)
+        if objective.max() > best:
+            self._best_slot = int(slots[np.argmax(objective)])
+
+    def _read(
+        self,
+        slots: Int64Array,
+        fields: str | Collection[str] | None = None,
+        return_type: str | None = None,
+    ) -> Any:
+        if isinstance(fields, str) and return_type is None:
+            return self._read(slots, [fields], "tuple")[0]
+        fields = [fields] if isinstance(fields, str) else fields
+        names = self.field_list if fields is None else list(fields)
+        _, elites = self._store.retrieve(slots, names, return_type)
+        if "index" not in names:
+            return elites
+        identities = self._identities(slots)  # the store's own "index" is the slot
+        if isinstance(elites, tuple):
+            columns = zip(names, elites, strict=True)
+            return tuple(identities if name == "index" else column for name, column in columns)
+        elites["index"] = identities
+        return elites
+
+    def _elite(self, slot: int) -> dict[str, Any]:
+        return {name: values[0] for name, values in self._read(np.array([slot])).items()}
+
+    def _checked(self, given: Mapping[str, npt.ArrayLike]) -> Batch:
+        if given.keys() != self._description.keys():
+            expected = ", ".join(self._description)
+            raise ValueError(f"A batch must have the fields {expected}, got {', '.join(given)}.")
+        data = {
+            name: _as_array(name, given[name], dtype)
+            for name, (_, dtype) in self._description.items()
+        }
+        n = len(np.atleast_1d(data["solution"]))
+        for name, (shape, _) in self._description.items():
+            wanted = (n, *shape)
+            if data[name].shape != wanted:
+                raise ValueError(f"`{name}` must be of shape {wanted}, got {data[name].shape}.")
+            if name in ("objective", "measures") and not np.isfinite(data[name]).all():
+                raise ValueError(f"`{name}` must be finite.")
+        return data
+
+
+def _checked_fields(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
+    """The description of extra fields that neither an archive nor its file has already."""
+    fields = {name: (_as_shape(shape), np.dtype(d)) for name, (shape, d) in extra_fields.items()}
+    taken = RESERVED & fields.keys()
+    if taken:
+        raise ValueError(f"`extra_fields` must not hold {', '.join(sorted(taken))}: it is taken.")
+    if any(dtype.kind not in "biuf" for _, dtype in fields.values()):
+        raise ValueError("`extra_fields` must hold types of numbers or truth values.")
+    return fields
+
+
+def _as_shape(shape: int | Sequence[int]) -> tuple[int, ...]:
+    return tuple(np.atleast_1d(np.array(shape, dtype=np.int64)).tolist())
+
+
+def _as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    try:
+        return np.asarray(value, dtype=dtype)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise ValueError(f"`{name}` must be an array of {dtype}: {error}.") from error

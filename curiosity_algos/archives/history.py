@@ -1,0 +1,63 @@
+"""How an archive came to what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from ribs.archives import ArchiveStats
+
+from curiosity_gym.validation import check_choice
+
+COLUMNS = ("timesteps", "size", "coverage", "qd_score", "best")
+
+
+class ArchiveHistory:
+    """The statistics of an archive after each generation.
+
+    Columns: `timesteps` of all generations so far, `size` (elites), `coverage` (share of the cells
+    that are taken), `qd_score` (sum of the objectives), `best` (objective).
+    """
+
+    def __init__(self) -> None:
+        self._rows: list[list[float]] = []
+
+    def record(self, timesteps: int, stats: ArchiveStats) -> None:
+        """Append what the archive is after a generation of `timesteps`."""
+        before = self._rows[-1][0] if self._rows else 0.0
+        values = [
+            before + timesteps,
+            stats.num_elites,
+            stats.coverage,
+            stats.qd_score,
+            stats.obj_max,
+        ]
+        self._rows.append(np.array(values, dtype=np.float64).tolist())
+
+    def __getitem__(self, column: str) -> npt.NDArray[np.float64]:
+        """A column, one value for each generation.
+
+        Raises:
+            ValueError: If there is no such column.
+        """
+        check_choice(COLUMNS, column=column)
+        values: npt.NDArray[np.float64] = self._table()[:, COLUMNS.index(column)]
+        return values
+
+    def __len__(self) -> int:
+        """Number of generations."""
+        return len(self._rows)
+
+    def _table(self) -> npt.NDArray[np.float64]:
+        return np.array(self._rows, dtype=np.float64).reshape(-1, len(COLUMNS))
+
+    def state_dict(self) -> dict[str, Any]:
+        """All rows."""
+        return {"table": th.from_numpy(self._table())}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        self._rows = state["table"].tolist()

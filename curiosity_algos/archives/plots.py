@@ -1,0 +1,112 @@
+"""Matplotlib figures of an archive: what its elites are worth, or how many, by behavior."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.maze.plots import draw_layout
+from curiosity_gym.validation import check_at_least_one, check_choice
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from curiosity_algos.archives.base import EliteArchive
+
+Float64 = npt.NDArray[np.float64]
+
+STATISTICS = {"objective": "max", "elites": "count"}
+LABELS = {"objective": "best objective", "elites": "elites in a cell"}
+
+
+def plot_archive(
+    archive: EliteArchive,
+    layout: MazeLayout | None = None,
+    *,
+    by: str = "objective",
+    dimensions: tuple[int, int] = (0, 1),
+    n_cells: int = 50,
+    ax: Axes | None = None,
+) -> Axes:
+    """Plot a heat map of an archive's elites over two of the behavior's dimensions.
+
+    Args:
+        archive: Holds the elites; it may be empty.
+        layout: The maze whose walls are drawn and whose width and height the cells span; elites
+            outside are left out. By default, the cells span the elites' own range.
+        by: "objective": the best objective of the elites in a cell; "elites": how many it holds.
+        dimensions: Which entries of the behavior are x and y.
+        n_cells: Cells along each of the two.
+        ax: Axes to draw on; new ones by default.
+
+    Returns:
+        The axes; cells without elites are transparent.
+
+    Raises:
+        ValueError: `by`, `dimensions` or `n_cells` is none of what it may be.
+    """
+    check_choice(tuple(STATISTICS), by=by)
+    check_at_least_one(n_cells=n_cells)
+    behaviors = archive.behaviors
+    _check_dimensions(dimensions, behaviors.shape[1])
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.figure(figsize=(7, 6), layout="constrained").add_subplot()
+    _draw_frame(ax, layout, dimensions)
+    if len(behaviors):
+        positions, objective = behaviors[:, list(dimensions)], archive.data("objective")
+        spans = _spans(positions, layout)
+        _draw_cells(ax, positions, objective, by=by, n_cells=n_cells, spans=spans)
+    return ax
+
+
+def _check_dimensions(dimensions: Sequence[int], n_dimensions: int) -> None:
+    try:
+        x, y = map(operator.index, dimensions)
+        is_valid = x != y and {x, y} <= set(range(n_dimensions))
+    except (TypeError, ValueError):
+        is_valid = False
+    if not is_valid:
+        raise ValueError(
+            f"`dimensions` must be two different whole numbers from 0 to {n_dimensions - 1}, "
+            f"got {dimensions!r}."
+        )
+
+
+def _draw_frame(ax: Axes, layout: MazeLayout | None, dimensions: tuple[int, int]) -> None:
+    if layout is None:
+        x, y = dimensions
+        ax.set(xlabel=f"behavior {x}", ylabel=f"behavior {y}")
+    else:
+        draw_layout(ax, layout)
+
+
+def _spans(positions: Float64, layout: MazeLayout | None) -> Float64:
+    """Lower and upper bound of the cells along x and y, (2, 2)."""
+    if layout is None:
+        return np.column_stack([positions.min(axis=0), positions.max(axis=0)])
+    return np.array([[0.0, layout.width], [0.0, layout.height]])
+
+
+def _draw_cells(
+    ax: Axes, positions: Float64, objective: Float64, *, by: str, n_cells: int, spans: Float64
+) -> None:
+    from matplotlib.colors import LogNorm
+    from scipy.stats import binned_statistic_2d
+
+    cells, x_edges, y_edges, _ = binned_statistic_2d(
+        *positions.T, objective, STATISTICS[by], bins=n_cells, range=spans
+    )
+    norm = None
+    if by == "elites":
+        norm = LogNorm(1, max(10, cells.max()))
+        cells[cells == 0] = np.nan  # as where there is no best objective
+    # Below the walls, which cells at their edges would cover.
+    mesh = ax.pcolormesh(x_edges, y_edges, cells.T, norm=norm, zorder=0.5)
+    ax.figure.colorbar(mesh, ax=ax, label=LABELS[by], shrink=0.9)

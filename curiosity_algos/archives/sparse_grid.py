@@ -1,0 +1,193 @@
+"""A grid over the behaviors that costs memory for the elites it holds, not for its cells.
+
+pyribs' `GridArchive` allocates every cell: 50 cells in each of 4 dimensions and 1,746 weights ask
+for 81 GiB. What enters, what it is worth and what is sampled are the same, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.archives.base import (
+    IMPROVED,
+    INITIAL_CAPACITY,
+    NEW,
+    NOT_ADDED,
+    Batch,
+    EliteArchive,
+    Float64Array,
+    Int64Array,
+)
+
+_EPSILON = 1e-6
+"""pyribs' allowance for behaviors that rounding left just below a cell's edge."""
+
+
+class SparseGridArchive(EliteArchive):
+    """Keeps the best solution of each cell of a grid; of equals, the first.
+
+    Args:
+        solution_dim: See `EliteArchive`, as for every argument not named here.
+        dims: Cells along each dimension of the behavior.
+        ranges: (lower, upper) bound of each; behaviors beyond count in the cell at the edge.
+        qd_score_offset: Likewise.
+        seed: Likewise.
+        solution_dtype: Likewise.
+        extra_fields: Likewise.
+        net_arch: Likewise.
+
+    Raises:
+        ValueError: If `dims` and `ranges` do not fit, or there are 2**63 cells or more.
+    """
+
+    def __init__(
+        self,
+        *,
+        solution_dim: int,
+        dims: Sequence[int],
+        ranges: Sequence[tuple[float, float]],
+        qd_score_offset: float = 0.0,
+        seed: int | np.random.SeedSequence | None = None,
+        solution_dtype: npt.DTypeLike = np.float64,
+        extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
+        net_arch: Sequence[int] | None = None,
+    ) -> None:
+        _check_grid(dims, ranges)
+        self.dims = np.array(dims, dtype=np.int64)
+        self.lower_bounds, self.upper_bounds = np.array(ranges, dtype=np.float64).T
+        self.interval_size = self.upper_bounds - self.lower_bounds
+        self.boundaries = [
+            np.linspace(low, high, n + 1)
+            for low, high, n in zip(self.lower_bounds, self.upper_bounds, self.dims, strict=True)
+        ]
+        super().__init__(
+            solution_dim=solution_dim,
+            measure_dim=len(self.dims),
+            qd_score_offset=qd_score_offset,
+            seed=seed,
+            solution_dtype=solution_dtype,
+            extra_fields=extra_fields,
+            net_arch=net_arch,
+        )
+
+    def _begin(self, capacity: int = INITIAL_CAPACITY) -> None:
+        super()._begin(capacity)
+        self._cells: list[int] = []  # of each slot
+        self._slots: dict[int, int] = {}  # of each cell that is taken
+
+    @property
+    def cells(self) -> int:
+        """Number of cells, taken or not."""
+        return math.prod(int(n) for n in self.dims)
+
+    def index_of(self, measures: npt.ArrayLike) -> Int64Array:
+        """Cells (n,) of behaviors (n, measure_dim).
+
+        Raises:
+            ValueError: If `measures` is not finite of that shape.
+        """
+        values = np.asarray(measures, dtype=np.float64)
+        if values.shape[1:] != self.dims.shape or not np.isfinite(values).all():
+            raise ValueError(f"`measures` must be finite of shape (n, {len(self.dims)}).")
+        scaled = (self.dims * (values - self.lower_bounds) + _EPSILON) / self.interval_size
+        return self.grid_to_int_index(np.clip(scaled, 0, self.dims - 1).astype(np.int64))
+
+    def index_of_single(self, measures: npt.ArrayLike) -> int:
+        """Cell of one behavior (measure_dim,)."""
+        return int(self.index_of(np.asarray(measures)[None])[0])
+
+    def grid_to_int_index(self, grid_indices: npt.ArrayLike) -> Int64Array:
+        """Cells (n,) of positions (n, measure_dim) in the grid."""
+        flat: Int64Array = np.ravel_multi_index(tuple(np.asarray(grid_indices).T), tuple(self.dims))
+        return flat.astype(np.int64)
+
+    def int_to_grid_index(self, int_indices: npt.ArrayLike) -> Int64Array:
+        """Positions (n, measure_dim) in the grid of cells (n,)."""
+        return np.asarray(np.unravel_index(np.asarray(int_indices), tuple(self.dims))).T
+
+    def retrieve(self, measures: npt.ArrayLike) -> tuple[npt.NDArray[np.bool_], Batch]:
+        """Whether the cells of behaviors (n, measure_dim) are taken, and by which elites.
+
+        Cells that are not have NaN in the elites' floating fields, -1 as index, and 0 elsewhere.
+        """
+        slots = self._slots_of(self.index_of(measures))
+        is_taken = slots >= 0
+        elites = {}
+        for name in self.field_list:
+            kept = self._read(slots[is_taken], name)
+            empty = -1 if name == "index" else np.nan if kept.dtype.kind == "f" else 0
+            elites[name] = np.full((len(slots), *kept.shape[1:]), empty, dtype=kept.dtype)
+            elites[name][is_taken] = kept
+        return is_taken, elites
+
+    def retrieve_single(self, measures: npt.ArrayLike) -> tuple[bool, dict[str, Any]]:
+        """As `retrieve`, of one behavior (measure_dim,)."""
+        is_taken, elites = self.retrieve(np.asarray(measures)[None])
+        return bool(is_taken[0]), {name: values[0] for name, values in elites.items()}
+
+    def _insert(self, data: Batch) -> Batch:
+        cells, objective = self.index_of(data["measures"]), data["objective"]
+        slots = self._slots_of(cells)
+        is_taken = slots >= 0
+        before = np.full(len(cells), -np.inf)
+        before[is_taken] = self.data("objective")[slots[is_taken]]
+        is_better = objective > before
+        status = np.where(is_better, np.where(is_taken, IMPROVED, NEW), NOT_ADDED).astype(np.int32)
+        value = objective - np.where(is_taken, before, 0.0)
+        winners = _first_best(cells, objective, np.flatnonzero(is_better))
+        if len(winners):
+            slots = np.array([self._slot(int(cell)) for cell in cells[winners]])
+            self._write(slots, {name: array[winners] for name, array in data.items()})
+        return {"status": status, "value": value}
+
+    def _slots_of(self, cells: Int64Array) -> Int64Array:
+        """Slots of cells, -1 where they are not taken."""
+        return np.array([self._slots.get(int(cell), -1) for cell in cells], dtype=np.int64)
+
+    def _slot(self, cell: int) -> int:
+        if cell not in self._slots:
+            self._slots[cell] = len(self._cells)
+            self._cells.append(cell)
+        return self._slots[cell]
+
+    def _identities(self, slots: Int64Array) -> Int64Array:
+        return np.array([self._cells[slot] for slot in slots], dtype=np.int64)
+
+    def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
+        super()._put(data)
+        self._cells = data["index"].tolist()
+        self._slots = {cell: slot for slot, cell in enumerate(self._cells)}
+
+    def _settings(self) -> dict[str, Any]:
+        return {
+            "dims": self.dims.tolist(),
+            "ranges": np.stack([self.lower_bounds, self.upper_bounds], axis=1).tolist(),
+        }
+
+
+def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Array) -> Int64Array:
+    """Of the candidates in each cell the best, of equals the first; in ascending order of cells."""
+    by_worth = candidates[np.argsort(-objective[candidates], kind="stable")]
+    _, firsts = np.unique(cells[by_worth], return_index=True)
+    return by_worth[firsts]
+
+
+def _check_grid(dims: Collection[int], ranges: Collection[tuple[float, float]]) -> None:
+    if len(dims) == 0 or not all(isinstance(n, int | np.integer) and n >= 1 for n in dims):
+        raise ValueError(f"`dims` must hold whole numbers of at least 1, got {dims!r}.")
+    if len(dims) != len(ranges) or not all(_is_range(bounds) for bounds in ranges):
+        raise ValueError(
+            "`ranges` must hold finite (lower, upper) bounds for each of `dims`, lower below "
+            f"upper, got {ranges!r}."
+        )
+    if math.prod(int(n) for n in dims) > np.iinfo(np.int64).max:
+        raise ValueError(f"`dims` must make less than 2**63 cells, got {dims!r}.")
+
+
+def _is_range(bounds: tuple[float, float]) -> bool:
+    return np.shape(bounds) == (2,) and bool(np.isfinite(bounds).all() and bounds[0] < bounds[1])

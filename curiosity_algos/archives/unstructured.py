@@ -1,0 +1,200 @@
+"""An archive without cells: elites keep a distance that adapts to hold their number.
+
+For behaviors that no grid can number, such as a learned latent space (Cully 2019, AURORA; the size
+control follows Grillotti & Cully 2022 in what it achieves) or a whole state (NSLC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.distance import cdist
+
+from curiosity_algos.archives.base import (
+    IMPROVED,
+    NEW,
+    NOT_ADDED,
+    Batch,
+    EliteArchive,
+    Float64Array,
+    Int64Array,
+)
+from curiosity_gym.validation import check_at_least_one
+
+SLACK = 0.1
+"""Share of the target size by which the archive grows before it is thinned out."""
+
+
+class UnstructuredArchive(EliteArchive):
+    """Takes in what is farther than `threshold` from all elites, or beats the nearest of them.
+
+    Until there are `target_size` elites the threshold is 0. Whenever they come to a tenth more, the
+    closest pairs lose their worse half until `target_size` are left, and the threshold becomes the
+    smallest distance that is left.
+
+    Args:
+        solution_dim: See `EliteArchive`, as for every argument not named here.
+        measure_dim: Likewise.
+        target_size: Elites held, within 10 % once there are so many.
+        k_neighbors: Neighbors that count for `novelty` and `local_competition`.
+        threshold: Of the first elites.
+        qd_score_offset: Likewise.
+        seed: Likewise.
+        solution_dtype: Likewise.
+        extra_fields: Likewise.
+        net_arch: Likewise.
+
+    Attributes:
+        threshold: Smallest distance from all elites that makes a solution new.
+
+    Raises:
+        ValueError: If `target_size` or `k_neighbors` is below 1.
+    """
+
+    def __init__(
+        self,
+        *,
+        solution_dim: int,
+        measure_dim: int,
+        target_size: int,
+        k_neighbors: int,
+        threshold: float = 0.0,
+        qd_score_offset: float = 0.0,
+        seed: int | np.random.SeedSequence | None = None,
+        solution_dtype: npt.DTypeLike = np.float64,
+        extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
+        net_arch: Sequence[int] | None = None,
+    ) -> None:
+        check_at_least_one(target_size=target_size, k_neighbors=k_neighbors)
+        self.target_size = target_size
+        self.k_neighbors = k_neighbors
+        self.threshold = threshold
+        super().__init__(
+            solution_dim=solution_dim,
+            measure_dim=measure_dim,
+            qd_score_offset=qd_score_offset,
+            seed=seed,
+            solution_dtype=solution_dtype,
+            extra_fields=extra_fields,
+            net_arch=net_arch,
+        )
+
+    @property
+    def cells(self) -> int:
+        """As many as there are elites: coverage means nothing here."""
+        return max(len(self), 1)
+
+    def compete(
+        self, measures: Float64Array, objective: Float64Array
+    ) -> tuple[Float64Array, Int64Array]:
+        """Novelty and local competition (Lehman & Stanley 2011) of a batch, (n,) each.
+
+        Neighbors are the k nearest of the elites and of the rest of the batch. Novelty is their
+        mean distance, local competition how many of them have a lower objective.
+        """
+        all_measures = np.concatenate([measures, self.data("measures")])
+        all_objectives = np.concatenate([objective, self.data("objective")])
+        distances = cdist(measures, all_measures)
+        np.fill_diagonal(distances, np.inf)  # nobody is a neighbor of its own
+        k = min(self.k_neighbors, len(all_measures) - 1)
+        if len(measures) == 0 or k == 0:
+            return np.zeros(len(measures)), np.zeros(len(measures), dtype=np.int64)
+        neighbors = np.argsort(distances, axis=1, kind="stable")[:, :k]
+        novelty = np.take_along_axis(distances, neighbors, axis=1).mean(axis=1)
+        return novelty, np.sum(all_objectives[neighbors] < objective[:, None], axis=1)
+
+    def remeasure(self, measures: Float64Array) -> None:
+        """Move the elites to new measures (n, measure_dim), as when an encoder has learned."""
+        self._put({**self.data(), "measures": measures})
+        self._thin_out()
+
+    def _insert(self, data: Batch) -> Batch:
+        """As pyribs; also `novelty` and `local_competition` (n,), see `compete`."""
+        novelty, competition = self.compete(data["measures"], data["objective"])
+        n = len(novelty)
+        status, value = np.empty(n, dtype=np.int32), np.empty(n)
+        for i in range(n):
+            status[i], value[i] = self._offer({name: array[[i]] for name, array in data.items()})
+        if len(self) > (1.0 + SLACK) * self.target_size:
+            self._thin_out()
+        return {
+            "status": status,
+            "value": value,
+            "novelty": novelty,
+            "local_competition": competition,
+        }
+
+    def _offer(self, one: Batch) -> tuple[int, float]:
+        """Offer a batch of one: its status, and its objective or improvement."""
+        objective = float(one["objective"][0])
+        if self.empty:
+            self._write(np.array([0]), one)
+            return NEW, objective
+        distances = cdist(one["measures"], self.data("measures"))[0]
+        nearest = int(np.argmin(distances))
+        if distances[nearest] > self.threshold:
+            self._write(np.array([len(self)]), one)
+            return NEW, objective
+        improvement = objective - float(self.data("objective")[nearest])
+        if improvement > 0.0:
+            self._write(np.array([nearest]), one)
+            return IMPROVED, improvement
+        return NOT_ADDED, improvement
+
+    def _thin_out(self) -> None:
+        """Leave at most `target_size` elites, and set the threshold by what is left."""
+        distances = cdist(self.data("measures"), self.data("measures"))
+        np.fill_diagonal(distances, np.inf)
+        kept = _drop_closest(distances, self.data("objective"), self.target_size)
+        if len(kept) < len(self):
+            self._put(self._read(kept))
+        is_full = 1 < len(kept) >= self.target_size
+        self.threshold = float(distances[np.ix_(kept, kept)].min()) if is_full else 0.0
+
+    def clear(self) -> None:
+        """Forget all elites, and the distance between them."""
+        super().clear()
+        self.threshold = 0.0
+
+    def _identities(self, slots: Int64Array) -> Int64Array:
+        return slots.astype(np.int64)
+
+    def _settings(self) -> dict[str, Any]:
+        return {
+            "measure_dim": int(self.measure_dim),
+            "target_size": self.target_size,
+            "k_neighbors": self.k_neighbors,
+            "threshold": self.threshold,
+        }
+
+    def state_dict(self) -> dict[str, Any]:
+        """As `EliteArchive`, and the threshold."""
+        return {**super().state_dict(), "threshold": self.threshold}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        super().load_state_dict(state)
+        self.threshold = state["threshold"]
+
+
+def _drop_closest(distances: Float64Array, objective: Float64Array, n_kept: int) -> Int64Array:
+    """Positions, ascending, of the `n_kept` that are left when the closest pairs lose their worse.
+
+    Of equals the later one goes. `distances` (n, n) has infinity on its diagonal.
+    """
+    left = distances.copy()
+    is_kept = np.ones(len(left), dtype=bool)
+    nearest = left.argmin(axis=1)
+    gaps = left.min(axis=1)
+    for _ in range(len(left) - n_kept):
+        one = int(np.argmin(gaps))
+        pair = sorted((one, int(nearest[one])))
+        loser = pair[0] if objective[pair[0]] < objective[pair[1]] else pair[1]
+        is_kept[loser] = False
+        left[loser], left[:, loser], gaps[loser] = np.inf, np.inf, np.inf
+        bereft = np.flatnonzero(is_kept & (nearest == loser))
+        nearest[bereft], gaps[bereft] = left[bereft].argmin(axis=1), left[bereft].min(axis=1)
+    return np.flatnonzero(is_kept)

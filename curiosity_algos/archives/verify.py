@@ -1,0 +1,114 @@
+"""Do elites reproduce? Plays each again and compares with what the archive keeps of it.
+
+Stored elites that do not do again what they were kept for are a known trouble of the field
+(pyribs#109, QDax#186): a noisy environment, another version of it, or a descriptor overwritten.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.evaluation.evaluator import make_evaluator
+
+if TYPE_CHECKING:
+    from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator
+    from curiosity_algos.evaluation.rollouts import Rollouts
+
+CHUNK = 56
+"""Elites played at once: trajectories of more would ask for memory, and bring no speed."""
+
+
+class Archive(Protocol):
+    """What is asked of an archive of policies."""
+
+    net_arch: list[int] | None
+
+    @property
+    def solution_dim(self) -> Any:
+        """Length of a parameter vector."""
+        ...
+
+    def __len__(self) -> int:
+        """Number of elites."""
+        ...
+
+    @property
+    def behaviors(self) -> npt.NDArray[np.float64]:
+        """What the elites came to, (n, B)."""
+        ...
+
+    def data(self) -> Any:
+        """All fields of the elites, arrays (n, ...) by name."""
+        ...
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What playing the elites again came to.
+
+    Attributes:
+        share: Share of the elites whose return and behavior came out the same in every bit; 1 for
+            an empty archive.
+        failed: (m,) positions, in the order of `archive.data()`, of those that did not.
+        objective: (n,) returns of this time.
+        behaviors: (n, B) behaviors of this time.
+    """
+
+    share: float
+    failed: npt.NDArray[np.int64]
+    objective: npt.NDArray[np.float64]
+    behaviors: npt.NDArray[np.float64]
+
+
+def verify(archive: Archive, env: AnyEnv, n_threads: int | None = None) -> Verification:
+    """Play every elite of `archive` again, with the seed of its episode where one is kept.
+
+    Args:
+        archive: Of policies.
+        env: As in the algorithms' constructor.
+        n_threads: None: as many as there are processors.
+
+    Raises:
+        ValueError: If the elites are no policies for `env`, or its behaviors are of another length.
+    """
+    kwargs = None if archive.net_arch is None else {"net_arch": archive.net_arch}
+    evaluator = make_evaluator(env, kwargs, n_threads)
+    if evaluator.n_parameters != archive.solution_dim:
+        raise ValueError(
+            f"`env` asks for policies of {evaluator.n_parameters} parameters, "
+            f"the archive's have {archive.solution_dim}."
+        )
+    elites = archive.data()
+    n = len(archive)
+    objective, behaviors = np.empty(n), np.empty_like(archive.behaviors)
+    for chunk in _chunks(elites, n):
+        rollouts = _play(evaluator, elites, chunk)
+        objective[chunk], behaviors[chunk] = rollouts.returns, rollouts.behaviors
+    is_same = (objective == elites["objective"]) & (behaviors == archive.behaviors).all(axis=1)
+    share = float(is_same.mean()) if n else 1.0
+    return Verification(share, np.flatnonzero(~is_same), objective, behaviors)
+
+
+def _chunks(elites: dict[str, npt.NDArray[Any]], n: int) -> list[npt.NDArray[np.int64]]:
+    """Positions of elites that share a seed, at most `CHUNK` at a time."""
+    seeds = elites.get("seed", np.zeros(n))
+    groups = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
+    return [group[i : i + CHUNK] for group in groups for i in range(0, len(group), CHUNK)]
+
+
+def _play(
+    evaluator: Evaluator, elites: dict[str, npt.NDArray[Any]], chunk: npt.NDArray[np.int64]
+) -> Rollouts:
+    seed = int(elites["seed"][chunk[0]]) if "seed" in elites else None
+    rollouts = evaluator.evaluate(elites["solution"][chunk], seed)
+    kept = elites.get("behavior", elites["measures"])
+    if rollouts.behaviors.shape[1:] != kept.shape[1:]:
+        raise ValueError(
+            f"`env` gives behaviors of shape {rollouts.behaviors.shape[1:]}, "
+            f"the archive's are of shape {kept.shape[1:]}."
+        )
+    return rollouts

@@ -1,0 +1,189 @@
+import matplotlib
+
+matplotlib.use("Agg")
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+from matplotlib.collections import PatchCollection, QuadMesh
+from matplotlib.colors import LogNorm, to_rgba
+
+from curiosity_algos.archives.plots import plot_archive
+from curiosity_gym.maze.layouts import BUILT_IN, MazeLayout
+from curiosity_gym.maze.viewer import FLOOR, WALL
+
+WIDE = MazeLayout("wide", 40, 20, (5, 5), (35, 5), [[18, 0, 4, 10]])
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    yield
+    plt.close("all")
+
+
+def make_archive(behaviors, objective):
+    fields = {"objective": np.asarray(objective, dtype=np.float64)}
+    return SimpleNamespace(behaviors=np.asarray(behaviors, dtype=np.float64), data=fields.get)
+
+
+def random_archive(n=400, low=-10.0, high=60.0):
+    """Behaviors of three entries, some of them outside of `WIDE`."""
+    rng = np.random.default_rng(0)
+    return make_archive(rng.uniform(low, high, (n, 3)), rng.normal(size=n))
+
+
+def mesh_of(ax):
+    (mesh,) = (item for item in ax.collections if isinstance(item, QuadMesh))
+    return mesh
+
+
+def edges_of(ax):
+    corners = mesh_of(ax).get_coordinates()  # (n_cells + 1, n_cells + 1, 2), indexed [iy, ix]
+    return corners[0, :, 0], corners[:, 0, 1]
+
+
+def shown(ax):
+    """What the cells [ix, iy] show, NaN where they are transparent."""
+    return np.ma.filled(mesh_of(ax).get_array(), np.nan).T
+
+
+def pixel(ax, x, y):
+    """The color drawn at x, y."""
+    ax.figure.canvas.draw()
+    picture = np.asarray(ax.figure.canvas.buffer_rgba())
+    column, row = ax.transData.transform((x, y))
+    return picture[len(picture) - 1 - int(row), int(column)] / 255
+
+
+def looks(color, expected):
+    return np.allclose(color, to_rgba(expected), atol=0.01)
+
+
+@pytest.mark.parametrize("dimensions", [(0, 1), (2, 0)])
+@pytest.mark.parametrize("layout", [None, WIDE])
+def test_cells_show_how_many_elites_they_hold(layout, dimensions):
+    archive = random_archive()
+    x, y = archive.behaviors[:, dimensions].T
+    spans = [[x.min(), x.max()], [y.min(), y.max()]] if layout is None else [[0, 40], [0, 20]]
+    ax = plot_archive(archive, layout, by="elites", dimensions=dimensions, n_cells=7)
+    counts, *edges = np.histogram2d(x, y, bins=7, range=spans)
+    np.testing.assert_array_equal(shown(ax), np.where(counts == 0, np.nan, counts))
+    np.testing.assert_allclose(edges_of(ax), edges)
+    assert isinstance(mesh_of(ax).norm, LogNorm)
+
+
+@pytest.mark.parametrize("layout", [None, WIDE])
+def test_cells_show_their_best_objective(layout):
+    archive = random_archive(n=100)
+    ax = plot_archive(archive, layout, n_cells=6)
+    x_edges, y_edges = edges_of(ax)
+    expected = np.full((6, 6), np.nan)
+    for (x, y, _), objective in zip(archive.behaviors, archive.data("objective"), strict=True):
+        if x_edges[0] <= x <= x_edges[-1] and y_edges[0] <= y <= y_edges[-1]:
+            # The last cell holds its upper edge too.
+            ix = min(np.searchsorted(x_edges, x, side="right") - 1, 5)
+            iy = min(np.searchsorted(y_edges, y, side="right") - 1, 5)
+            expected[ix, iy] = np.fmax(expected[ix, iy], objective)
+    assert np.isnan(expected).any()
+    np.testing.assert_array_equal(shown(ax), expected)
+
+
+@pytest.mark.parametrize("by", ["objective", "elites"])
+def test_an_elite_colors_the_place_where_it_is(by):
+    ax = plot_archive(make_archive([[35.0, 4.0]] * 2, [0.0, -3.0]), WIDE, by=by, n_cells=4)
+    assert np.argwhere(~np.isnan(shown(ax))).tolist() == [[3, 0]]
+    ax.lines[1].remove()  # the goal would be over it
+    assert not looks(pixel(ax, 33.0, 3.0), FLOOR)
+    for x, y in [(33.0, 17.0), (25.0, 3.0), (7.0, 17.0), (33.0, 8.0)]:
+        assert looks(pixel(ax, x, y), FLOOR)
+
+
+def test_an_elite_on_the_border_is_shown():
+    ax = plot_archive(make_archive([[40.0, 20.0], [0.0, 0.0]], [1.0, 2.0]), WIDE, n_cells=5)
+    assert np.argwhere(~np.isnan(shown(ax))).tolist() == [[0, 0], [4, 4]]
+
+
+def test_walls_are_over_the_cells():
+    ax = plot_archive(make_archive([[17.0, 5.0]], [1.0]), WIDE, n_cells=2)
+    assert looks(pixel(ax, 19.0, 5.0), WALL)
+    assert not looks(pixel(ax, 15.0, 5.0), WALL)
+    assert not looks(pixel(ax, 15.0, 5.0), FLOOR)
+    assert looks(pixel(ax, 15.0, 15.0), FLOOR)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_maze_keeps_its_look(name):
+    layout = BUILT_IN[name]
+    ax = plot_archive(random_archive(), layout)
+    (walls,) = (item for item in ax.collections if isinstance(item, PatchCollection))
+    assert len(walls.get_paths()) == len(layout.walls)
+    assert (ax.get_xlim(), ax.get_ylim()) == ((0.0, layout.width), (0.0, layout.height))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
+
+
+def test_without_a_maze_the_dimensions_are_named():
+    ax = plot_archive(random_archive(), dimensions=(2, 1))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("behavior 2", "behavior 1")
+    assert not any(isinstance(item, PatchCollection) for item in ax.collections)
+
+
+@pytest.mark.parametrize(
+    ("by", "label"), [("objective", "best objective"), ("elites", "elites in a cell")]
+)
+def test_colorbar_says_what_it_shows(by, label):
+    ax = plot_archive(random_archive(), by=by)
+    assert ax.figure.axes[1].get_ylabel() == label
+
+
+def test_draws_on_given_axes():
+    ax = plt.figure().add_subplot()
+    assert plot_archive(random_archive(), WIDE, ax=ax) is ax
+    assert mesh_of(ax).axes is ax
+    assert len(plt.get_fignums()) == 1
+
+
+@pytest.mark.parametrize("layout", [None, WIDE])
+@pytest.mark.parametrize("by", ["objective", "elites"])
+def test_an_empty_archive_is_an_empty_map(by, layout):
+    ax = plot_archive(make_archive(np.empty((0, 2)), []), layout, by=by)
+    ax.figure.canvas.draw()
+    assert not any(isinstance(item, QuadMesh) for item in ax.collections)
+    assert len(ax.figure.axes) == 1
+
+
+@pytest.mark.parametrize("by", ["objective", "elites"])
+def test_elites_outside_the_maze_are_left_out(by):
+    ax = plot_archive(make_archive([[90.0, 90.0], [-1.0, 5.0]], [1.0, 2.0]), WIDE, by=by)
+    ax.figure.canvas.draw()
+    assert np.isnan(shown(ax)).all()
+
+
+def test_a_single_elite_has_a_cell_without_a_maze():
+    ax = plot_archive(make_archive([[3.0, 4.0]], [5.0]), n_cells=3)
+    ax.figure.canvas.draw()
+    x_edges, y_edges = edges_of(ax)
+    ((ix, iy),) = np.argwhere(~np.isnan(shown(ax)))
+    assert x_edges[ix] <= 3.0 <= x_edges[ix + 1]
+    assert y_edges[iy] <= 4.0 <= y_edges[iy + 1]
+
+
+@pytest.mark.parametrize(
+    "dimensions", [(0, 0), (0, 3), (-1, 0), (0,), (0, 1, 2), (0, 1.5), 1, None]
+)
+def test_bad_dimensions_are_named(dimensions):
+    message = r"^`dimensions` must be two different whole numbers from 0 to 2, got"
+    with pytest.raises(ValueError, match=message):
+        plot_archive(random_archive(), dimensions=dimensions)
+    assert not plt.get_fignums()
+
+
+@pytest.mark.parametrize("wrong", [{"by": "novelty"}, {"n_cells": 0}])
+def test_other_bad_arguments_are_named(wrong):
+    (name,) = wrong
+    with pytest.raises(ValueError, match=rf"^`{name}` must be"):
+        plot_archive(random_archive(), **wrong)
+    assert not plt.get_fignums()

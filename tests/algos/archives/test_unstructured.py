@@ -1,0 +1,431 @@
+"""The oracles are plain Python: what the docstrings say, with lists and loops."""
+
+import io
+import math
+
+import numpy as np
+import pytest
+import torch as th
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED
+from curiosity_algos.archives.unstructured import UnstructuredArchive, _drop_closest
+
+EXTRA = {"seed": ((), np.int64), "states": ((2, 3), np.float32)}
+
+
+def distance(one, other):
+    return math.sqrt(sum((a - b) ** 2 for a, b in zip(one, other, strict=True)))
+
+
+def closest_pair(elites):
+    """The first of the closest pairs, and how far its two are from each other."""
+    pairs = [(i, j) for i in range(len(elites)) for j in range(i + 1, len(elites))]
+    gaps = [distance(elites[i]["measures"], elites[j]["measures"]) for i, j in pairs]
+    gap = min(gaps, default=math.inf)
+    return gap, pairs[gaps.index(gap)] if pairs else None
+
+
+def drop_closest(elites, n_kept):
+    elites = list(elites)
+    while len(elites) > n_kept:
+        _, (i, j) = closest_pair(elites)
+        del elites[i if elites[i]["objective"] < elites[j]["objective"] else j]
+    return elites
+
+
+class Plain:
+    """The archive as its docstring describes it."""
+
+    def __init__(self, target_size):
+        self.target_size = target_size
+        self.elites, self.threshold = [], 0.0
+
+    def add(self, batch):
+        info = [self.offer(one) for one in batch]
+        if 10 * len(self.elites) > 11 * self.target_size:
+            self.elites = drop_closest(self.elites, self.target_size)
+            self.threshold = closest_pair(self.elites)[0] if len(self.elites) > 1 else 0.0
+        return info
+
+    def offer(self, one):
+        distances = [distance(one["measures"], each["measures"]) for each in self.elites]
+        if min(distances, default=math.inf) > self.threshold:
+            self.elites.append(one)
+            return NEW, one["objective"]
+        nearest = distances.index(min(distances))
+        improvement = one["objective"] - self.elites[nearest]["objective"]
+        if improvement <= 0:
+            return NOT_ADDED, improvement
+        self.elites[nearest] = one
+        return IMPROVED, improvement
+
+
+def make_archive(*, target_size=10, k_neighbors=3, seed=0, **changes):
+    kwargs = {"solution_dim": 1, "measure_dim": 2} | changes
+    return UnstructuredArchive(
+        **kwargs, target_size=target_size, k_neighbors=k_neighbors, seed=seed
+    )
+
+
+def as_arrays(batch, measure_dim=2):
+    """A list of dictionaries as the arguments of `add`."""
+    return {
+        "solution": np.array([one["solution"] for one in batch]).reshape(-1, 1),
+        "objective": np.array([one["objective"] for one in batch]),
+        "measures": np.array([one["measures"] for one in batch]).reshape(-1, measure_dim),
+    }
+
+
+def make_batch(n, number=0):
+    """n random offers with all of `EXTRA`, whose solution tells them apart."""
+    rng = np.random.default_rng(number)
+    solution = 1000 * number + np.arange(n)
+    return {
+        "solution": solution[:, None],
+        "objective": rng.normal(size=n),
+        "measures": rng.normal(size=(n, 2)),
+        "seed": solution,
+        "states": np.repeat(solution, 6).reshape(n, 2, 3),
+    }
+
+
+def make_full(*, n_batches=6, **changes):
+    archive = make_archive(extra_fields=EXTRA, **changes)
+    for number in range(n_batches):
+        archive.add(**make_batch(12, number))
+    return archive
+
+
+def gaps_of(archive):
+    """Distances of all pairs of elites."""
+    measures = archive.data("measures").tolist()
+    return [distance(a, b) for i, a in enumerate(measures) for b in measures[:i]]
+
+
+def assert_same_elites(one, other):
+    one, other = one.data(), other.data()
+    assert list(one) == list(other)
+    for name in one:
+        assert one[name].dtype == other[name].dtype
+        np.testing.assert_array_equal(one[name], other[name])
+
+
+def assert_fields_belong_together(archive):
+    """What `make_batch` made of one solution is still with it."""
+    elites = archive.data()
+    np.testing.assert_array_equal(elites["seed"], elites["solution"][:, 0])
+    np.testing.assert_array_equal(elites["states"].min(axis=(1, 2)), elites["seed"])
+    np.testing.assert_array_equal(elites["states"].max(axis=(1, 2)), elites["seed"])
+
+
+def assert_stats_fit(archive, offset=0.0):
+    """The running sum and the best are those of the elites."""
+    objective = archive.data("objective")
+    n = len(objective)
+    assert archive.stats.num_elites == len(archive) == n
+    assert archive.stats.qd_score == pytest.approx((objective - offset).sum())
+    assert archive.stats.obj_max == archive.best_elite["objective"] == objective.max()
+    best = archive.best_elite["solution"]
+    assert (archive.data("solution")[objective == objective.max()] == best).all(axis=1).any()
+
+
+# Few places, on a grid: distances tie, and are exact in floating point.
+PLACES = st.lists(st.integers(0, 5).map(lambda k: k / 4), min_size=2, max_size=2)
+OFFERS = st.fixed_dictionaries(
+    {"objective": st.integers(-2, 3).map(lambda k: k / 8), "measures": PLACES}
+)
+
+
+@st.composite
+def streams(draw, max_batches=8):
+    """Batches of offers, numbered through by their solutions."""
+    batches = draw(st.lists(st.lists(OFFERS, max_size=12), min_size=1, max_size=max_batches))
+    for number, one in enumerate(one for batch in batches for one in batch):
+        one["solution"] = float(number)
+    return batches
+
+
+def compete_by_definition(batch, elites, k):
+    """Novelty and local competition of each of the batch; neighbors that tie: the batch first."""
+    everybody = batch + elites
+    for i, one in enumerate(batch):
+        others = [j for j in range(len(everybody)) if j != i]
+        pairs = sorted((distance(one["measures"], everybody[j]["measures"]), j) for j in others)
+        nearest = pairs[:k]
+        mean = sum(gap for gap, _ in nearest) / len(nearest) if nearest else 0.0
+        yield mean, sum(everybody[j]["objective"] < one["objective"] for _, j in nearest)
+
+
+class TestCompete:
+    @settings(deadline=None)
+    @given(streams(), st.integers(1, 40), st.integers(1, 15))
+    def test_it_is_brute_force(self, batches, k, target_size):
+        archive, plain = make_archive(target_size=target_size, k_neighbors=k), Plain(target_size)
+        for batch in batches:
+            info = archive.add(**as_arrays(batch))
+            expected = list(compete_by_definition(batch, plain.elites, k))
+            assert info["novelty"].shape == info["local_competition"].shape == (len(batch),)
+            np.testing.assert_allclose(info["novelty"], [each for each, _ in expected], rtol=1e-12)
+            assert info["local_competition"].tolist() == [each for _, each in expected]
+            plain.add(batch)
+
+    def test_by_hand(self):
+        archive = make_archive(k_neighbors=2)
+        archive.add([[0], [1]], [5.0, 1.0], [[0, 0], [10, 0]])
+        novelty, competition = archive.compete(
+            np.array([[3.0, 4.0], [3.0, 0.0]]), np.array([2.0, 6.0])
+        )
+        # Of the first its mate at 4 and the elite at 5, of the second the elite at 3 and its mate.
+        assert novelty.tolist() == [4.5, 3.5]
+        assert competition.tolist() == [0, 2]
+
+    def test_the_first_alone_has_no_neighbors(self):
+        info = make_archive().add([[0]], [1.0], [[3, 4]])
+        assert info["novelty"].tolist() == [0.0]
+        assert info["local_competition"].tolist() == [0]
+
+    @pytest.mark.parametrize("n", [0, 1, 2, 5])
+    def test_an_empty_batch(self, n):
+        archive = make_archive(k_neighbors=1)
+        archive.add(
+            **as_arrays([{"solution": i, "objective": 0, "measures": [i, 0]} for i in range(n)])
+        )
+        info = archive.add(**as_arrays([]))
+        assert {name: values.shape for name, values in info.items()} == {
+            "status": (0,),
+            "value": (0,),
+            "novelty": (0,),
+            "local_competition": (0,),
+        }
+        assert len(archive) == n
+
+
+class TestInsertion:
+    @settings(deadline=None)
+    @given(streams(), st.integers(1, 12))
+    def test_a_stream_enters_as_described(self, batches, target_size):
+        archive, plain = make_archive(target_size=target_size), Plain(target_size)
+        for batch in batches:
+            info = archive.add(**as_arrays(batch))
+            expected = plain.add(batch)
+            assert list(zip(info["status"], info["value"], strict=True)) == expected
+            assert archive.threshold == plain.threshold
+            for name, values in as_arrays(plain.elites).items():
+                np.testing.assert_array_equal(archive.data(name), values)
+
+    @settings(deadline=None)
+    @given(streams(), st.integers(1, 12), st.floats(-5, 5))
+    def test_what_holds_at_all_times(self, batches, target_size, offset):
+        archive = make_archive(target_size=target_size, qd_score_offset=offset)
+        was_full, best = False, -np.inf
+        for batch in filter(len, batches):
+            archive.add(**as_arrays(batch))
+            assert 10 * len(archive) <= 11 * target_size
+            assert len(archive) >= target_size or not was_full
+            was_full = len(archive) >= target_size
+            assert min(gaps_of(archive), default=1.0) > 0.0
+            assert_stats_fit(archive, offset)
+            # The best of all there was is never lost.
+            best = max(best, *(one["objective"] for one in batch))
+            assert archive.stats.obj_max == best
+
+    def test_by_hand(self):
+        archive = make_archive(target_size=2, measure_dim=1)
+
+        def offer(place, objective):
+            info = archive.add_single([place], objective, [place])
+            return info["status"], info["value"]
+
+        assert offer(0.0, 1.0) == (NEW, 1.0)
+        assert offer(0.0, 1.0) == (NOT_ADDED, 0.0)
+        assert offer(0.0, 4.0) == (IMPROVED, 3.0)
+        assert offer(8.0, 2.0) == (NEW, 2.0)
+        assert archive.threshold == 0.0
+        # Third of two: 8 and 9 are closest, and 8 is the worse.
+        assert offer(9.0, 3.0) == (NEW, 3.0)
+        assert archive.data("measures").tolist() == [[0.0], [9.0]]
+        assert archive.threshold == 9.0
+        assert offer(18.0, 2.0) == (NOT_ADDED, -1.0)  # not farther than the threshold
+        assert offer(5.0, 5.0) == (IMPROVED, 2.0)
+        assert archive.data("measures").tolist() == [[0.0], [5.0]]
+        assert archive.threshold == 9.0
+
+    def test_the_threshold_is_the_smallest_distance_after_thinning(self):
+        archive = make_archive(target_size=20, extra_fields=EXTRA)
+        thresholds = []
+        for number in range(10):
+            archive.add(**make_batch(30, number))
+            if len(archive) == 20 and archive.threshold not in thresholds:
+                thresholds.append(archive.threshold)
+                assert min(gaps_of(archive)) == pytest.approx(archive.threshold, rel=1e-12)
+                assert_stats_fit(archive)
+        assert len(thresholds) >= 3
+        assert_fields_belong_together(archive)
+
+    def test_large_archives_grow_and_stay(self):
+        """More than the arrays begin with."""
+        archive = make_archive(target_size=300, extra_fields=EXTRA)
+        for number in range(8):
+            archive.add(**make_batch(100, number))
+        assert 300 <= len(archive) <= 330
+        assert_fields_belong_together(archive)
+        assert_stats_fit(archive)
+        np.testing.assert_array_equal(archive.data("index"), np.arange(len(archive)))
+
+    def test_a_given_threshold_holds_from_the_first_elites_on(self):
+        archive = make_archive(threshold=1.0, measure_dim=1)
+        info = archive.add([[0], [1], [2], [3]], [0, 1, 0, 0], [[0.0], [1.0], [1.5], [2.5]])
+        assert info["status"].tolist() == [NEW, IMPROVED, NOT_ADDED, NEW]
+        assert archive.data("measures").tolist() == [[1.0], [2.5]]
+
+    def test_clearing_forgets_the_threshold(self):
+        archive = make_full()
+        assert archive.threshold > 0
+        archive.clear()
+        assert (len(archive), archive.threshold) == (0, 0.0)
+        archive.add(**make_batch(9))
+        assert len(archive) == 9
+
+    def test_coverage_means_nothing(self):
+        assert make_archive().stats.coverage == 0.0
+        assert make_full().stats.coverage == 1.0
+
+    @pytest.mark.parametrize("name", ["target_size", "k_neighbors"])
+    @pytest.mark.parametrize("value", [0, -1, 1.5, None])
+    def test_errors_name_the_argument(self, name, value):
+        with pytest.raises(ValueError, match=f"`{name}` must be a whole number of at least 1"):
+            make_archive(**{name: value})
+
+
+class TestDropClosest:
+    @settings(deadline=None)
+    @given(st.lists(OFFERS, min_size=1, max_size=14), st.data())
+    def test_it_is_brute_force(self, offers, data):
+        n_kept = data.draw(st.integers(1, len(offers)))
+        offers = [one | {"place": place} for place, one in enumerate(offers)]
+        gaps = [[distance(a["measures"], b["measures"]) for b in offers] for a in offers]
+        distances = np.array(gaps).reshape(len(offers), len(offers))
+        np.fill_diagonal(distances, np.inf)
+        before = distances.copy()
+        kept = _drop_closest(distances, np.array([one["objective"] for one in offers]), n_kept)
+        assert kept.tolist() == [one["place"] for one in drop_closest(offers, n_kept)]
+        np.testing.assert_array_equal(distances, before)
+
+    def test_by_hand(self):
+        places = np.array([0.0, 1.0, 3.0, 4.0, 9.0])
+        distances = np.abs(places[:, None] - places)
+        np.fill_diagonal(distances, np.inf)
+        # 0 and 1 tie: the later goes; then 3 and 4, of which 3 is worse; then 0 and 4.
+        objective = np.array([1.0, 1.0, 2.0, 3.0, 0.0])
+        assert _drop_closest(distances, objective, 4).tolist() == [0, 2, 3, 4]
+        assert _drop_closest(distances, objective, 3).tolist() == [0, 3, 4]
+        assert _drop_closest(distances, objective, 2).tolist() == [3, 4]
+        assert _drop_closest(distances, objective, 1).tolist() == [3]
+
+
+class TestRemeasure:
+    def test_elites_move_with_all_they_have(self):
+        archive, twin = (
+            make_full(n_batches=1, target_size=30),
+            make_full(n_batches=1, target_size=30),
+        )
+        moved = np.random.default_rng(1).normal(size=(len(archive), 2))
+        archive.remeasure(moved)
+        np.testing.assert_array_equal(archive.data("measures"), moved)
+        for name in ("solution", "objective", "seed", "states", "index"):
+            np.testing.assert_array_equal(archive.data(name), twin.data(name))
+        assert archive.threshold == 0.0
+        assert archive.stats == twin.stats
+
+    @settings(deadline=None, max_examples=30)
+    @given(st.integers(1, 6), st.integers(1, 30), st.integers(0, 99))
+    def test_the_size_stays_in_bounds(self, n_batches, target_size, number):
+        archive = make_full(n_batches=n_batches, target_size=target_size)
+        n, before = len(archive), archive.data()
+        places = np.random.default_rng(number).normal(size=(n, 2))
+        archive.remeasure(places)
+        assert min(n, target_size) <= len(archive) <= 1.1 * target_size
+        assert_fields_belong_together(archive)
+        assert_stats_fit(archive)
+        assert archive.stats.obj_max == before["objective"].max()
+        # Those that are left have their own new measures.
+        rows = [before["seed"].tolist().index(seed) for seed in archive.data("seed")]
+        np.testing.assert_array_equal(archive.data("measures"), places[rows])
+        if 1 < len(archive) >= target_size:
+            assert archive.threshold == pytest.approx(min(gaps_of(archive)), rel=1e-12)
+        else:
+            assert archive.threshold == 0.0
+
+    def test_what_is_new_is_told_in_the_new_measures(self):
+        archive = make_full(target_size=4)
+        archive.remeasure(1000.0 * archive.data("measures"))
+        assert archive.threshold > 100.0
+        best = archive.best_elite
+        info = archive.add(**make_batch(1) | {"measures": best["measures"][None] + 1.0})
+        assert info["status"] != NEW
+
+    def test_measures_that_fall_together(self):
+        archive = make_full(target_size=8)
+        archive.remeasure(np.zeros((len(archive), 2)))
+        assert archive.threshold == 0.0
+        archive.add(**make_batch(3, 50))
+        assert 8 <= len(archive) <= 8.8
+        # Thinning makes the places differ again.
+        archive.add(**make_batch(12, 51))
+        assert min(gaps_of(archive)) > 0.0
+
+
+class TestFiles:
+    @pytest.mark.parametrize("n_batches", [0, 1, 2, 6])
+    def test_elites_and_settings_come_back(self, tmp_path, n_batches):
+        archive = make_full(n_batches=n_batches, target_size=17, k_neighbors=4, net_arch=[3])
+        archive.save(tmp_path / "elites")
+        loaded = UnstructuredArchive.load(tmp_path / "elites")
+        assert_same_elites(archive, loaded)
+        for name in ("target_size", "k_neighbors", "measure_dim", "solution_dim", "net_arch"):
+            assert getattr(loaded, name) == getattr(archive, name)
+
+    def test_the_threshold_comes_back(self, tmp_path):
+        archive = make_full(target_size=20)
+        archive.save(tmp_path / "elites")
+        loaded = UnstructuredArchive.load(tmp_path / "elites")
+        assert loaded.threshold == archive.threshold > 0.0
+        infos = [each.add(**make_batch(12, 100)) for each in (archive, loaded)]
+        np.testing.assert_equal(*infos)
+        assert_same_elites(archive, loaded)
+
+
+class TestStates:
+    def through_a_file(self, state):
+        file = io.BytesIO()
+        th.save(state, file)
+        file.seek(0)
+        return th.load(file, weights_only=True)
+
+    @pytest.mark.parametrize("n_batches", [0, 1, 2, 6])
+    def test_a_stream_goes_on_in_every_bit(self, n_batches, assert_same):
+        one = make_full(n_batches=n_batches, target_size=20)
+        other = make_archive(target_size=20, seed=1, extra_fields=EXTRA)
+        other.add(**make_batch(40, 77))
+        other.load_state_dict(self.through_a_file(one.state_dict()))
+        assert other.threshold == one.threshold
+        assert_same_elites(one, other)
+        for number in range(100, 106):
+            infos = [archive.add(**make_batch(12, number)) for archive in (one, other)]
+            np.testing.assert_equal(*infos)
+            np.testing.assert_equal(one.sample_elites(5), other.sample_elites(5))
+            assert one.stats == other.stats
+        assert one.threshold > 0
+        assert_same(one.state_dict(), other.state_dict())
+
+    def test_the_threshold_is_not_computed_anew(self):
+        """A replaced elite may have come nearer to another one than the threshold."""
+        one = make_archive(target_size=2, measure_dim=1)
+        one.add([[0], [9], [8]], [4, 3, 2], [[0], [9], [8]])
+        one.add([[5]], [5], [[5]])
+        assert (one.threshold, gaps_of(one)) == (9.0, [5.0])
+        other = make_archive(target_size=2, measure_dim=1)
+        other.load_state_dict(one.state_dict())
+        assert other.threshold == 9.0

@@ -1,0 +1,1 @@
+"""Novelty of behaviors: how far they are from what was seen."""

@@ -1,0 +1,154 @@
+"""A behavior space that is learned: the latent space of an autoencoder of trajectories.
+
+Cully 2019, "Autonomous skill discovery with quality-diversity and unsupervised descriptors"
+(https://arxiv.org/abs/1905.11874).
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+
+from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
+from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+Float32Array = npt.NDArray[np.float32]
+
+HIDDEN = (32, 16)
+"""Widths of the encoder's hidden layers; the decoder's are the same in reverse."""
+
+
+def sample_states(rollouts: Rollouts, n: int) -> Float32Array:
+    """N states of each trajectory, evenly spaced from its first to its last, (P, n, O)."""
+    observations, _ = rollouts.trajectories
+    times = np.round(np.linspace(0.0, rollouts.lengths, n)).astype(np.int64).T
+    return observations[np.arange(len(rollouts))[:, None], times]
+
+
+def _chunks(states: Float32Array, size: int = 64) -> list[Float32Array]:
+    """Few trajectories at a time: standardized copies of a whole archive would take its memory."""
+    return [states[begin : begin + size] for begin in range(0, len(states), size)]
+
+
+class TrajectoryEncoder:
+    """Describes trajectories by what an autoencoder needs to draw them again.
+
+    Args:
+        n_dimensions: Of the latent space.
+        share: Of a trajectory's states that the autoencoder sees, in (0, 1].
+        learning_rate: Adam's.
+        n_epochs: Passes over the data whenever it is trained.
+        batch_size: Trajectories a gradient step.
+        seed: Of the initial weights and of the batches.
+        device: Where the networks are.
+
+    Attributes:
+        shape: (n_states, O) of what it sees of a trajectory; None before `begin`.
+        loss: Mean squared error in the last epoch of the last training; NaN before the first.
+    """
+
+    def __init__(
+        self,
+        n_dimensions: int,
+        *,
+        share: float,
+        learning_rate: float,
+        n_epochs: int,
+        batch_size: int,
+        seed: np.random.SeedSequence,
+        device: th.device,
+    ) -> None:
+        self.n_dimensions = n_dimensions
+        self.share = share
+        self.learning_rate = learning_rate
+        self.n_epochs = n_epochs
+        self.batch_size = batch_size
+        self.device = device
+        self._generator = th.Generator().manual_seed(integer_seed(seed))
+        self.shape: tuple[int, int] | None = None
+        self.loss = math.nan
+
+    def begin(self, rollouts: Rollouts) -> tuple[int, int]:
+        """Make the networks for trajectories as long as the longest of these; `shape`."""
+        n_states = math.ceil(self.share * int(rollouts.lengths.max()))
+        return self._build(n_states, rollouts.final_observations.shape[1])
+
+    def _build(self, n_states: int, n_observations: int) -> tuple[int, int]:
+        widths = (n_states * n_observations, *HIDDEN, self.n_dimensions)
+        self._normalizer = RunningNormalizer(n_observations)
+        self._encoder = mlp(*widths, generator=self._generator)
+        self._decoder = mlp(*widths[::-1], generator=self._generator)
+        self._modules = th.nn.ModuleList([self._normalizer, self._encoder, self._decoder])
+        self._modules.to(self.device)
+        self._optimizer = th.optim.Adam(
+            self._modules.parameters(), lr=self.learning_rate, fused=True
+        )
+        self.shape = n_states, n_observations
+        return self.shape
+
+    def states(self, rollouts: Rollouts) -> Float32Array:
+        """What the encoder sees of each trajectory, (P, n_states, O)."""
+        assert self.shape is not None
+        return sample_states(rollouts, self.shape[0])
+
+    def train(self, states: Float32Array) -> None:
+        """Learn to draw trajectories (n, n_states, O) again.
+
+        The scale of the states is taken anew: it grows with what is explored.
+        """
+        assert self.shape is not None
+        with single_torch_thread():
+            fresh = RunningNormalizer(self.shape[1]).to(self.device)
+            fresh.observe(th.from_numpy(states.reshape(-1, self.shape[1])).to(self.device))
+            self._normalizer.load_state_dict(fresh.state_dict())
+            inputs = self._inputs(states)
+            for _ in range(self.n_epochs):
+                self.loss = self._epoch(inputs)
+
+    def _epoch(self, inputs: th.Tensor) -> float:
+        order = th.randperm(len(inputs), generator=self._generator)
+        losses = []
+        for rows in th.split(order, self.batch_size):
+            batch = inputs[rows]
+            loss = th.nn.functional.mse_loss(self._decoder(self._encoder(batch)), batch)
+            self._optimizer.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            self._optimizer.step()
+            losses.append(loss.item())
+        return float(np.mean(losses))
+
+    @th.no_grad()
+    def encode(self, states: Float32Array) -> npt.NDArray[np.float64]:
+        """Latent behaviors (n, n_dimensions) of trajectories (n, n_states, O)."""
+        with single_torch_thread():
+            chunks = [self._encoder(self._inputs(part)) for part in _chunks(states)]
+        return th.cat(chunks).cpu().numpy().astype(np.float64)
+
+    def _inputs(self, states: Float32Array) -> th.Tensor:
+        inputs: th.Tensor = self._normalizer(th.from_numpy(states).to(self.device)).flatten(1)
+        return inputs
+
+    def state_dict(self) -> dict[str, Any]:
+        """Weights, scales, the optimizer's state and that of the draws."""
+        generator = self._generator.get_state()
+        if self.shape is None:
+            return {"generator": generator}
+        modules, optimizer = self._modules.state_dict(), self._optimizer.state_dict()
+        state = {"modules": modules, "optimizer": optimizer, "generator": generator}
+        return {**copy.deepcopy(state), "shape": list(self.shape), "loss": self.loss}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        if "shape" in state:
+            self._build(*state["shape"])
+            self._modules.load_state_dict(state["modules"])
+            self._optimizer.load_state_dict(state["optimizer"])
+            self.loss = state["loss"]
+        self._generator.set_state(state["generator"].cpu())

@@ -19,7 +19,16 @@ import typer
 import curiosity_algos
 from curiosity_gym.registration import SPECS
 
-ALGORITHMS = ("CuriosityES", "CanonicalES")
+ALGORITHMS = (
+    "CuriosityES",
+    "NSES",
+    "NSLC",
+    "MAPElites",
+    "CMAME",
+    "AURORA",
+    "CuriosityMAPElites",
+    "CanonicalES",
+)
 ENVS = ("Snake", "US", "Hard")
 
 

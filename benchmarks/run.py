@@ -17,6 +17,8 @@ SECTIONS = {
     "vector": "benchmarks.vector",
     "control": "benchmarks.control",
     "learn": "benchmarks.training",
+    "novelty": "benchmarks.novelty",
+    "diversity": "benchmarks.diversity",
     "cold_start": "benchmarks.cold_start",
 }
 """The module of each section, imported late: spawned workers import this file again."""

@@ -28,6 +28,8 @@ TITLES = {
     "vector": ["vector: CuriosityMaze-Hard-v0"],
     "control": [f"control: CuriosityControl-{name}-v0" for name in CONTROL],
     "learn": ["learn: CuriosityMaze-Hard-v0", "learn: where the time goes"],
+    "novelty": ["novelty: the archive"],
+    "diversity": ["diversity: share of the time", "diversity: peak memory"],
     "cold_start": ["cold_start: fresh processes"],
 }
 needs_control = pytest.mark.skipif(
@@ -57,6 +59,8 @@ def medians(printed):
         ["vector"],
         pytest.param(["control"], marks=needs_control),
         ["learn"],
+        ["novelty"],
+        ["diversity"],
         ["cold_start"],
     ],
 )

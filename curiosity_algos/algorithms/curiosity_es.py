@@ -5,24 +5,16 @@ Le Tolguenec et al. 2022, "Curiosity creates Diversity in Policy Search", algori
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 
 from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_algos.common.policies import MlpPolicy
-from curiosity_algos.curiosity.bonus import Bonus
-from curiosity_algos.curiosity.buffer import TransitionBuffer
-from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.motivation import CuriosityMotivation
+from curiosity_algos.curiosity.settings import CuriositySettings
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_gym.validation import check_at_least_one, check_choice, check_share
-
-BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM}
-"""Bonuses by the names that `CuriosityES(bonus=...)` takes."""
+from curiosity_gym.validation import check_choice, check_share
 
 
 class CuriosityES(EvolutionStrategy):
@@ -78,42 +70,15 @@ class CuriosityES(EvolutionStrategy):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_share(phi=self.phi, gamma=self.gamma)
-        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
-        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
-        check_choice(tuple(BONUSES), bonus=self.bonus)
+        check_share(phi=self.phi)
         check_choice(NO_REWARD, no_reward=self.no_reward)
-        keywords = inspect.signature(BONUSES[self.bonus]).parameters.values()
-        names = (each.name for each in keywords if each.kind is each.KEYWORD_ONLY)
-        # Seed and device of the bonus are those of the algorithm.
-        allowed = tuple(name for name in names if name not in ("seed", "device"))
-        for name in self.bonus_kwargs:
-            check_choice(allowed, bonus_kwargs=name)
+        CuriositySettings.of(self)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
-        motivation_seed, networks_seed, buffer_seed = seed.spawn(3)
-        bonus = BONUSES[self.bonus](
-            self.observation_space,
+        return CuriositySettings.of(self).make_motivation(
+            self.observation_space,  # type: ignore[arg-type]
             self.action_space,
-            seed=int(networks_seed.generate_state(1)[0]),
+            seed=seed,
             device=self.device,
-            **self.bonus_kwargs,
-        )
-        is_discrete = isinstance(self.action_space, spaces.Discrete)
-        n_observations, n_outputs = int(self.policy.mlp.sizes[0]), int(self.policy.mlp.sizes[-1])
-        buffer = TransitionBuffer(
-            self.buffer_size,
-            n_observations,
-            1 if is_discrete else n_outputs,
-            seed=int(buffer_seed.generate_state(1)[0]),
-        )
-        return CuriosityMotivation(
-            bonus,
-            buffer,
-            gamma=self.gamma,
-            n_transitions=self.n_transitions,
-            n_updates=self.n_updates,
-            batch_size=self.batch_size,
-            seed=motivation_seed,
             n_threads=self.n_threads,
         )

@@ -70,11 +70,11 @@ def coverage_grid(env: VecEnv) -> CoverageGrid | None:
 
     None where it has none, or one of too many dimensions for its cells to be numbered (11).
     """
-    grid = _attribute(env, "coverage_grid")
+    grid = env_attribute(env, "coverage_grid")
     if grid is not None:
         return grid  # type: ignore[no-any-return]
-    space = _attribute(env, "behavior_space")
-    if not isinstance(space, spaces.Box) or not space.is_bounded():
+    space = behavior_space(env)
+    if space is None or not space.is_bounded():
         return None
     dimensions = tuple(range(space.shape[0]))
     if CoverageGrid.n_cells ** len(dimensions) > np.iinfo(np.int64).max:
@@ -82,7 +82,13 @@ def coverage_grid(env: VecEnv) -> CoverageGrid | None:
     return CoverageGrid(dimensions, space.low.astype(np.float64), space.high.astype(np.float64))
 
 
-def _attribute(env: VecEnv, name: str) -> Any:
+def behavior_space(env: VecEnv) -> spaces.Box[Any] | None:
+    """The bounds of the env's behaviors; None where it has none."""
+    space = env_attribute(env, "behavior_space")
+    return space if isinstance(space, spaces.Box) else None
+
+
+def env_attribute(env: VecEnv, name: str) -> Any:
     """The attribute of the first single env, whatever wraps it; None where it has none."""
     # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
     return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None

@@ -132,7 +132,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         if learning_rate is None:
             tuned = load_preset("tuned", type(self).__name__, env_id(env))
             learning_rate = tuned.get("learning_rate", LEARNING_RATE)
-        super().__init__(env, policy, learning_rate=learning_rate, **kwargs)
+        super().__init__(env, policy, _learning_rate=learning_rate, **kwargs)
 
     def _check_settings(self) -> None:
         super()._check_settings()

@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
 from curiosity_algos.common.checkpoint import atomic_file, check_is_checkpoint, checkpoint_path
-from curiosity_algos.common.coverage import Coverage, coverage_grid
+from curiosity_algos.common.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.common.progress_bar import ProgressBar
@@ -53,7 +53,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         env: An environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv. Observations must be
             a 1-D Box, actions a bounded 1-D Box or Discrete.
         policy: "MlpPolicy", or a subclass of it.
-        learning_rate: Of the search's step, where it has one.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
         n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
             not depend on it.
@@ -61,6 +60,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         device: Where the bonus' networks are, as in SB3; policies are evaluated on the CPU.
         verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
         tensorboard_log: Folder of TensorBoard's files; None: none.
+        _learning_rate: What SB3 is to call so, of algorithms that have one.
         _init_setup_model: As in SB3: `load` builds the model later.
 
     Attributes:
@@ -81,13 +81,13 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        learning_rate: float = 0.0,
         policy_kwargs: dict[str, Any] | None = None,
         n_threads: int | None = None,
         seed: int | None = None,
         device: th.device | str = "auto",
         verbose: int = 0,
         tensorboard_log: str | None = None,
+        _learning_rate: float = 0.0,
         _init_setup_model: bool = True,
     ) -> None:
         _check_argument_order(type(self).__name__, env, policy)
@@ -99,7 +99,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         super().__init__(
             policy,
             env,  # type: ignore[arg-type]
-            learning_rate=learning_rate,
+            learning_rate=_learning_rate,
             policy_kwargs={"net_arch": net_arch},
             tensorboard_log=tensorboard_log,
             verbose=verbose,
@@ -115,6 +115,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         self._best_parameters: Float32Array | None
         self._forget_best()
         self._coverage_grid = None if self.env is None else coverage_grid(self.env)
+        self._behavior_space = None if self.env is None else behavior_space(self.env)
         if _init_setup_model:
             self._setup_model()
 
@@ -173,8 +174,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """Train on another environment with the same spaces.
 
-        Where coverage counts other cells than before, as in another maze, coverage and the best
-        policy start anew; the search goes on.
+        Where coverage counts other cells than before, as in another maze, coverage, the best policy
+        and archives of behaviors start anew; the rest of the search goes on.
 
         Args:
             env: As in the constructor.
@@ -194,12 +195,16 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
 
     def _match_env(self, env: VecEnv) -> None:
         """Count in the grid of `env`; in another one, forget what was found before."""
-        grid = coverage_grid(env)
-        if grid != self._coverage_grid:
-            self._coverage_grid = grid
+        grid, space = coverage_grid(env), behavior_space(env)
+        if grid != self._coverage_grid or space != self._behavior_space:
+            self._coverage_grid, self._behavior_space = grid, space
             self._coverage = Coverage(grid)
             self._forget_best()
+            self._forget_behaviors()
             self._show_best()
+
+    def _forget_behaviors(self) -> None:
+        """Drop what another environment's behaviors came to, where the algorithm keeps any."""
 
     def _forget_best(self) -> None:
         self.best_return = -np.inf

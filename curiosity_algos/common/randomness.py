@@ -19,19 +19,29 @@ def load_generator_state(generator: np.random.Generator, state: str) -> None:
     generator.bit_generator.state = json.loads(state)
 
 
+def integer_seed(seed: np.random.SeedSequence) -> int:
+    """`seed` for libraries that take nothing but whole numbers."""
+    return int(seed.generate_state(1)[0])
+
+
 class EpisodeSeeds:
     """Draws the seed of each generation's episodes.
 
     Args:
         seed: Where the draws begin.
+
+    Attributes:
+        current: The seed drawn last.
     """
 
     def __init__(self, seed: np.random.SeedSequence) -> None:
         self._rng = np.random.default_rng(seed)
+        self.current = 0
 
     def draw(self) -> int:
         """The next seed, which all individuals of a generation share."""
-        return int(self._rng.integers(2**31))
+        self.current = int(self._rng.integers(2**31))
+        return self.current
 
     def state_dict(self) -> dict[str, Any]:
         """The state of the draws."""

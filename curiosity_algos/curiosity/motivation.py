@@ -9,11 +9,32 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 
+from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.bonus import Bonus, single_torch_thread
+from curiosity_algos.curiosity.bonus import Bonus
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_gym.compiled import ThreadPool
+
+
+def sample_transitions(
+    rollouts: Rollouts, n: int, rng: np.random.Generator
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
+    """N transitions of each individual, drawn uniformly with replacement.
+
+    Returns:
+        Observations (P, n, O), actions (P, n, A) or (P, n), next observations (P, n, O).
+    """
+    observations, actions = rollouts.trajectories
+    times = rng.integers(0, rollouts.lengths[:, None], (len(rollouts), n))
+    individuals = np.arange(len(rollouts))[:, None]
+    following = observations[individuals, times + 1]
+    return observations[individuals, times], actions[individuals, times], following
+
+
+def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """(P, n, ...) to (P n, ...)."""
+    return array.reshape(-1, *array.shape[2:])
 
 
 class CuriosityMotivation:
@@ -89,15 +110,12 @@ class CuriosityMotivation:
         }
 
     def _remember(self, rollouts: Rollouts) -> None:
-        trajectories, taken = rollouts.trajectories
-        n = len(rollouts)
-        times = self._rng.integers(0, rollouts.lengths[:, None], (n, self.n_transitions)).ravel()
-        individuals = np.repeat(np.arange(n), self.n_transitions)
-        observations = th.from_numpy(trajectories[individuals, times])
-        next_observations = th.from_numpy(trajectories[individuals, times + 1])
-        self.bonus.observe(observations)
-        actions = th.from_numpy(taken[individuals, times])
-        self.buffer.add(observations, actions, next_observations)
+        observations, actions, next_observations = sample_transitions(
+            rollouts, self.n_transitions, self._rng
+        )
+        seen = th.from_numpy(flat(observations))
+        self.bonus.observe(seen)
+        self.buffer.add(seen, th.from_numpy(flat(actions)), th.from_numpy(flat(next_observations)))
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs."""

@@ -1,28 +1,61 @@
 """The sweep over the algorithms, and the small environments that their tests share."""
 
+import functools
+
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
 
 import curiosity_gym  # noqa: F401
-from curiosity_algos import CanonicalES, CuriosityES
-from curiosity_gym import MazeLayout
+from curiosity_algos import (
+    AURORA,
+    CMAME,
+    NSES,
+    NSLC,
+    CanonicalES,
+    CuriosityES,
+    CuriosityMAPElites,
+    MAPElites,
+)
+from curiosity_gym import BehaviorWrapper, MazeLayout
 
-SMALL_ES = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}, "seed": 0}
+SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}, "seed": 0}
+SMALL_ICM = {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100}
 SETTINGS = {
-    CanonicalES: SMALL_ES,
-    CuriosityES: SMALL_ES
-    | {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100},
+    CanonicalES: SMALL | {"n_parents": 3},
+    CuriosityES: SMALL | SMALL_ICM | {"n_parents": 3},
+    NSES: SMALL | {"n_parents": 3, "k": 3, "behavior": "state"},
+    NSLC: SMALL | {"n_parents": 2, "k": 3, "behavior": "state", "archive_size": 20},
+    MAPElites: SMALL,
+    CMAME: SMALL | {"restart_interval": 3},
+    AURORA: SMALL | {"archive_size": 20, "training_interval": 2, "n_epochs": 2},
+    CuriosityMAPElites: SMALL | SMALL_ICM | {"n_kept": 4, "tournament_size": 3},
 }
 """Every algorithm, with what makes its tests fast."""
 
 EASY = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
 
 
+NEED_BEHAVIORS = (MAPElites, CMAME, CuriosityMAPElites)
+"""Algorithms whose grid spans the environment's behaviors."""
+
+
 def make_model(algorithm, env, **changes):
     """A small model of `algorithm`."""
     return algorithm(env, **(SETTINGS[algorithm] | changes))
+
+
+def first_two(env, observation, info):
+    return observation[:2]
+
+
+def make_classic(algorithm, env_id, **kwargs):
+    """One of Gymnasium's own environments, with behaviors where `algorithm` needs them."""
+    env = gym.make(env_id, **kwargs)
+    if algorithm in NEED_BEHAVIORS:
+        env = BehaviorWrapper(env, first_two, gym.spaces.Box(-2.0, 2.0, (2,)))
+    return env
 
 
 def make_maze(**kwargs):
@@ -85,6 +118,11 @@ def algorithm(request):
 @pytest.fixture(name="make_model")
 def make_model_fixture():
     return make_model
+
+
+@pytest.fixture(name="make_classic")
+def make_classic_fixture(algorithm):
+    return functools.partial(make_classic, algorithm)
 
 
 @pytest.fixture(name="make_maze")

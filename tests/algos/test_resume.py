@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 
-import gymnasium as gym
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
@@ -43,10 +42,10 @@ class CtrlC(BaseCallback):
 
 
 @pytest.fixture(params=["maze", "CartPole-v1", "Pendulum-v1"])
-def make_env(request, make_easy_maze):
+def make_env(request, make_easy_maze, make_classic):
     if request.param == "maze":
         return make_easy_maze
-    return lambda: gym.make(request.param, max_episode_steps=40)
+    return lambda: make_classic(request.param, max_episode_steps=40)
 
 
 def test_a_loaded_model_goes_on(algorithm, make_model, make_env, tmp_path, assert_same_run):

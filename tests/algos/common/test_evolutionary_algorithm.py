@@ -2,6 +2,7 @@
 
 import csv
 import random
+from inspect import signature
 
 import gymnasium as gym
 import numpy as np
@@ -20,7 +21,17 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
 
-from curiosity_algos import CuriosityES
+from curiosity_algos import (
+    AURORA,
+    CMAME,
+    NSES,
+    NSLC,
+    CanonicalES,
+    CuriosityES,
+    CuriosityMAPElites,
+    MAPElites,
+)
+from curiosity_algos.common.coverage import env_attribute
 from curiosity_algos.common.policies import act
 
 HARD = "CuriosityMaze-Hard-v0"
@@ -33,20 +44,24 @@ KEYS = {
     "rollout/ep_len_mean",
     "rollout/success_rate",
     "search/sigma",
-    "search/norm",
     "time/fps",
     "time/generations",
     "time/total_timesteps",
 }
 COVERAGE_KEYS = {"coverage/reachable", "coverage/all"}
+ES_KEYS = {"search/norm"}
+INTRINSIC_KEYS = {"intrinsic/mean", "intrinsic/max"}
+ICM_KEYS = {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
+ARCHIVE_KEYS = {"archive/size", "archive/coverage", "archive/qd_score", "archive/best"}
 OWN_KEYS = {
-    CuriosityES: {
-        "intrinsic/mean",
-        "intrinsic/max",
-        "icm/loss",
-        "icm/forward_loss",
-        "icm/inverse_loss",
-    },
+    CanonicalES: ES_KEYS,
+    CuriosityES: ES_KEYS | INTRINSIC_KEYS | ICM_KEYS,
+    NSES: ES_KEYS | INTRINSIC_KEYS | {"archive/size"},
+    NSLC: ARCHIVE_KEYS | {"archive/threshold"},
+    MAPElites: ARCHIVE_KEYS,
+    CMAME: ARCHIVE_KEYS,
+    AURORA: ARCHIVE_KEYS | {"archive/threshold", "autoencoder/loss"},
+    CuriosityMAPElites: ARCHIVE_KEYS | ICM_KEYS,
 }
 
 
@@ -104,8 +119,8 @@ class TestLearn:
         model.learn(GENERATION + 1.0)
         assert (model.num_timesteps, model.generation) == (2 * GENERATION, 2)
 
-    def test_counts_the_steps_of_every_episode(self, algorithm, make_model):
-        model, recorder = make_model(algorithm, "CartPole-v1"), Recorder()
+    def test_counts_the_steps_of_every_episode(self, algorithm, make_model, make_classic):
+        model, recorder = make_model(algorithm, make_classic("CartPole-v1")), Recorder()
         model.learn(200, callback=recorder)
         lengths = [rollouts.lengths for rollouts in recorder.rollouts]
         assert len(np.unique(np.concatenate(lengths))) > 1
@@ -150,8 +165,12 @@ class TestLearn:
         cells = {cell for rollouts in recorder.rollouts for cell in grid.cells(rollouts.behaviors)}
         assert model.coverage == len(cells) / grid.reachable.sum()
 
-    def test_coverage_is_none_without_behaviors(self, algorithm, make_model):
-        assert make_model(algorithm, "CartPole-v1").learn(1).coverage is None
+    def test_coverage_is_none_without_behaviors(self, algorithm, make_model, make_classic):
+        if env_attribute(DummyVecEnv([lambda: make_classic("CartPole-v1")]), "behavior_space"):
+            with pytest.raises(ValueError, match="`env` must have a bounded `behavior_space`"):
+                make_model(algorithm, "CartPole-v1")
+        else:
+            assert make_model(algorithm, "CartPole-v1").learn(1).coverage is None
 
     def test_a_bar_counts_timesteps(self, algorithm, make_model, make_maze, capsys):
         model = make_model(algorithm, make_maze())
@@ -165,8 +184,10 @@ class TestLearn:
 
 class TestDeterminism:
     @pytest.mark.parametrize("env_id", ["CartPole-v1", "maze"])
-    def test_the_seed_decides(self, algorithm, make_model, make_easy_maze, assert_same_run, env_id):
-        make = make_easy_maze if env_id == "maze" else lambda: gym.make(env_id)
+    def test_the_seed_decides(
+        self, algorithm, make_model, make_easy_maze, make_classic, assert_same_run, env_id
+    ):
+        make = make_easy_maze if env_id == "maze" else lambda: make_classic(env_id)
         one, same, other = (
             make_model(algorithm, make(), seed=seed).learn(1000) for seed in (1, 1, 2)
         )
@@ -186,8 +207,10 @@ class TestDeterminism:
         assert_same_run(models[0], models[1])
         assert_same_run(models[0], models[2])
 
-    def test_the_number_of_envs_changes_no_bit(self, algorithm, make_model, assert_same_run):
-        make = lambda: gym.make("Pendulum-v1", max_episode_steps=20)  # noqa: E731
+    def test_the_number_of_envs_changes_no_bit(
+        self, algorithm, make_model, make_classic, assert_same_run
+    ):
+        make = lambda: make_classic("Pendulum-v1", max_episode_steps=20)  # noqa: E731
         single = make_model(algorithm, make()).learn(400)
         several = make_model(algorithm, SyncVectorEnv([make] * 4)).learn(400)
         assert_same_run(single, several)
@@ -212,8 +235,8 @@ class TestPredict:
         assert (actions.shape, actions.dtype, state) == ((5, 2), np.float32, None)
         np.testing.assert_array_equal(model.predict(observations[3])[0], actions[3])
 
-    def test_discrete_actions_are_of_the_space(self, algorithm, make_model):
-        env = gym.make("CartPole-v1")
+    def test_discrete_actions_are_of_the_space(self, algorithm, make_model, make_classic):
+        env = make_classic("CartPole-v1")
         model = make_model(algorithm, env)
         action, _ = model.predict(env.reset(seed=0)[0])
         assert env.action_space.contains(int(action))
@@ -239,19 +262,22 @@ class TestPredict:
 
     def test_no_digit_is_lost_at_the_full_horizon(self, algorithm, make_model, make_easy_maze):
         env = make_easy_maze(horizon=1999)
-        model = make_model(algorithm, env).learn(4 * 6 * 1999)
+        model = make_model(algorithm, env).learn(10 * 6 * 1999)
         assert model.best_return > 0
         assert evaluate_policy(model, env, n_eval_episodes=1, warn=False)[0] == model.best_return
 
 
 class TestEnvs:
     @pytest.mark.parametrize(
-        "kind", ["id", "env", "make_vec", "sync", "dummy", "subproc", "monitor"]
+        "kind", ["id", "classic", "env", "make_vec", "sync", "dummy", "subproc", "monitor"]
     )
-    def test_any_kind_trains_and_is_seen_as_a_vec_env(self, algorithm, make_model, kind):
+    def test_any_kind_trains_and_is_seen_as_a_vec_env(
+        self, algorithm, make_model, make_classic, kind
+    ):
         make = lambda: gym.make(HARD, horizon=20)  # noqa: E731
         env = {
-            "id": lambda: "Pendulum-v1",
+            "id": lambda: HARD,
+            "classic": lambda: make_classic("Pendulum-v1"),
             "env": make,
             "make_vec": lambda: gym.make_vec(HARD, num_envs=2, horizon=20),
             "sync": lambda: SyncVectorEnv([make] * 2),
@@ -263,8 +289,10 @@ class TestEnvs:
         try:
             assert isinstance(model.get_env(), VecEnv)
             model.learn(1)
-            assert model.num_timesteps == 6 * (200 if kind == "id" else 20)
-            assert (model.coverage is None) == (kind == "id")
+            assert model.num_timesteps == 6 * {"id": 2000, "classic": 200}.get(kind, 20)
+            has_behaviors = env_attribute(model.get_env(), "behavior_space") is not None
+            assert (model.coverage is None) == (not has_behaviors)
+            assert has_behaviors or kind == "classic"
             assert np.isfinite(evaluate_policy(model, model.get_env(), 1, warn=False)[0])
         finally:
             model.get_env().close()
@@ -341,8 +369,12 @@ class TestArguments:
         ],
     )
     def test_errors_name_the_argument(self, algorithm, make_model, make_maze, name, values):
+        ours = [each for each in algorithm.__mro__ if each.__module__.startswith("curiosity_algos")]
+        names = {name for each in ours for name in signature(each).parameters}
+        # What an algorithm has no use for it does not know.
+        error, match = (ValueError, f"`{name}` m") if name in names else (TypeError, f"'{name}'")
         for value in values:
-            with pytest.raises(ValueError, match=f"`{name}` m"):
+            with pytest.raises(error, match=match):
                 make_model(algorithm, make_maze(), **{name: value})
 
     @pytest.mark.parametrize("env", [None, 3, spaces.Discrete(2)], ids=str)
@@ -368,7 +400,7 @@ class TestParameters:
     def test_missing_ones_are_an_error(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze())
         parameters = model.get_parameters()
-        del parameters["_search"]
+        del parameters[model._state_names()[0]]
         with pytest.raises(ValueError, match="Names of parameters do not match"):
             model.set_parameters(parameters)
 
@@ -389,13 +421,16 @@ def read_rows(folder):
 
 class TestLogging:
     @pytest.mark.parametrize("env_id", ["maze", "CartPole-v1"])
-    def test_keys_are_the_documented_ones(self, algorithm, make_model, make_maze, tmp_path, env_id):
-        is_maze = env_id == "maze"
-        model = make_model(algorithm, make_maze() if is_maze else env_id)
+    def test_keys_are_the_documented_ones(
+        self, algorithm, make_model, make_maze, make_classic, tmp_path, env_id
+    ):
+        model = make_model(algorithm, make_maze() if env_id == "maze" else make_classic(env_id))
         model.set_logger(configure(str(tmp_path), ["csv"]))
         model.learn(2 * GENERATION)
         rows = read_rows(tmp_path)
-        expected = KEYS | OWN_KEYS.get(algorithm, set()) | (COVERAGE_KEYS if is_maze else set())
+        expected = KEYS | OWN_KEYS[algorithm]
+        if env_attribute(model.get_env(), "behavior_space") is not None:
+            expected = expected | COVERAGE_KEYS
         assert set(rows[0]) == expected
         assert float(rows[-1]["time/total_timesteps"]) == model.num_timesteps
         assert float(rows[-1]["time/generations"]) == model.generation == len(rows)

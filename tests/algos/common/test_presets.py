@@ -2,7 +2,16 @@ import gymnasium as gym
 import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos import CanonicalES, CuriosityES, load_preset
+from curiosity_algos import (
+    AURORA,
+    CMAME,
+    NSES,
+    NSLC,
+    CanonicalES,
+    CuriosityES,
+    MAPElites,
+    load_preset,
+)
 from curiosity_algos.common.presets import PRESETS
 
 HARD = "CuriosityMaze-Hard-v0"
@@ -10,7 +19,9 @@ MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]
 CONTROL = [f"CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")]
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, CanonicalES])
+@pytest.mark.parametrize(
+    "algorithm", [CuriosityES, CanonicalES, NSES, NSLC, MAPElites, CMAME, AURORA]
+)
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("env_id", MAZES + CONTROL)
 def test_every_preset_makes_a_model(algorithm, preset, env_id):
@@ -22,9 +33,10 @@ def test_every_preset_makes_a_model(algorithm, preset, env_id):
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("env_id", MAZES)
-def test_aliases_have_the_same_settings(preset, env_id):
+@pytest.mark.parametrize("algorithm", ["CuriosityES", "NSES", "MAPElites"])
+def test_aliases_have_the_same_settings(preset, env_id, algorithm):
     alias = env_id.removeprefix("Curiosity")
-    assert load_preset(preset, "CuriosityES", alias) == load_preset(preset, "CuriosityES", env_id)
+    assert load_preset(preset, algorithm, alias) == load_preset(preset, algorithm, env_id)
 
 
 def test_the_papers_table():
@@ -38,6 +50,14 @@ def test_the_papers_table():
     assert [each["n_updates"] for each in control] == [96, 96, 64]
     assert {each["gamma"] for each in control} == {0.999}
     assert {each["bonus_kwargs"]["beta"] for each in control} == {0.2}
+
+
+def test_the_papers_neighbors_and_mutations():
+    neighbors = [load_preset("paper", "NSES", env_id)["k"] for env_id in MAZES + CONTROL]
+    assert neighbors == [20, 10, 20, 20, 10, 20]
+    for algorithm in ("NSES", "MAPElites", "CMAME", "NSLC", "AURORA"):
+        sigmas = [load_preset("paper", algorithm, env_id)["sigma"] for env_id in MAZES + CONTROL]
+        assert sigmas == [0.5, 0.5, 0.5, 0.005, 0.005, 0.001]
 
 
 def test_an_unknown_preset_is_refused():

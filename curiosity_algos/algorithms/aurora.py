@@ -1,0 +1,145 @@
+"""AURORA: quality diversity in a behavior space that an autoencoder learns from trajectories.
+
+Cully 2019 (https://arxiv.org/abs/1905.11874); Grillotti & Cully 2022
+(https://arxiv.org/abs/2106.05648) for the archive that keeps its size; the paper's section 4.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from ribs.emitters import EmitterBase, GaussianEmitter
+
+from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.common.quality_diversity import Fields, QualityDiversity
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.novelty.autoencoder import TrajectoryEncoder
+from curiosity_gym.validation import check_at_least_one, check_positive, check_share
+
+
+class AURORA(QualityDiversity):
+    """Mutates elites that lie apart in what an autoencoder makes of their trajectories.
+
+    The autoencoder is trained on the archive and the generation: in the first generation, in the
+    `training_interval`-th, and whenever their number has doubled since. After each training all
+    elites are encoded anew.
+
+    Args:
+        env: See `QualityDiversity`, as for every argument not named here.
+        policy: Likewise.
+        latent_size: Dimensions of the learned behavior space.
+        trajectory_share: Share of a trajectory's states, evenly spaced, that the autoencoder sees;
+            the number is that of the first generation's longest episode.
+        archive_size: Elites held, within 10 %: a distance between them adapts. Each is held with
+            the states that the autoencoder sees.
+        training_interval: See above.
+        n_epochs: Passes over the data in a training.
+        ae_learning_rate: Adam's, in the autoencoder.
+        batch_size: Trajectories a gradient step.
+        **kwargs: Passed on to `QualityDiversity`.
+    """
+
+    archive: UnstructuredArchive
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        latent_size: int = 4,
+        trajectory_share: float = 0.4,
+        archive_size: int = 1000,
+        training_interval: int = 10,
+        n_epochs: int = 10,
+        ae_learning_rate: float = 1e-3,
+        batch_size: int = 64,
+        **kwargs: Any,
+    ) -> None:
+        self.latent_size = latent_size
+        self.trajectory_share = trajectory_share
+        self.archive_size = archive_size
+        self.training_interval = training_interval
+        self.n_epochs = n_epochs
+        self.ae_learning_rate = ae_learning_rate
+        self.batch_size = batch_size
+        super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(latent_size=self.latent_size, archive_size=self.archive_size)
+        check_at_least_one(training_interval=self.training_interval, n_epochs=self.n_epochs)
+        check_at_least_one(batch_size=self.batch_size)
+        check_share(trajectory_share=self.trajectory_share)
+        check_positive(
+            trajectory_share=self.trajectory_share, ae_learning_rate=self.ae_learning_rate
+        )
+
+    def _make_search(self, seed: np.random.SeedSequence) -> None:
+        encoder_seed, search_seed = seed.spawn(2)
+        self._encoder = TrajectoryEncoder(
+            self.latent_size,
+            share=self.trajectory_share,
+            learning_rate=self.ae_learning_rate,
+            n_epochs=self.n_epochs,
+            batch_size=self.batch_size,
+            seed=encoder_seed,
+            device=self.device,
+        )
+        super()._make_search(search_seed)
+
+    def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
+        return UnstructuredArchive(
+            solution_dim=self.policy.mlp.n_parameters,
+            measure_dim=self.latent_size,
+            target_size=self.archive_size,
+            k_neighbors=1,
+            seed=seed,
+            solution_dtype=np.float32,
+            extra_fields={
+                "seed": ((), np.int64),
+                "behavior": (self._n_behaviors, np.float64),
+                "states": (self._encoder.shape or (0, 0), np.float32),
+            },
+            net_arch=self.policy.net_arch,
+        )
+
+    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
+        return GaussianEmitter(
+            self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
+        )
+
+    def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        if self._encoder.shape is None:
+            self.archive.reshape_field("states", self._encoder.begin(rollouts))
+        states = self._encoder.states(rollouts)
+        if self._is_training_due():
+            self._train(states)
+        return self._encoder.encode(states)
+
+    def _is_training_due(self) -> bool:
+        n_intervals, rest = divmod(self.generation, self.training_interval)
+        is_power_of_two = n_intervals & (n_intervals - 1) == 0
+        return rest == 0 and is_power_of_two  # 0 counts as one
+
+    def _train(self, states: Float32Array) -> None:
+        """Train on elites and generation, then encode the elites anew."""
+        elites = self.archive.data("states")
+        self._encoder.train(np.concatenate([elites, states]))
+        if len(elites):
+            self.archive.remeasure(self._encoder.encode(elites))
+
+    def _fields(self, rollouts: Rollouts) -> Fields:
+        states = self._encoder.states(rollouts)
+        return {**super()._fields(rollouts), "behavior": rollouts.behaviors, "states": states}
+
+    def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
+        metrics = super()._tell(rollouts)
+        return {**metrics, "autoencoder/loss": self._encoder.loss}
+
+    def _state_names(self) -> list[str]:
+        return [*super()._state_names(), "_encoder"]

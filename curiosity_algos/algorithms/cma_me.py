@@ -1,0 +1,62 @@
+"""CMA-ME: MAP-Elites' archive, filled by CMA-ES that climbs its improvement.
+
+Fontaine et al. 2020, "Covariance Matrix Adaptation for the Rapid Illumination of Behavior Space"
+(https://arxiv.org/abs/1912.02400); the paper's section 4.3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
+
+from curiosity_algos.algorithms.map_elites import MAPElites
+from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_gym.validation import check_at_least_one, check_choice
+
+STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es", "openai_es")
+
+
+class CMAME(MAPElites):
+    """One improvement emitter: CMA-ES, started anew from a random elite every few generations.
+
+    Args:
+        env: See `MAPElites`, as for every argument not named here.
+        policy: Likewise.
+        restart_interval: Generations between two restarts (the paper's phases of 10).
+        es: "cma_es" adapts the full covariance matrix, as the paper does: its cost grows with the
+            square of the policy's size, and is most of the time. "sep_cma_es" adapts its diagonal,
+            "lm_ma_es" a few directions; "openai_es" none.
+        **kwargs: Passed on to `MAPElites`; `sigma` is the step size after each restart.
+    """
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        restart_interval: int = 10,
+        es: str = "cma_es",
+        **kwargs: Any,
+    ) -> None:
+        self.restart_interval = restart_interval
+        self.es = es
+        super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(restart_interval=self.restart_interval)
+        check_choice(STRATEGIES, es=self.es)
+
+    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
+        return EvolutionStrategyEmitter(
+            self.archive,
+            x0=x0,
+            sigma0=self.sigma,
+            ranker="2imp",
+            es=self.es,
+            restart_rule=self.restart_interval,
+            batch_size=self.population_size,
+            seed=seed,
+        )

@@ -1,0 +1,124 @@
+"""Curiosity-MAP-Elites: MAP-Elites whose parents are the elites of the most curious trajectories.
+
+The paper's discussion names the combination of curiosity and MAP-Elites as future work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from ribs.emitters import EmitterBase
+
+from curiosity_algos.algorithms.map_elites import MAPElites
+from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.common.quality_diversity import Fields
+from curiosity_algos.curiosity.elites import EliteCuriosity
+from curiosity_algos.curiosity.settings import CuriositySettings, stored_action_size
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.search.emitters import TournamentEmitter
+from curiosity_gym.validation import check_at_least_one
+
+
+class CuriosityMAPElites(MAPElites):
+    """MAP-Elites' archive decides who is kept, curiosity who has offspring.
+
+    Each parent is the winner of a tournament of elites drawn uniformly: the one whose trajectory
+    the Intrinsic Curiosity Module, as it is now, predicts worst. The module learns from every
+    generation, as in `CuriosityES`, so that what is known stops having offspring.
+
+    Args:
+        env: See `MAPElites`, as for every argument not named here.
+        policy: Likewise.
+        tournament_size: Elites drawn for each parent; 1 is MAP-Elites.
+        n_kept: Transitions kept of each elite, from which its curiosity is estimated.
+        bonus: See `CuriosityES`, as the next five.
+        bonus_kwargs: Likewise.
+        n_transitions: Likewise.
+        n_updates: Likewise.
+        batch_size: Likewise.
+        buffer_size: Likewise.
+        **kwargs: Passed on to `MAPElites`.
+    """
+
+    gamma: ClassVar[float] = 1.0  # samples of a trajectory have no order to weigh
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        tournament_size: int = 8,
+        n_kept: int = 32,
+        bonus: str = "icm",
+        bonus_kwargs: dict[str, Any] | None = None,
+        n_transitions: int = 100,
+        n_updates: int = 64,
+        batch_size: int = 1024,
+        buffer_size: int = 500_000,
+        **kwargs: Any,
+    ) -> None:
+        self.tournament_size = tournament_size
+        self.n_kept = n_kept
+        self.bonus = bonus
+        self.bonus_kwargs = dict(bonus_kwargs or {})
+        self.n_transitions = n_transitions
+        self.n_updates = n_updates
+        self.batch_size = batch_size
+        self.buffer_size = buffer_size
+        super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(tournament_size=self.tournament_size, n_kept=self.n_kept)
+        CuriositySettings.of(self)
+
+    def _make_search(self, seed: np.random.SeedSequence) -> None:
+        curiosity_seed, draws_seed, search_seed = seed.spawn(3)
+        self._motivation = CuriositySettings.of(self).make_motivation(
+            self.observation_space,  # type: ignore[arg-type]
+            self.action_space,
+            seed=curiosity_seed,
+            device=self.device,
+            n_threads=self.n_threads,
+        )
+        self._curiosity = EliteCuriosity(self._motivation.bonus, self.n_kept, draws_seed)
+        super()._make_search(search_seed)
+
+    def _extra_fields(self) -> dict[str, tuple[Any, Any]]:
+        assert self.observation_space.shape is not None
+        states = ((self.n_kept, *self.observation_space.shape), np.float32)
+        n_actions = stored_action_size(self.action_space)
+        dtype = self.action_space.dtype
+        return {
+            **super()._extra_fields(),
+            "observations": states,
+            "actions": ((self.n_kept, n_actions), dtype),
+            "next_observations": states,
+            "length": ((), np.int64),
+        }
+
+    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
+        return TournamentEmitter(
+            self.archive,
+            score=self._curiosity.score,
+            tournament_size=self.tournament_size,
+            sigma=self.sigma,
+            x0=x0,
+            batch_size=self.population_size,
+            seed=seed,
+        )
+
+    def _fields(self, rollouts: Rollouts) -> Fields:
+        kept = self._curiosity.fields(rollouts)
+        kept["actions"] = kept["actions"].reshape(len(rollouts), self.n_kept, -1)
+        return {**super()._fields(rollouts), **kept}
+
+    def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
+        metrics = super()._tell(rollouts)
+        return {**metrics, **self._motivation.update(rollouts)}
+
+    def _state_names(self) -> list[str]:
+        return [*super()._state_names(), "_motivation", "_curiosity"]

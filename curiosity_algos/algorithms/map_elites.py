@@ -1,0 +1,78 @@
+"""MAP-Elites: mutate elites, and keep the best of every cell of the behavior space.
+
+Mouret & Clune 2015, "Illuminating search spaces by mapping elites"
+(https://arxiv.org/abs/1504.04909); the paper's section 4.3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from ribs.emitters import EmitterBase, GaussianEmitter
+
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.common.quality_diversity import QualityDiversity
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_gym.validation import check_at_least_one
+
+
+class MAPElites(QualityDiversity):
+    """Each generation mutates elites drawn uniformly, with Gaussian noise.
+
+    The grid spans the environment's `behavior_space`; memory is for the elites alone.
+
+    Args:
+        env: With a bounded `behavior_space`; see `QualityDiversity`, as for every argument not
+            named here.
+        policy: Likewise.
+        n_cells: Cells along each dimension of the behavior.
+        **kwargs: Passed on to `QualityDiversity`.
+
+    Raises:
+        ValueError: If the env has no bounded `behavior_space`, or one of too many cells.
+    """
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        n_cells: int = 50,
+        **kwargs: Any,
+    ) -> None:
+        self.n_cells = n_cells
+        super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(n_cells=self.n_cells)
+        space = self._behavior_space
+        if space is None or not space.is_bounded():
+            raise ValueError(
+                "`env` must have a bounded `behavior_space`, for the grid to span: wrap it in "
+                "curiosity_gym.BehaviorWrapper."
+            )
+
+    def _make_archive(self, seed: np.random.SeedSequence) -> SparseGridArchive:
+        assert self._behavior_space is not None
+        low, high = self._behavior_space.low.tolist(), self._behavior_space.high.tolist()
+        return SparseGridArchive(
+            solution_dim=self.policy.mlp.n_parameters,
+            dims=(self.n_cells,) * len(low),
+            ranges=list(zip(low, high, strict=True)),
+            seed=seed,
+            solution_dtype=np.float32,
+            extra_fields=self._extra_fields(),
+            net_arch=self.policy.net_arch,
+        )
+
+    def _extra_fields(self) -> dict[str, tuple[Any, Any]]:
+        """Name: (shape, dtype) of what `_fields` gives of each elite."""
+        return {"seed": ((), np.int64)}
+
+    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
+        return GaussianEmitter(
+            self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
+        )

@@ -1,0 +1,70 @@
+"""NS-ES and NSR-ES: the canonical evolution strategy, motivated by novelty of behaviors.
+
+Conti et al. 2018, "Improving Exploration in Evolution Strategies for Deep Reinforcement Learning
+via a Population of Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560), without their
+meta-population, as the paper's section 4.2 has it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
+from curiosity_algos.common.policies import MlpPolicy
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.novelty.motivation import NoveltyMotivation, behavior_size
+from curiosity_gym.validation import check_at_least_one, check_choice, check_share
+
+
+class NSES(EvolutionStrategy):
+    """Evolves policies whose episodes end where few ended before.
+
+    Each generation samples lambda policies around the center, scores them by
+    `phi z(return) + (1 - phi) z(novelty)`, and moves the center towards the best mu. Novelty is the
+    mean Euclidean distance to the k nearest behaviors of all individuals so far.
+
+    Args:
+        env: See `EvolutionStrategy`, as for every argument not named here.
+        policy: Likewise.
+        phi: Weight of the extrinsic fitness, in [0, 1]; 0 is NS-ES, above it NSR-ES.
+        k: Neighbors that count.
+        behavior: "final": the environment's behavior, in its own units; "state": the whole final
+            observation (the paper's BD_s), which any environment has.
+        no_reward: "ignore" or "random", see `CuriosityES`.
+        **kwargs: Passed on to `EvolutionStrategy`.
+    """
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        phi: float = 0.8,
+        k: int = 10,
+        behavior: str = "final",
+        no_reward: str = "ignore",
+        **kwargs: Any,
+    ) -> None:
+        self.phi = phi
+        self.k = k
+        self.behavior = behavior
+        self.no_reward = no_reward
+        super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_share(phi=self.phi)
+        check_at_least_one(k=self.k)
+        check_choice(NO_REWARD, no_reward=self.no_reward)
+
+    def _make_motivation(self, seed: np.random.SeedSequence) -> NoveltyMotivation:
+        return self._novelty()
+
+    def _novelty(self) -> NoveltyMotivation:
+        n = behavior_size(self.behavior, self.observation_space, self._behavior_space)
+        return NoveltyMotivation(n, k=self.k, behavior=self.behavior)
+
+    def _forget_behaviors(self) -> None:
+        self._motivation = self._novelty()

@@ -1,0 +1,95 @@
+"""NSLC: novelty search with local competition.
+
+Lehman & Stanley 2011, "Evolving a Diversity of Virtual Creatures through Novelty Search and Local
+Competition" (https://doi.org/10.1145/2001576.2001606); the paper's section 4.3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from ribs.emitters import EmitterBase
+
+from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.common.quality_diversity import Fields, QualityDiversity
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.novelty.motivation import behavior_size, behaviors_of
+from curiosity_algos.search.emitters import ParetoEmitter
+from curiosity_gym.validation import check_at_least_one
+
+
+class NSLC(QualityDiversity):
+    """The mu best of each generation in novelty and local competition have lambda offspring.
+
+    Novelty is the mean distance to the k nearest behaviors of archive and generation, local
+    competition how many of these have a lower return. NSGA-II's ranking (fronts, then crowding)
+    weighs the two.
+
+    Args:
+        env: See `QualityDiversity`, as for every argument not named here.
+        policy: Likewise.
+        n_parents: mu, at most `population_size`, lambda.
+        k: Neighbors that count.
+        behavior: "final": the environment's behavior; "state": the whole final observation (the
+            paper's BD_s).
+        archive_size: Elites held, within 10 %: a distance between them adapts.
+        **kwargs: Passed on to `QualityDiversity`.
+    """
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        n_parents: int = 7,
+        k: int = 10,
+        behavior: str = "final",
+        archive_size: int = 2000,
+        **kwargs: Any,
+    ) -> None:
+        self.n_parents = n_parents
+        self.k = k
+        self.behavior = behavior
+        self.archive_size = archive_size
+        super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(n_parents=self.n_parents, k=self.k, archive_size=self.archive_size)
+        if self.n_parents > self.population_size:
+            raise ValueError(
+                f"`n_parents` must be at most `population_size` = {self.population_size}, "
+                f"got {self.n_parents}."
+            )
+
+    def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
+        return UnstructuredArchive(
+            solution_dim=self.policy.mlp.n_parameters,
+            measure_dim=behavior_size(self.behavior, self.observation_space, self._behavior_space),
+            target_size=self.archive_size,
+            k_neighbors=self.k,
+            seed=seed,
+            solution_dtype=np.float32,
+            extra_fields={"seed": ((), np.int64), "behavior": (self._n_behaviors, np.float64)},
+            net_arch=self.policy.net_arch,
+        )
+
+    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
+        return ParetoEmitter(
+            self.archive,
+            x0=x0,
+            sigma=self.sigma,
+            n_parents=self.n_parents,
+            batch_size=self.population_size,
+            seed=seed,
+        )
+
+    def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        return behaviors_of(rollouts, self.behavior)
+
+    def _fields(self, rollouts: Rollouts) -> Fields:
+        return {**super()._fields(rollouts), "behavior": rollouts.behaviors}

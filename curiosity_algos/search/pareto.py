@@ -1,0 +1,82 @@
+"""Pareto ranking of several objectives, all of them maximized.
+
+Deb et al. 2002, "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II"
+(https://doi.org/10.1109/4235.996017), section III. Lehman & Stanley 2011, "Evolving a Diversity of
+Virtual Creatures through Novelty Search and Local Competition"
+(https://doi.org/10.1145/2001576.2001606), select by it on novelty and local competition.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+
+def pareto_fronts(objectives: Float64) -> list[Int64]:
+    """Sort rows into fronts: each is what no other row dominates once those before it are gone.
+
+    A row dominates another if it is no worse in any objective and better in one, so equal rows
+    share a front.
+
+    Args:
+        objectives: (n, d), finite; n may be 0.
+
+    Returns:
+        Indices of the rows of each front, ascending; the best front first.
+    """
+    no_worse = np.all(objectives[:, None] >= objectives[None], axis=2)
+    dominates = no_worse & ~no_worse.T
+    rest = np.arange(len(objectives), dtype=np.int64)
+    fronts = []
+    while len(rest):
+        is_dominated = dominates[np.ix_(rest, rest)].any(axis=0)
+        fronts.append(rest[~is_dominated])
+        rest = rest[is_dominated]
+    return fronts
+
+
+def crowding_distances(objectives: Float64) -> Float64:
+    """How far apart the neighbors of each row of one front are (NSGA-II, section III-B).
+
+    Along each objective, a row's neighbors are the next smaller and the next larger row, equal
+    rows in the order of their indices. Their distance, as a share of the objective's spread, is
+    summed over the objectives. An objective without spread adds nothing.
+
+    Args:
+        objectives: (m, d), finite; m may be 0.
+
+    Returns:
+        (m,), at least 0; infinity for the first and the last row along an objective.
+    """
+    distances = np.zeros(len(objectives))
+    for values in objectives.T:
+        order = np.argsort(values, kind="stable")
+        ranked = np.concatenate([[-np.inf], values[order], [np.inf]])
+        if len(np.unique(values)) > 1:
+            distances[order] += (ranked[2:] - ranked[:-2]) / np.ptp(values)
+    return distances
+
+
+def pareto_best(objectives: Float64, n: int) -> Int64:
+    """The `n` best rows: by front, within a front by larger crowding distance, then by index.
+
+    Args:
+        objectives: (n_rows, d), finite.
+        n: How many, 0 to n_rows.
+
+    Returns:
+        (n,) indices of rows, the best first.
+
+    Raises:
+        ValueError: There are fewer than `n` rows.
+    """
+    if not 0 <= n <= len(objectives):
+        raise ValueError(f"`n` must be from 0 to the {len(objectives)} rows there are, got {n!r}.")
+    ordered = [np.empty(0, dtype=np.int64)]
+    for front in pareto_fronts(objectives):
+        by_distance = np.argsort(-crowding_distances(objectives[front]), kind="stable")
+        ordered.append(front[by_distance])
+    return np.concatenate(ordered)[:n]

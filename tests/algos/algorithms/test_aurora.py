@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from curiosity_algos import AURORA
+
+
+def test_trainings_come_at_doubling_intervals(make_model, make_maze):
+    model, trained = make_model(AURORA, make_maze(), training_interval=3), []
+    train = model._encoder.train
+    model._encoder.train = lambda states: trained.append(model.generation) or train(states)
+    model.learn(30 * 6 * 50)
+    assert trained == [0, 3, 6, 12, 24]
+
+
+def test_the_latent_space_is_encoded_anew_after_each_training(make_model, make_easy_maze):
+    model = make_model(AURORA, make_easy_maze(), training_interval=1)
+    latents = []
+    for _ in range(4):
+        model.learn(1, reset_num_timesteps=False)
+        states, measures = model.archive.data("states"), model.archive.data("measures")
+        np.testing.assert_allclose(measures, model._encoder.encode(states), rtol=1e-4, atol=1e-5)
+        latents.append(measures[0])
+    assert not np.allclose(latents[0], latents[1], rtol=1e-3)
+
+
+def test_states_are_40_percent_of_the_elites_own_trajectories(make_model, make_easy_maze):
+    model = make_model(AURORA, make_easy_maze()).learn(2000)
+    assert model.archive.data("states").shape[1:] == (26, 36)  # of 64 steps
+    elites = model.archive.data()
+    for slot in range(len(model.archive)):
+        rollouts = model.evaluator.evaluate(elites["solution"][[slot]], 0)
+        expected = model._encoder.states(rollouts)[0]
+        np.testing.assert_array_equal(elites["states"][slot], expected)
+
+
+def test_the_archive_keeps_its_size(make_model, make_easy_maze):
+    model = make_model(AURORA, make_easy_maze(), archive_size=30, training_interval=4)
+    model.learn(40 * 6 * 64)
+    sizes = model.history["size"]
+    reached = np.argmax(sizes >= 30)
+    assert sizes[reached] >= 30
+    assert 27 <= sizes[reached:].min() <= sizes.max() <= 33
+
+
+def test_it_needs_no_behaviors(make_model):
+    model = make_model(AURORA, "CartPole-v1").learn(1000)
+    assert model.archive.behaviors.shape == (len(model.archive), 0)
+    assert model.archive.data("measures").shape == (len(model.archive), 4)
+    assert model.archive.stats.obj_max == model.best_return
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"latent_size": 2},
+        {"trajectory_share": 0.1},
+        {"archive_size": 3},
+        {"training_interval": 1},
+        {"n_epochs": 5},
+        {"ae_learning_rate": 0.1},
+        {"batch_size": 3},
+    ],
+    ids=str,
+)
+def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
+    plain = make_model(AURORA, make_easy_maze()).learn(3000)
+    changed = make_model(AURORA, make_easy_maze(), **changes).learn(3000)
+    assert not np.array_equal(plain._ask(), changed._ask())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("latent_size", 0),
+        ("trajectory_share", 0.0),
+        ("trajectory_share", 1.5),
+        ("archive_size", 0),
+        ("training_interval", 0),
+        ("n_epochs", 0),
+        ("ae_learning_rate", -1.0),
+        ("batch_size", 0),
+    ],
+)
+def test_errors_name_the_argument(make_model, make_maze, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_model(AURORA, make_maze(), **{name: value})

@@ -1,0 +1,96 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from ribs.archives import GridArchive
+from ribs.emitters import EvolutionStrategyEmitter
+from ribs.schedulers import Scheduler
+
+from curiosity_algos import CMAME
+from curiosity_algos.algorithms.cma_me import STRATEGIES
+from curiosity_gym import BehaviorWrapper
+
+OPTIMUM = 2.0
+
+
+class Linear(gym.Env):
+    """A policy without hidden layers has 100 parameters here."""
+
+    observation_space = gym.spaces.Box(-1.0, 1.0, (9,))
+    action_space = gym.spaces.Box(-1.0, 1.0, (10,))
+
+
+def behave(env, observation, info):
+    return observation[:2]
+
+
+def sphere(solutions):
+    """The sphere function of pyribs' example: objectives, and two projections as measures."""
+    objectives = -np.sum((solutions.astype(np.float64) - OPTIMUM) ** 2, axis=1)
+    halves = np.split(solutions.astype(np.float64), 2, axis=1)
+    return objectives, np.stack([half.sum(axis=1) for half in halves], axis=1)
+
+
+def make_cma_me(**changes):
+    env = BehaviorWrapper(Linear(), behave, gym.spaces.Box(-150.0, 150.0, (2,)))
+    settings = {"policy_kwargs": {"net_arch": []}, "n_cells": 20, "seed": 0, "sigma": 0.5}
+    return CMAME(env, **(settings | changes))
+
+
+def climb(scheduler, n_generations, **fields):
+    for _ in range(n_generations):
+        scheduler.tell(*sphere(scheduler.ask()), **fields)
+
+
+@pytest.mark.parametrize("es", STRATEGIES)
+def test_its_emitter_improves_the_sphere_in_100_dimensions(es):
+    model = make_cma_me(es=es)
+    assert model.policy.mlp.n_parameters == 100
+    fields = {"seed": np.zeros(56, dtype=np.int64)}
+    climb(model._scheduler, 1, **fields)
+    first = model.archive.stats
+    climb(model._scheduler, 99, **fields)
+    assert model.archive.stats.obj_max > 0.8 * first.obj_max  # objectives are below 0
+    assert len(model.archive) > 2 * first.num_elites
+    assert model._emitter.part.restarts >= 9
+
+
+def test_it_is_pyribs_cma_me_on_a_dense_grid():
+    model = make_cma_me()
+    dense = GridArchive(
+        solution_dim=100,
+        dims=[20, 20],
+        ranges=[(-150.0, 150.0)] * 2,
+        seed=1,
+        solution_dtype=np.float32,
+        objective_dtype=np.float64,
+        measures_dtype=np.float64,
+    )
+    kwargs = {"x0": model._emitter.part.x0, "sigma0": 0.5, "batch_size": 56, "seed": 2}
+    kwargs |= {"ranker": "2imp", "restart_rule": 10}
+    schedulers = [
+        Scheduler(archive, [EvolutionStrategyEmitter(archive, **kwargs)])
+        for archive in (dense, model.archive)
+    ]
+    model.archive._rng = np.random.default_rng(1)
+    climb(schedulers[0], 35)
+    climb(schedulers[1], 35, seed=np.zeros(56, dtype=np.int64))
+    for name in ("solution", "objective", "measures", "index"):
+        np.testing.assert_array_equal(model.archive.data(name), dense.data(name))
+    assert model.archive.stats == dense.stats
+
+
+def test_it_starts_anew_from_an_elite_every_few_generations(make_model, make_easy_maze):
+    model = make_model(CMAME, make_easy_maze(), restart_interval=2, population_size=10)
+    for n_restarts in range(1, 4):
+        model.learn(1, reset_num_timesteps=False)
+        model.learn(1, reset_num_timesteps=False)
+        emitter = model._emitter.part
+        assert emitter.restarts == n_restarts
+        elites = model.archive.data("solution")
+        assert (elites == emitter._opt.mean).all(axis=1).any()
+
+
+@pytest.mark.parametrize(("name", "value"), [("restart_interval", 0), ("es", "cma")])
+def test_errors_name_the_argument(make_model, make_maze, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_model(CMAME, make_maze(), **{name: value})

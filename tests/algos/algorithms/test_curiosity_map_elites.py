@@ -1,0 +1,62 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from curiosity_algos import CuriosityMAPElites
+
+
+def test_parents_are_the_most_curious_of_their_tournaments(make_model, make_easy_maze):
+    model = make_model(CuriosityMAPElites, make_easy_maze(), tournament_size=4).learn(2000)
+    drawn, scored = [], []
+    sample, emitter = model.archive.sample_elites, model._emitter.part
+    model.archive.sample_elites = lambda n: drawn.append(sample(n)) or drawn[-1]
+    emitter._sigma = np.float32(0.0)
+    asked = model._ask()
+    (elites,) = drawn
+    for i in range(4 * 6):
+        bonus = model._motivation.bonus.score(
+            elites["observations"][i], elites["actions"][i], elites["next_observations"][i]
+        )
+        scored.append(elites["length"][i] * bonus.mean())
+    winners = np.arange(6) * 4 + np.reshape(scored, (6, 4)).argmax(axis=1)
+    np.testing.assert_array_equal(asked, elites["solution"][winners])
+    assert len(np.unique(scored)) > 4
+
+
+def test_the_module_learns_from_every_generation(make_model, make_easy_maze):
+    model = make_model(CuriosityMAPElites, make_easy_maze())
+    weights = []
+    for _ in range(3):
+        model.learn(1, reset_num_timesteps=False)
+        weights.append(model._motivation.bonus.encoder[0].weight.detach().clone())
+    assert not any(np.array_equal(a, b) for a, b in pairwise(weights))
+    assert model._motivation.buffer.size == 3 * 6 * 5
+
+
+@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
+@pytest.mark.parametrize("algorithm", [CuriosityMAPElites])
+def test_discrete_and_continuous_actions(make_model, make_classic, env_id, algorithm):
+    model = make_model(algorithm, make_classic(env_id)).learn(1500)
+    assert model.archive.data("actions").shape == (len(model.archive), 4, 1)
+    assert model.archive.verify(make_classic(env_id)).share == 1.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"tournament_size": 1}, {"n_kept": 2}, {"n_updates": 9}, {"bonus_kwargs": {"beta": 0.9}}],
+    ids=str,
+)
+def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
+    plain = make_model(CuriosityMAPElites, make_easy_maze()).learn(3000)
+    changed = make_model(CuriosityMAPElites, make_easy_maze(), **changes).learn(3000)
+    assert not np.array_equal(plain._ask(), changed._ask())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("tournament_size", 0), ("n_kept", 0), ("n_updates", 0), ("bonus", "none")],
+)
+def test_errors_name_the_argument(make_model, make_maze, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_model(CuriosityMAPElites, make_maze(), **{name: value})

@@ -1,0 +1,71 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from ribs.archives import GridArchive
+from ribs.emitters import GaussianEmitter
+from ribs.schedulers import Scheduler
+
+from curiosity_algos import MAPElites
+from curiosity_gym import BehaviorWrapper
+
+
+def first_two(env, observation, info):
+    return observation[:2]
+
+
+def test_it_is_pyribs_map_elites_on_a_dense_grid(make_model, make_easy_maze):
+    model = make_model(MAPElites, make_easy_maze(), n_cells=7)
+    space = model._behavior_space
+    x0, seed = model._emitter.part.x0, 3
+    dense = GridArchive(
+        solution_dim=x0.size,
+        dims=[7] * 4,
+        ranges=list(zip(space.low, space.high, strict=True)),
+        seed=1,
+        solution_dtype=np.float32,
+        objective_dtype=np.float64,
+        measures_dtype=np.float64,
+    )
+    scheduler = Scheduler(
+        dense, [GaussianEmitter(dense, sigma=model.sigma, x0=x0, batch_size=6, seed=seed)]
+    )
+    model.archive._rng = np.random.default_rng(1)
+    model._emitter.part._rng = np.random.default_rng(seed)
+    for _ in range(12):
+        rollouts = model.evaluator.evaluate(scheduler.ask(), 0)
+        scheduler.tell(rollouts.returns, rollouts.behaviors)
+        model.learn(1, reset_num_timesteps=False)
+    for name in ("solution", "objective", "measures", "index"):
+        np.testing.assert_array_equal(model.archive.data(name), dense.data(name))
+    assert model.archive.stats == dense.stats
+    assert model.best_return > 0
+
+
+def test_the_grid_spans_the_behavior_space(make_model, make_maze):
+    model = make_model(MAPElites, make_maze(), n_cells=9)
+    np.testing.assert_array_equal(model.archive.dims, [9] * 4)
+    np.testing.assert_array_equal(model.archive.lower_bounds, model._behavior_space.low)
+    np.testing.assert_array_equal(model.archive.upper_bounds, model._behavior_space.high)
+
+
+def test_the_papers_grid_costs_no_memory_for_its_cells(make_maze):
+    model = MAPElites(make_maze(), seed=0).learn(1)
+    assert model.archive.cells == 50**4
+    assert model.archive.data("solution").shape == (len(model.archive), 1746)
+    assert 1 < len(model.archive) <= 56
+
+
+@pytest.mark.parametrize("bounds", [None, (-np.inf, np.inf)])
+def test_the_env_must_have_bounded_behaviors(make_model, bounds):
+    env = gym.make("CartPole-v1")
+    if bounds is not None:
+        env = BehaviorWrapper(env, first_two, gym.spaces.Box(*bounds, (2,)))
+    with pytest.raises(ValueError, match="`env` must have a bounded `behavior_space`"):
+        make_model(MAPElites, env)
+
+
+def test_too_many_cells_are_refused(make_model, make_maze):
+    with pytest.raises(ValueError, match=r"`dims` must make less than 2\*\*63"):
+        make_model(MAPElites, make_maze(), n_cells=10**5)
+    with pytest.raises(ValueError, match="`n_cells` must be"):
+        make_model(MAPElites, make_maze(), n_cells=0)

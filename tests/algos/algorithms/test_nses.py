@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from curiosity_algos import NSES, CanonicalES
+from curiosity_algos.common.evolution_strategy import standardize
+
+FINAL = {"behavior": "final"}
+
+
+def test_one_generation(make_model, make_easy_maze, assert_same):
+    settings = {"phi": 0.6, "seed": 1, **FINAL}
+    model, twin = (make_model(NSES, make_easy_maze(), **settings) for _ in range(2))
+    for _ in range(4):
+        rollouts = twin.evaluator.evaluate(twin._search.ask(), twin._episodes.draw())
+        novelty = twin._motivation.score(rollouts)
+        twin._search.tell(0.6 * standardize(rollouts.returns) + 0.4 * standardize(novelty))
+        twin._motivation.update(rollouts)
+        model.learn(1, reset_num_timesteps=False)
+        for name in ("_search", "_motivation"):
+            assert_same(getattr(model, name).state_dict(), getattr(twin, name).state_dict())
+    assert model.best_return > 0
+
+
+def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_same):
+    novel = make_model(NSES, make_easy_maze(), phi=1.0).learn(2000)
+    canonical = make_model(CanonicalES, make_easy_maze()).learn(2000)
+    assert_same(novel._search.state_dict(), canonical._search.state_dict())
+
+
+@pytest.mark.parametrize(
+    "changes", [{"phi": 0.0}, {"k": 1}, {"behavior": "state"}, {"no_reward": "random"}], ids=str
+)
+def test_every_setting_has_an_effect(make_model, make_easy_maze, make_maze, changes):
+    make = make_maze if "no_reward" in changes else make_easy_maze
+    settings = {"phi": 0.5, "seed": 2, **FINAL}
+    plain = make_model(NSES, make(), **settings).learn(3000)
+    changed = make_model(NSES, make(), **(settings | changes)).learn(3000)
+    assert not np.array_equal(plain._search.center, changed._search.center)
+
+
+def test_every_individual_enters_the_archive(make_model, make_maze):
+    model = make_model(NSES, make_maze(), **FINAL).learn(3 * 6 * 50)
+    assert model._motivation.archive.behaviors.shape == (3 * 6, 4)
+
+
+def test_another_maze_has_other_behaviors(make_model, make_maze):
+    model = make_model(NSES, make_maze(), **FINAL).learn(6 * 50)
+    model.set_env(make_maze())
+    assert len(model._motivation.archive) == 6
+    model.set_env(make_maze(layout="snake"))
+    assert len(model._motivation.archive) == 0
+
+
+def test_final_behaviors_need_an_env_that_has_them(make_model):
+    with pytest.raises(ValueError, match='`behavior="final"` needs an env'):
+        make_model(NSES, "CartPole-v1", **FINAL)
+
+
+@pytest.mark.parametrize(("name", "value"), [("k", 0), ("phi", 2.0), ("behavior", "last")])
+def test_errors_name_the_argument(make_model, make_maze, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_model(NSES, make_maze(), **{name: value})

@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from curiosity_algos import NSLC
+
+FINAL = {"behavior": "final"}
+
+
+def front(scores):
+    """Indices that no other dominates, from the definition."""
+    return {
+        i
+        for i, one in enumerate(scores)
+        if not any((other >= one).all() and (other > one).any() for other in scores)
+    }
+
+
+def test_parents_are_the_best_in_novelty_and_local_competition(make_model, make_easy_maze):
+    model = make_model(NSLC, make_easy_maze(), **FINAL, population_size=20, n_parents=5)
+    told = []
+    add = model.archive.add
+    model.archive.add = lambda *args, **kwargs: told.append(add(*args, **kwargs)) or told[-1]
+    for _ in range(6):
+        asked = model._ask().copy()
+        rollouts = model.evaluator.evaluate(asked, 0)
+        model._tell(rollouts)
+        info = told[-1]
+        scores = np.stack([info["novelty"], info["local_competition"]], axis=1)
+        chosen = {
+            i
+            for parent in model._emitter.part._parents
+            for i in np.flatnonzero((asked == parent).all(axis=1))
+        }
+        best = front(scores)
+        assert len(chosen) == 5
+        assert best <= chosen or chosen <= best
+    assert model.archive.stats.obj_max > 0
+
+
+def test_local_competition_counts_worse_neighbors(make_model, make_easy_maze):
+    model = make_model(NSLC, make_easy_maze(), **FINAL, k=5)
+    infos = []
+    add = model.archive.add
+    model.archive.add = lambda *args, **kwargs: infos.append(add(*args, **kwargs)) or infos[-1]
+    model.learn(3000)
+    counts = np.concatenate([info["local_competition"] for info in infos])
+    assert counts.min() == 0
+    assert 0 < counts.max() <= 5
+
+
+@pytest.mark.parametrize("behavior", ["final", "state"])
+def test_elites_are_told_apart_by_their_behaviors(make_model, make_easy_maze, behavior):
+    model = make_model(NSLC, make_easy_maze(), behavior=behavior).learn(4000)
+    size = {"final": 4, "state": model.observation_space.shape[0]}[behavior]
+    assert model.archive.data("measures").shape == (len(model.archive), size)
+    assert model.archive.behaviors.shape == (len(model.archive), 4)
+    assert 20 <= len(model.archive) <= 22
+    assert model.archive.threshold > 0.0
+
+
+@pytest.mark.parametrize("changes", [{"k": 1}, {"n_parents": 6}, {"archive_size": 5}], ids=str)
+def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
+    plain = make_model(NSLC, make_easy_maze(), **FINAL).learn(3000)
+    changed = make_model(NSLC, make_easy_maze(), **(FINAL | changes)).learn(3000)
+    assert not np.array_equal(plain._ask(), changed._ask())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("n_parents", 7), ("k", 0), ("archive_size", 0), ("behavior", "x")]
+)
+def test_errors_name_the_argument(make_model, make_maze, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_model(NSLC, make_maze(), **{name: value})
+
+
+def test_final_behaviors_need_an_env_that_has_them(make_model):
+    with pytest.raises(ValueError, match='`behavior="final"` needs an env'):
+        make_model(NSLC, "CartPole-v1", **FINAL)

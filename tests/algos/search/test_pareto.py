@@ -1,0 +1,141 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from curiosity_algos.search.pareto import crowding_distances, pareto_best, pareto_fronts
+
+# So few values that many rows are equal, wholly or in one objective.
+OBJECTIVES = st.tuples(st.integers(0, 14), st.integers(1, 3)).flatmap(
+    lambda shape: arrays(np.float64, shape, elements=st.integers(-2, 3).map(float))
+)
+
+
+def dominates(one, other):
+    better = False
+    for a, b in zip(one, other, strict=True):
+        if a < b:
+            return False
+        better = better or a > b
+    return better
+
+
+def fronts_by_definition(rows):
+    rest, fronts = list(range(len(rows))), []
+    while rest:
+        front = [i for i in rest if not any(dominates(rows[j], rows[i]) for j in rest)]
+        fronts.append(front)
+        rest = [i for i in rest if i not in front]
+    return fronts
+
+
+def crowding_by_definition(rows):
+    distances = [0.0] * len(rows)
+    for k in range(len(rows[0])):
+        order = sorted(range(len(rows)), key=lambda i: (rows[i][k], i))
+        spread = rows[order[-1]][k] - rows[order[0]][k]
+        if spread == 0:
+            continue
+        distances[order[0]] = distances[order[-1]] = float("inf")
+        for before, i, after in zip(order, order[1:], order[2:], strict=False):
+            distances[i] += (rows[after][k] - rows[before][k]) / spread
+    return distances
+
+
+def best_by_definition(rows, n):
+    best = []
+    for front in fronts_by_definition(rows):
+        distances = crowding_by_definition([rows[i] for i in front])
+        best += [i for _, i in sorted(zip([-d for d in distances], front, strict=True))]
+    return best[:n]
+
+
+def as_lists(fronts):
+    return [front.tolist() for front in fronts]
+
+
+@given(OBJECTIVES)
+def test_fronts_are_those_of_the_definition(objectives):
+    fronts = pareto_fronts(objectives)
+    assert as_lists(fronts) == fronts_by_definition(objectives.tolist())
+    assert all(front.dtype == np.int64 for front in fronts)
+
+
+def test_fronts_by_hand():
+    objectives = np.array([[1, 1], [0, 2], [2, 0], [1, 0], [0, 0], [1, 1], [0, 1]], dtype=float)
+    assert as_lists(pareto_fronts(objectives)) == [[0, 1, 2, 5], [3, 6], [4]]
+
+
+@pytest.mark.parametrize("n_objectives", [1, 2])
+def test_no_rows_have_no_fronts(n_objectives):
+    nothing = np.empty((0, n_objectives))
+    assert pareto_fronts(nothing) == []
+    assert crowding_distances(nothing).shape == (0,)
+    best = pareto_best(nothing, 0)
+    assert (best.shape, best.dtype) == ((0,), np.int64)
+
+
+@given(OBJECTIVES, st.integers(-5, 5), st.sampled_from([0.25, 0.5, 2.0, 8.0]))
+def test_neither_origin_nor_unit_of_an_objective_matters(objectives, shift, scale):
+    changed = objectives.copy()
+    changed[:, 0] = scale * objectives[:, 0] + shift  # exact in floating point
+    assert as_lists(pareto_fronts(changed)) == as_lists(pareto_fronts(objectives))
+    np.testing.assert_array_equal(crowding_distances(changed), crowding_distances(objectives))
+    n = len(objectives)
+    np.testing.assert_array_equal(pareto_best(changed, n), pareto_best(objectives, n))
+
+
+@given(OBJECTIVES, st.randoms(use_true_random=False))
+def test_permuted_rows_have_permuted_fronts(objectives, random):
+    order = np.arange(len(objectives))
+    random.shuffle(order)
+    permuted = [sorted(order[front]) for front in pareto_fronts(objectives[order])]
+    assert permuted == as_lists(pareto_fronts(objectives))
+
+
+def test_crowding_by_hand():
+    front = np.array([[4.0, 10.0], [0.0, 50.0], [10.0, 0.0], [1.0, 30.0], [8.0, 5.0]])
+    expected = [
+        (8 - 1) / 10 + (30 - 5) / 50,
+        np.inf,
+        np.inf,
+        (4 - 0) / 10 + (50 - 10) / 50,
+        (10 - 4) / 10 + (10 - 0) / 50,
+    ]
+    np.testing.assert_allclose(crowding_distances(front), expected)
+
+
+def test_crowding_of_equal_rows_is_the_same_every_time():
+    assert crowding_distances(np.full((4, 2), 3.0)).tolist() == [0.0] * 4
+    ends_thrice = np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]])
+    assert crowding_distances(ends_thrice).tolist() == [np.inf, 0.0, 1.0, 1.0, 0.0, np.inf]
+
+
+@given(OBJECTIVES.filter(len))
+def test_crowding_is_that_of_the_definition(objectives):
+    expected = crowding_by_definition(objectives.tolist())
+    np.testing.assert_allclose(crowding_distances(objectives), expected)
+
+
+# Both add the same shares in the same order, so what ties for one ties for the other.
+@given(OBJECTIVES, st.data())
+def test_best_are_those_of_the_definition(objectives, data):
+    n = data.draw(st.integers(0, len(objectives)))
+    best = pareto_best(objectives, n)
+    assert best.dtype == np.int64
+    assert best.tolist() == best_by_definition(objectives.tolist(), n)
+
+
+def test_best_by_hand():
+    line = [[0.0, 10.0], [1.0, 9.0], [2.0, 8.0], [6.0, 4.0], [10.0, 0.0]]
+    objectives = np.array([[-1.0, -1.0], *line, [-2.0, -2.0]])
+    # The ends, then those with the most room; the dominated rows come last.
+    assert pareto_best(objectives, 7).tolist() == [1, 5, 4, 3, 2, 0, 6]
+    assert pareto_best(objectives, 3).tolist() == [1, 5, 4]
+
+
+@pytest.mark.parametrize("n", [4, -1])
+def test_more_rows_than_there_are_is_an_error(n):
+    with pytest.raises(ValueError, match=r"^`n` must be from 0 to the 3 rows there are, got"):
+        pareto_best(np.zeros((3, 2)), n)

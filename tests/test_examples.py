@@ -13,6 +13,7 @@ ARGUMENTS = {
     "control_task.py": ["--timesteps", "1e5"],
     "custom_maze.py": ["--timesteps", "1e5"],
     "plain_gymnasium_loop.py": [],
+    "quality_diversity.py": ["--timesteps", "2e5", "--target", "60", "40"],
 }
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 

@@ -24,11 +24,12 @@ class CMAME(MAPElites):
     Args:
         env: See `MAPElites`, as for every argument not named here.
         policy: Likewise.
+        sigma: Step size after each restart, above 0.
         restart_interval: Generations between two restarts (the paper's phases of 10).
         es: "cma_es" adapts the full covariance matrix, as the paper does: its cost grows with the
             square of the policy's size, and is most of the time. "sep_cma_es" adapts its diagonal,
             "lm_ma_es" a few directions; "openai_es" none.
-        **kwargs: Passed on to `MAPElites`; `sigma` is the step size after each restart.
+        **kwargs: Passed on to `MAPElites`.
     """
 
     def __init__(
@@ -36,13 +37,14 @@ class CMAME(MAPElites):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
+        sigma: float = 0.1,
         restart_interval: int = 10,
         es: str = "cma_es",
         **kwargs: Any,
     ) -> None:
         self.restart_interval = restart_interval
         self.es = es
-        super().__init__(env, policy, **kwargs)
+        super().__init__(env, policy, sigma=sigma, **kwargs)
 
     def _check_settings(self) -> None:
         super()._check_settings()

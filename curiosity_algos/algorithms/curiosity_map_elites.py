@@ -32,6 +32,7 @@ class CuriosityMAPElites(MAPElites):
     Args:
         env: See `MAPElites`, as for every argument not named here.
         policy: Likewise.
+        sigma: Standard deviation of mutations, above 0.
         tournament_size: Elites drawn for each parent; 1 is MAP-Elites.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
         bonus: See `CuriosityES`, as the next five.
@@ -50,7 +51,8 @@ class CuriosityMAPElites(MAPElites):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        tournament_size: int = 8,
+        sigma: float = 0.1,
+        tournament_size: int = 32,
         n_kept: int = 32,
         bonus: str = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
@@ -68,7 +70,7 @@ class CuriosityMAPElites(MAPElites):
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.buffer_size = buffer_size
-        super().__init__(env, policy, **kwargs)
+        super().__init__(env, policy, sigma=sigma, **kwargs)
 
     def _check_settings(self) -> None:
         super()._check_settings()

@@ -100,7 +100,7 @@ class UnstructuredArchive(EliteArchive):
         distances = cdist(measures, all_measures)
         np.fill_diagonal(distances, np.inf)  # nobody is a neighbor of its own
         k = min(self.k_neighbors, len(all_measures) - 1)
-        if len(measures) == 0 or k == 0:
+        if k < 1:
             return np.zeros(len(measures)), np.zeros(len(measures), dtype=np.int64)
         neighbors = np.argsort(distances, axis=1, kind="stable")[:, :k]
         novelty = np.take_along_axis(distances, neighbors, axis=1).mean(axis=1)

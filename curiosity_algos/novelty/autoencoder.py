@@ -146,9 +146,11 @@ class TrajectoryEncoder:
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
+        self.shape, self.loss = None, math.nan
         if "shape" in state:
             self._build(*state["shape"])
             self._modules.load_state_dict(state["modules"])
-            self._optimizer.load_state_dict(state["optimizer"])
+            # Torch would keep the given tensors as the optimizer's own, and train on in them.
+            self._optimizer.load_state_dict(copy.deepcopy(state["optimizer"]))
             self.loss = state["loss"]
         self._generator.set_state(state["generator"].cpu())

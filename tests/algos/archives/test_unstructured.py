@@ -186,6 +186,7 @@ class TestCompete:
         assert info["novelty"].tolist() == [0.0]
         assert info["local_competition"].tolist() == [0]
 
+    @pytest.mark.filterwarnings("error")
     @pytest.mark.parametrize("n", [0, 1, 2, 5])
     def test_an_empty_batch(self, n):
         archive = make_archive(k_neighbors=1)
@@ -251,6 +252,15 @@ class TestInsertion:
         assert offer(5.0, 5.0) == (IMPROVED, 2.0)
         assert archive.data("measures").tolist() == [[0.0], [5.0]]
         assert archive.threshold == 9.0
+
+    @pytest.mark.parametrize("target_size", [1, 9, 10, 19, 30, 70, 110])
+    def test_it_grows_by_a_tenth_before_it_is_thinned_out(self, target_size):
+        n = 11 * target_size // 10
+        archive = make_archive(target_size=target_size, extra_fields=EXTRA)
+        archive.add(**make_batch(n))
+        assert (len(archive), archive.threshold) == (n, 0.0)
+        archive.add(**make_batch(1, 1))
+        assert len(archive) == target_size
 
     def test_the_threshold_is_the_smallest_distance_after_thinning(self):
         archive = make_archive(target_size=20, extra_fields=EXTRA)

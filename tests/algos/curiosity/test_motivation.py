@@ -7,7 +7,7 @@ from gymnasium import spaces
 
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.curiosity.motivation import CuriosityMotivation
+from curiosity_algos.curiosity.motivation import CuriosityMotivation, flat, sample_transitions
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 N_OBSERVATIONS, HORIZON = 3, 12
@@ -71,6 +71,51 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
         **(settings | changes),
         seed=np.random.SeedSequence(0),
     )
+
+
+class TestSampleTransitions:
+    @pytest.mark.parametrize("is_discrete", [False, True])
+    def test_they_are_consecutive_states_of_the_own_episode(self, is_discrete):
+        rollouts = make_rollouts(is_discrete)
+        drawn = sample_transitions(rollouts, 60, np.random.default_rng(0))
+        n = len(LENGTHS)
+        assert [part.shape for part in drawn] == [
+            (n, 60, N_OBSERVATIONS),
+            (n, 60) if is_discrete else (n, 60, 2),
+            (n, 60, N_OBSERVATIONS),
+        ]
+        assert [part.dtype for part in drawn] == [
+            np.float32,
+            rollouts.actions.dtype,
+            np.float32,
+        ]
+        for i, length in enumerate(LENGTHS):
+            times = []
+            for observation, action, following in zip(*(part[i] for part in drawn), strict=True):
+                is_here = (rollouts.observations[i, :length] == observation).all(axis=1)
+                times.append(np.flatnonzero(is_here).item())
+                np.testing.assert_array_equal(action, rollouts.actions[i, times[-1]])
+                np.testing.assert_array_equal(following, rollouts.observations[i, times[-1] + 1])
+            assert set(times) == set(range(length))
+
+    def test_every_transition_is_as_likely(self):
+        rollouts = make_rollouts()
+        observations, _, _ = sample_transitions(rollouts, 12_000, np.random.default_rng(0))
+        _, counts = np.unique(observations[0], axis=0, return_counts=True)
+        assert len(counts) == LENGTHS[0]
+        assert np.abs(counts - 1000).max() < 5 * np.sqrt(1000)
+
+    def test_seeds_decide(self):
+        one, same, other = (
+            sample_transitions(make_rollouts(), 9, np.random.default_rng(seed))
+            for seed in (0, 0, 1)
+        )
+        np.testing.assert_equal(one, same)
+        assert not np.array_equal(one[0], other[0])
+
+    def test_flat_puts_individuals_one_after_another(self):
+        assert flat(np.arange(12).reshape(2, 3, 2)).tolist() == np.arange(12).reshape(6, 2).tolist()
+        assert flat(np.arange(6).reshape(2, 3)).tolist() == list(range(6))
 
 
 class TestScore:

@@ -1,0 +1,219 @@
+import itertools
+
+import numpy as np
+import pytest
+from ribs.emitters import GaussianEmitter
+
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.search.emitters import ParetoEmitter, TournamentEmitter
+
+N_PARAMETERS = 3
+TINY = 1e-9
+
+
+def make_grid(n=40, dtype=np.float64):
+    """n elites: the first parameter is the cell, 0 to n - 1, the objective something else."""
+    archive = SparseGridArchive(
+        solution_dim=N_PARAMETERS, dims=[40], ranges=[(0, 40)], solution_dtype=dtype, seed=3
+    )
+    cells = np.arange(n)
+    solution = np.repeat(cells[:, None], N_PARAMETERS, axis=1)
+    archive.add(solution, np.sin(cells), cells[:, None] + 0.5)
+    return archive
+
+
+def by_objective(elites):
+    return elites["objective"]
+
+
+def make_tournament(archive=None, *, tournament_size=4, score=by_objective, **changes):
+    return TournamentEmitter(
+        make_grid() if archive is None else archive,
+        score=score,
+        tournament_size=tournament_size,
+        **({"sigma": TINY, "x0": np.full(N_PARAMETERS, 5.0), "batch_size": 30} | changes),
+        seed=1,
+    )
+
+
+class TestTournament:
+    @pytest.mark.parametrize("tournament_size", [1, 2, 7])
+    def test_parents_win_their_tournaments(self, tournament_size):
+        parents = np.round(make_tournament(tournament_size=tournament_size).ask()[:, 0])
+        drawn = make_grid().sample_elites(30 * tournament_size)["solution"][:, 0]
+        winners = [
+            max(drawn[begin : begin + tournament_size], key=np.sin)
+            for begin in range(0, len(drawn), tournament_size)
+        ]
+        assert parents.tolist() == winners
+
+    def test_ties_go_to_the_first_drawn(self):
+        emitter = make_tournament(score=lambda elites: np.zeros(len(elites["objective"])))
+        drawn = make_grid().sample_elites(120)["solution"][::4, 0]
+        assert np.round(emitter.ask()[:, 0]).tolist() == drawn.tolist()
+
+    @pytest.mark.parametrize("n", [0, 40])
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_tournaments_of_one_are_map_elites(self, n, dtype):
+        settings = {"sigma": 0.3, "x0": np.ones(N_PARAMETERS), "batch_size": 9, "seed": 1}
+        plain = GaussianEmitter(make_grid(n, dtype), **settings)
+        emitter = TournamentEmitter(
+            make_grid(n, dtype), score=by_objective, tournament_size=1, **settings
+        )
+        for _ in range(3):
+            one, other = plain.ask(), emitter.ask()
+            assert one.dtype == other.dtype == dtype
+            np.testing.assert_array_equal(one, other)
+
+    def test_the_favorite_has_nearly_all_offspring(self):
+        emitter = make_tournament(
+            score=lambda elites: elites["solution"][:, 1] == 17, tournament_size=200, batch_size=100
+        )
+        # Of 200 draws of 40 elites, all miss one with a probability below 1 %.
+        assert np.mean(np.round(emitter.ask()[:, 0]) == 17) > 0.9
+
+    def test_the_score_sees_all_that_is_kept(self):
+        seen = []
+
+        def score(elites):
+            seen.append({name: array.shape for name, array in elites.items()})
+            return elites["measures"][:, 0]
+
+        make_tournament(score=score).ask()
+        assert seen == [
+            {"solution": (120, 3), "objective": (120,), "measures": (120, 1), "index": (120,)}
+        ]
+
+    def test_offspring_are_of_x0_while_there_are_no_elites(self):
+        asked = make_tournament(make_grid(0), score=None).ask()
+        np.testing.assert_allclose(asked, np.full((30, N_PARAMETERS), 5.0), rtol=1e-6)
+
+    @pytest.mark.parametrize("n", [0, 1])
+    def test_noise_has_the_deviation_asked_for(self, n):
+        archive = make_grid(n)
+        center = 0.0 if n else 5.0
+        noise = make_tournament(archive, sigma=0.3, batch_size=3000).ask() - center
+        assert noise.std(axis=0) == pytest.approx([0.3] * 3, rel=0.06)
+        assert np.abs(noise.mean(axis=0)).max() < 0.03
+        assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.1
+
+
+def make_pareto(**changes):
+    archive = UnstructuredArchive(
+        solution_dim=N_PARAMETERS, measure_dim=2, target_size=30, k_neighbors=3, seed=0
+    )
+    settings = {"sigma": TINY, "n_parents": 4, "batch_size": 10, "seed": 1}
+    return ParetoEmitter(archive, x0=np.full(N_PARAMETERS, -1.0), **(settings | changes))
+
+
+def tell(emitter, novelty, competition):
+    """A generation whose i-th individual has nothing but i as parameters."""
+    n = len(novelty)
+    info = {"novelty": np.array(novelty), "local_competition": np.array(competition)}
+    solution = np.repeat(np.arange(float(n))[:, None], N_PARAMETERS, axis=1)
+    emitter.tell(solution, np.zeros(n), np.zeros((n, 2)), info)
+
+
+def parents_of(asked):
+    parents = np.round(asked[:, 0]).astype(int)
+    np.testing.assert_allclose(asked, np.repeat(parents[:, None], N_PARAMETERS, axis=1), atol=1e-6)
+    return parents.tolist()
+
+
+def first_fronts(points):
+    """Individuals by how many fronts lie above them, from chains of dominated points."""
+
+    def is_better(one, other):
+        return one != other and one[0] >= other[0] and one[1] >= other[1]
+
+    ranks = {}
+    for point in sorted(set(points), reverse=True):
+        above = [ranks[other] + 1 for other in ranks if is_better(other, point)]
+        ranks[point] = max(above, default=0)
+    return [ranks[point] for point in points]
+
+
+class TestPareto:
+    def test_the_first_offspring_are_of_x0(self):
+        np.testing.assert_allclose(make_pareto().ask(), np.full((10, 3), -1.0), rtol=1e-6)
+
+    def test_parents_by_hand(self):
+        emitter = make_pareto(n_parents=3, batch_size=7)
+        # The line 1, 3, 4, 6 dominates; 3 is its most crowded.
+        tell(emitter, [0.0, 1.0, 2.0, 2.5, 4.0, 0.5, 9.0], [0, 7, 1, 6, 5, 6, 1])
+        assert parents_of(emitter.ask()) == [1, 6, 4, 1, 6, 4, 1]
+
+    @pytest.mark.parametrize("number", range(30))
+    def test_no_better_front_is_passed_over(self, number):
+        rng = np.random.default_rng(number)
+        n, n_parents = 20, int(rng.integers(1, 20))
+        novelty, competition = rng.integers(0, 6, n).astype(float), rng.integers(0, 6, n)
+        emitter = make_pareto(n_parents=n_parents, batch_size=n_parents)
+        tell(emitter, novelty, competition)
+        parents = parents_of(emitter.ask())
+        ranks = first_fronts(list(zip(novelty.tolist(), competition.tolist(), strict=True)))
+        assert len(set(parents)) == n_parents
+        assert sorted(ranks[i] for i in parents) == sorted(ranks)[:n_parents]
+        assert [ranks[i] for i in parents] == sorted(ranks[i] for i in parents)
+
+    @pytest.mark.parametrize(("n_parents", "batch_size"), [(1, 5), (4, 12), (4, 10), (10, 10)])
+    def test_offspring_are_spread_evenly(self, n_parents, batch_size):
+        emitter = make_pareto(n_parents=n_parents, batch_size=batch_size)
+        tell(emitter, np.arange(20.0), np.arange(20))
+        counts = np.bincount(parents_of(emitter.ask()), minlength=20)
+        assert counts[: 20 - n_parents].sum() == 0
+        assert set(counts[20 - n_parents :]) <= {
+            batch_size // n_parents,
+            -(-batch_size // n_parents),
+        }
+
+    def test_the_last_generation_alone_has_offspring(self):
+        emitter = make_pareto(n_parents=2)
+        tell(emitter, np.full(20, 9.0), np.full(20, 9))
+        tell(emitter, np.arange(6.0), np.arange(6))
+        assert set(parents_of(emitter.ask())) == {4, 5}
+
+    def test_noise_has_the_deviation_asked_for(self):
+        emitter = make_pareto(sigma=0.3, batch_size=3000, n_parents=1)
+        tell(emitter, [0.0, 1.0], [0, 1])
+        noise = emitter.ask() - 1.0
+        assert noise.std(axis=0) == pytest.approx([0.3] * 3, rel=0.06)
+        assert np.abs(noise.mean(axis=0)).max() < 0.03
+        assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.1
+
+    def test_offspring_of_one_parent_differ(self):
+        asked = make_pareto(sigma=0.3).ask()
+        assert len(np.unique(asked[:, 0])) == 10
+
+    def test_seeds_decide(self):
+        one, same, other = (make_pareto(sigma=0.3, seed=seed).ask() for seed in (0, 0, 1))
+        np.testing.assert_array_equal(one, same)
+        assert not np.array_equal(one, other)
+
+    def test_solutions_have_the_archives_type(self):
+        archive = UnstructuredArchive(
+            solution_dim=N_PARAMETERS,
+            measure_dim=2,
+            target_size=30,
+            k_neighbors=3,
+            solution_dtype=np.float32,
+        )
+        x0 = np.zeros(N_PARAMETERS)
+        emitter = ParetoEmitter(archive, x0=x0, sigma=0.3, n_parents=2, batch_size=6, seed=0)
+        for _ in range(2):
+            asked = emitter.ask()
+            assert asked.dtype == np.float32
+            info = archive.add(asked, np.arange(6.0), asked[:, :2])
+            emitter.tell(asked, np.arange(6.0), asked[:, :2], info)
+
+    def test_it_searches_for_novelty(self):
+        """Told by a true archive, offspring come farther and farther from where they began."""
+        emitter = make_pareto(sigma=0.1)
+        spreads = []
+        for _ in range(40):
+            asked = emitter.ask()
+            info = emitter.archive.add(asked, np.zeros(len(asked)), asked[:, :2])
+            emitter.tell(asked, np.zeros(len(asked)), asked[:, :2], info)
+            spreads.append(np.linalg.norm(asked[:, :2] + 1.0, axis=1).max())
+        assert all(later > sooner for sooner, later in itertools.pairwise(spreads[::13]))

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from ribs.emitters import EmitterBase, GaussianEmitter
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.policies import Float32Array, MlpPolicy
@@ -25,9 +24,9 @@ from curiosity_gym.validation import check_at_least_one, check_positive, check_s
 class AURORA(QualityDiversity):
     """Mutates elites that lie apart in what an autoencoder makes of their trajectories.
 
-    The autoencoder is trained on the archive and the generation: in the first generation, in the
-    `training_interval`-th, and whenever their number has doubled since. After each training all
-    elites are encoded anew.
+    The autoencoder is trained on the archive and the generation: in the first generation, after
+    `training_interval` generations, and whenever their number has doubled since. After each
+    training all elites are encoded anew.
 
     Args:
         env: See `QualityDiversity`, as for every argument not named here.
@@ -51,7 +50,7 @@ class AURORA(QualityDiversity):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        latent_size: int = 4,
+        latent_size: int = 10,
         trajectory_share: float = 0.4,
         archive_size: int = 1000,
         training_interval: int = 10,
@@ -103,14 +102,10 @@ class AURORA(QualityDiversity):
             extra_fields={
                 "seed": ((), np.int64),
                 "behavior": (self._n_behaviors, np.float64),
+                # The first generation tells how many states there are.
                 "states": (self._encoder.shape or (0, 0), np.float32),
             },
             net_arch=self.policy.net_arch,
-        )
-
-    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
-        return GaussianEmitter(
-            self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
         )
 
     def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
@@ -122,7 +117,7 @@ class AURORA(QualityDiversity):
         return self._encoder.encode(states)
 
     def _is_training_due(self) -> bool:
-        n_intervals, rest = divmod(self.generation, self.training_interval)
+        n_intervals, rest = divmod(len(self.history), self.training_interval)
         is_power_of_two = n_intervals & (n_intervals - 1) == 0
         return rest == 0 and is_power_of_two  # 0 counts as one
 
@@ -134,8 +129,7 @@ class AURORA(QualityDiversity):
             self.archive.remeasure(self._encoder.encode(elites))
 
     def _fields(self, rollouts: Rollouts) -> Fields:
-        states = self._encoder.states(rollouts)
-        return {**super()._fields(rollouts), "behavior": rollouts.behaviors, "states": states}
+        return {**super()._fields(rollouts), "states": self._encoder.states(rollouts)}
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         metrics = super()._tell(rollouts)

@@ -15,7 +15,7 @@ from curiosity_algos.common.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.validation import check_at_least_one, check_choice
 
-STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es", "openai_es")
+STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es")
 
 
 class CMAME(MAPElites):
@@ -27,8 +27,8 @@ class CMAME(MAPElites):
         sigma: Step size after each restart, above 0.
         restart_interval: Generations between two restarts (the paper's phases of 10).
         es: "cma_es" adapts the full covariance matrix, as the paper does: its cost grows with the
-            square of the policy's size, and is most of the time. "sep_cma_es" adapts its diagonal,
-            "lm_ma_es" a few directions; "openai_es" none.
+            square of the policy's size. "sep_cma_es" adapts its diagonal, "lm_ma_es" a few
+            directions.
         **kwargs: Passed on to `MAPElites`.
     """
 
@@ -50,6 +50,11 @@ class CMAME(MAPElites):
         super()._check_settings()
         check_at_least_one(restart_interval=self.restart_interval)
         check_choice(STRATEGIES, es=self.es)
+        if self.population_size < 2:
+            raise ValueError("`population_size` must be at least 2, got 1: CMA-ES compares.")
+
+    def _step_size(self) -> float:
+        return float(self._emitter.part._opt.sigma)  # pyribs shows it nowhere else
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return EvolutionStrategyEmitter(

@@ -6,7 +6,7 @@ The paper's discussion names the combination of curiosity and MAP-Elites as futu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from ribs.emitters import EmitterBase
@@ -43,8 +43,6 @@ class CuriosityMAPElites(MAPElites):
         buffer_size: Likewise.
         **kwargs: Passed on to `MAPElites`.
     """
-
-    gamma: ClassVar[float] = 1.0  # samples of a trajectory have no order to weigh
 
     def __init__(
         self,

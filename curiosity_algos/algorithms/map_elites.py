@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from ribs.emitters import EmitterBase, GaussianEmitter
+from gymnasium import spaces
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_algos.common.policies import Float32Array, MlpPolicy
+from curiosity_algos.common.policies import MlpPolicy
 from curiosity_algos.common.quality_diversity import QualityDiversity
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.validation import check_at_least_one
@@ -48,11 +48,18 @@ class MAPElites(QualityDiversity):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(n_cells=self.n_cells)
-        space = self._behavior_space
-        if space is None or not space.is_bounded():
+        self._check_behaviors(self._behavior_space)
+
+    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
+        if space is None or not space.is_bounded() or not (space.low < space.high).all():
             raise ValueError(
                 "`env` must have a bounded `behavior_space`, for the grid to span: wrap it in "
                 "curiosity_gym.BehaviorWrapper."
+            )
+        if self.n_cells ** space.shape[0] >= 2**63:
+            raise ValueError(
+                f"`n_cells` must make less than 2**63 cells, got {self.n_cells} in each of "
+                f"{space.shape[0]} dimensions."
             )
 
     def _make_archive(self, seed: np.random.SeedSequence) -> SparseGridArchive:
@@ -71,8 +78,3 @@ class MAPElites(QualityDiversity):
     def _extra_fields(self) -> dict[str, tuple[Any, Any]]:
         """Name: (shape, dtype) of what `_fields` gives of each elite."""
         return {"seed": ((), np.int64)}
-
-    def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
-        return GaussianEmitter(
-            self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
-        )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 
 from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_algos.common.policies import MlpPolicy
@@ -58,6 +59,10 @@ class NSES(EvolutionStrategy):
         check_share(phi=self.phi)
         check_at_least_one(k=self.k)
         check_choice(NO_REWARD, no_reward=self.no_reward)
+        self._check_behaviors(self._behavior_space)
+
+    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
+        behavior_size(self.behavior, self.observation_space, space)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> NoveltyMotivation:
         return self._novelty()

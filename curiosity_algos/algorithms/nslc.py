@@ -10,16 +10,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.policies import Float32Array, MlpPolicy
-from curiosity_algos.common.quality_diversity import Fields, QualityDiversity
+from curiosity_algos.common.quality_diversity import QualityDiversity
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.novelty.motivation import behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_parents
 
 
 class NSLC(QualityDiversity):
@@ -59,12 +60,12 @@ class NSLC(QualityDiversity):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(n_parents=self.n_parents, k=self.k, archive_size=self.archive_size)
-        if self.n_parents > self.population_size:
-            raise ValueError(
-                f"`n_parents` must be at most `population_size` = {self.population_size}, "
-                f"got {self.n_parents}."
-            )
+        check_at_least_one(k=self.k, archive_size=self.archive_size)
+        check_parents(self.n_parents, self.population_size)
+        self._check_behaviors(self._behavior_space)
+
+    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
+        behavior_size(self.behavior, self.observation_space, space)
 
     def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
         return UnstructuredArchive(
@@ -90,6 +91,3 @@ class NSLC(QualityDiversity):
 
     def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         return behaviors_of(rollouts, self.behavior)
-
-    def _fields(self, rollouts: Rollouts) -> Fields:
-        return {**super()._fields(rollouts), "behavior": rollouts.behaviors}

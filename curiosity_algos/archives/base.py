@@ -239,7 +239,9 @@ class EliteArchive(ArchiveBase):
             ValueError: If `behavior` is not finite of that shape, or the archive is empty.
         """
         behaviors = self.behaviors
-        wanted = np.asarray(behavior, dtype=np.float64)
+        wanted = _as_array("niche", behavior, np.dtype(np.float64))
+        if not behaviors.shape[1]:
+            raise ValueError("`niche` needs an env with a `behavior_space`, this one has none.")
         if wanted.shape != behaviors.shape[1:] or not np.isfinite(wanted).all():
             raise ValueError(
                 f"`niche` must be finite of shape {behaviors.shape[1:]}, got {behavior!r}."

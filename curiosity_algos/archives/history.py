@@ -19,7 +19,7 @@ class ArchiveHistory:
     """The statistics of an archive after each generation.
 
     Columns: `timesteps` of all generations so far, `size` (elites), `coverage` (share of the cells
-    that are taken), `qd_score` (sum of the objectives), `best` (objective).
+    that are taken; 1 where there are none), `qd_score` (sum of the objectives), `best` (objective).
     """
 
     def __init__(self) -> None:

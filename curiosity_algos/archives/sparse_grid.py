@@ -159,6 +159,8 @@ class SparseGridArchive(EliteArchive):
         return np.array([self._cells[slot] for slot in slots], dtype=np.int64)
 
     def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
+        if not np.array_equal(self.index_of(data["measures"]), data["index"]):
+            raise ValueError("The elites must be of the same grid, they lie in cells of another.")
         super()._put(data)
         self._cells = data["index"].tolist()
         self._slots = {cell: slot for slot, cell in enumerate(self._cells)}

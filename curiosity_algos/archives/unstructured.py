@@ -31,6 +31,8 @@ SLACK = 0.1
 class UnstructuredArchive(EliteArchive):
     """Takes in what is farther than `threshold` from all elites, or beats the nearest of them.
 
+    What beats the nearest takes its place, even where that is nearer than `threshold` to another.
+
     Until there are `target_size` elites the threshold is 0. Whenever they come to a tenth more, the
     closest pairs lose their worse half until `target_size` are left, and the threshold becomes the
     smallest distance that is left.

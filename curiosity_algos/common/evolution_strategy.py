@@ -20,7 +20,7 @@ from curiosity_algos.evaluation.batches import env_id
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_gym.validation import check_at_least_one, check_choice, check_positive
+from curiosity_gym.validation import check_choice, check_parents, check_positive
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -136,12 +136,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(population_size=self.population_size, n_parents=self.n_parents)
-        if self.n_parents > self.population_size:
-            raise ValueError(
-                f"`n_parents` must be at most `population_size` = {self.population_size}, "
-                f"got {self.n_parents}."
-            )
+        check_parents(self.n_parents, self.population_size)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(STEPS, step=self.step)
 

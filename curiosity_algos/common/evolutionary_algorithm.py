@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 import gymnasium as gym
 import numpy as np
 import torch as th
+from gymnasium import spaces
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import CallbackList
@@ -187,6 +188,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         env = gym.make(env) if isinstance(env, str) else env
         wrapped = self._wrap_env(env, self.verbose)
         check_for_correct_spaces(wrapped, self.observation_space, self.action_space)
+        self._check_behaviors(behavior_space(wrapped))
         evaluator = make_evaluator(wrapped, self.policy_kwargs, self.n_threads)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
@@ -196,12 +198,16 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
     def _match_env(self, env: VecEnv) -> None:
         """Count in the grid of `env`; in another one, forget what was found before."""
         grid, space = coverage_grid(env), behavior_space(env)
+        self._check_behaviors(space)
         if grid != self._coverage_grid or space != self._behavior_space:
             self._coverage_grid, self._behavior_space = grid, space
             self._coverage = Coverage(grid)
             self._forget_best()
             self._forget_behaviors()
             self._show_best()
+
+    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
+        """Raise ValueError where the algorithm has no use for such behaviors of an env."""
 
     def _forget_behaviors(self) -> None:
         """Drop what another environment's behaviors came to, where the algorithm keeps any."""
@@ -277,11 +283,22 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         assert self.evaluator is not None
         parameters = self._ask()
         rollouts = self.evaluator.evaluate(parameters, self._episodes.draw())
-        if not np.isfinite(rollouts.returns).all():
-            raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
+        self._check_rollouts(rollouts)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
         return rollouts, metrics
+
+    def _check_rollouts(self, rollouts: Rollouts) -> None:
+        """Raise ValueError where the env gave what nothing can be learned from."""
+        if not np.isfinite(rollouts.returns).all():
+            raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
+        if not np.isfinite(rollouts.final_observations).all():
+            raise ValueError("`env` must give finite observations, an episode's last was not.")
+        if not np.isfinite(rollouts.behaviors).all():
+            raise ValueError("`env` must give finite behaviors, an episode's was not.")
+        space = self._behavior_space
+        if space is not None and rollouts.behaviors.shape[1:] != space.shape:
+            raise ValueError('`env` must give an info["behavior"] of its `behavior_space`.')
 
     def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
         """Count the generation in: timesteps, first success, coverage, best policy."""

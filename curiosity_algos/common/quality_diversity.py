@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
+import io
+import os
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from ribs.emitters import EmitterBase
+from ribs.emitters import EmitterBase, GaussianEmitter
 from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
@@ -67,9 +70,14 @@ class QualityDiversity(EvolutionaryAlgorithm):
     def _make_archive(self, seed: np.random.SeedSequence) -> EliteArchive:
         """An empty archive."""
 
-    @abstractmethod
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
-        """What emits policies for `self.archive`, beginning at `x0` (n_parameters,)."""
+        """What emits policies for `self.archive`, beginning at `x0` (n_parameters,).
+
+        Mutants of elites drawn uniformly, where an algorithm says nothing else.
+        """
+        return GaussianEmitter(
+            self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
+        )
 
     def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """What places each individual in the archive, (P, measure_dim)."""
@@ -77,7 +85,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _fields(self, rollouts: Rollouts) -> Fields:
         """What is kept of each individual, an array (P, ...) for each extra field."""
-        return {"seed": np.full(len(rollouts), self._episodes.current)}
+        fields: Fields = {"seed": np.full(len(rollouts), self._episodes.current)}
+        if "behavior" in self.archive.field_list:
+            fields["behavior"] = rollouts.behaviors[:, : self._n_behaviors]
+        return fields
 
     @property
     def _n_behaviors(self) -> int:
@@ -92,6 +103,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
         check_positive(sigma=self.sigma)
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
+        self._begin_archive(seed)
+
+    def _begin_archive(self, seed: np.random.SeedSequence) -> None:
+        """Hold an empty archive, and an emitter that begins anew."""
         start_seed, archive_seed, emitter_seed = seed.spawn(3)
         start = np.random.default_rng(start_seed)
         x0 = INITIAL_DEVIATION * start.standard_normal(self.policy.mlp.n_parameters)
@@ -99,9 +114,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self.history = ArchiveHistory()
         emitter = self._make_emitter(x0.astype(np.float32), integer_seed(emitter_seed))
         self._emitter = ForeignPart(emitter)
-        self._scheduler = Scheduler(self.archive, [emitter])
 
     def _ask(self) -> Float32Array:
+        # Made anew each time: after an env's error the old one would wait for what never comes.
+        self._scheduler = Scheduler(self.archive, [self._emitter.part])
         asked: Float32Array = self._scheduler.ask().astype(np.float32)
         return asked
 
@@ -110,16 +126,21 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self._scheduler.tell(rollouts.returns, measures, **fields)
         stats = self.archive.stats
         self.history.record(rollouts.timesteps, stats)
-        metrics = {
-            "archive/size": len(self.archive),
-            "archive/coverage": float(stats.coverage),
-            "archive/qd_score": float(stats.qd_score),
-            "archive/best": self.history["best"][-1],
-            "search/sigma": self.sigma,
-        }
         if isinstance(self.archive, UnstructuredArchive):
-            metrics["archive/threshold"] = self.archive.threshold
-        return metrics
+            own = {"archive/threshold": self.archive.threshold}
+        else:
+            own = {"archive/coverage": float(stats.coverage)}
+        return {
+            "archive/size": len(self.archive),
+            "archive/qd_score": float(stats.qd_score),
+            "archive/best": self.archive.data("objective").max(),
+            "search/sigma": self._step_size(),
+            **own,
+        }
+
+    def _step_size(self) -> float:
+        """Standard deviation of the mutations."""
+        return self.sigma
 
     def _center(self) -> Float32Array:
         best = self.archive.best_elite
@@ -127,13 +148,33 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return center.astype(np.float32)
 
     def _forget_behaviors(self) -> None:
-        self._make_search(np.random.SeedSequence(self.seed).spawn(1)[0])
+        self._begin_archive(np.random.SeedSequence(self._episodes.draw()))
 
     def _state_names(self) -> list[str]:
         return ["archive", "history", "_emitter"]
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "_scheduler"]
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        env: AnyEnv | None = None,
+        *args: Any,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a model, see `EvolutionaryAlgorithm.load`.
+
+        Raises:
+            ValueError: Also if `kwargs` would replace a setting that archive or emitter were made
+                with.
+        """
+        ours = cls.__mro__[: cls.__mro__.index(EvolutionaryAlgorithm)]
+        fixed = {name for each in ours for name in inspect.signature(each).parameters}
+        for name in sorted(fixed & kwargs.keys()):
+            raise ValueError(f"`{name}` must be left as it was saved: make a new {cls.__name__}.")
+        return super().load(path, env, *args, **kwargs)
 
     # -- acting ---------------------------------------------------------------------------------
 

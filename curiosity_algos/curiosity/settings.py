@@ -26,13 +26,13 @@ BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM}
 class CuriositySettings:
     """The keywords of `CuriosityES` that make its motivation, under the same names."""
 
-    gamma: float
     bonus: str
     bonus_kwargs: dict[str, Any]
     n_transitions: int
     n_updates: int
     batch_size: int
     buffer_size: int
+    gamma: float = 1.0
 
     @classmethod
     def of(cls, algorithm: object) -> Self:
@@ -41,7 +41,8 @@ class CuriositySettings:
         Raises:
             ValueError: If one is out of its range, or the bonus knows no such keyword.
         """
-        settings = cls(**{field.name: getattr(algorithm, field.name) for field in fields(cls)})
+        names = [field.name for field in fields(cls) if hasattr(algorithm, field.name)]
+        settings = cls(**{name: getattr(algorithm, name) for name in names})
         settings._check()
         return settings
 

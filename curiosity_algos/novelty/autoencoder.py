@@ -32,7 +32,7 @@ def sample_states(rollouts: Rollouts, n: int) -> Float32Array:
     return observations[np.arange(len(rollouts))[:, None], times]
 
 
-def _chunks(states: Float32Array, size: int = 64) -> list[Float32Array]:
+def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:
     """Few trajectories at a time: standardized copies of a whole archive would take its memory."""
     return [states[begin : begin + size] for begin in range(0, len(states), size)]
 
@@ -77,7 +77,8 @@ class TrajectoryEncoder:
 
     def begin(self, rollouts: Rollouts) -> tuple[int, int]:
         """Make the networks for trajectories as long as the longest of these; `shape`."""
-        n_states = math.ceil(self.share * int(rollouts.lengths.max()))
+        # Two at least: all that a single one would show is the start, the same for all.
+        n_states = max(2, math.ceil(self.share * int(rollouts.lengths.max())))
         return self._build(n_states, rollouts.final_observations.shape[1])
 
     def _build(self, n_states: int, n_observations: int) -> tuple[int, int]:
@@ -106,17 +107,17 @@ class TrajectoryEncoder:
         assert self.shape is not None
         with single_torch_thread():
             fresh = RunningNormalizer(self.shape[1]).to(self.device)
-            fresh.observe(th.from_numpy(states.reshape(-1, self.shape[1])).to(self.device))
+            for part in _parts(states):
+                fresh.observe(th.from_numpy(part).flatten(0, 1).to(self.device))
             self._normalizer.load_state_dict(fresh.state_dict())
-            inputs = self._inputs(states)
             for _ in range(self.n_epochs):
-                self.loss = self._epoch(inputs)
+                self.loss = self._epoch(states)
 
-    def _epoch(self, inputs: th.Tensor) -> float:
-        order = th.randperm(len(inputs), generator=self._generator)
+    def _epoch(self, states: Float32Array) -> float:
+        order = th.randperm(len(states), generator=self._generator)
         losses = []
         for rows in th.split(order, self.batch_size):
-            batch = inputs[rows]
+            batch = self._inputs(states[rows.numpy()])
             loss = th.nn.functional.mse_loss(self._decoder(self._encoder(batch)), batch)
             self._optimizer.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
@@ -128,7 +129,7 @@ class TrajectoryEncoder:
     def encode(self, states: Float32Array) -> npt.NDArray[np.float64]:
         """Latent behaviors (n, n_dimensions) of trajectories (n, n_states, O)."""
         with single_torch_thread():
-            chunks = [self._encoder(self._inputs(part)) for part in _chunks(states)]
+            chunks = [self._encoder(self._inputs(part)) for part in _parts(states)]
         return th.cat(chunks).cpu().numpy().astype(np.float64)
 
     def _inputs(self, states: Float32Array) -> th.Tensor:

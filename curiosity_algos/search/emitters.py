@@ -23,7 +23,10 @@ class TournamentEmitter(GaussianEmitter):
         archive: Where the elites are drawn from.
         score: Of elites, a dictionary of arrays (n, ...), to scores (n,): the highest wins.
         tournament_size: Elites drawn uniformly for each parent; 1 is MAP-Elites' own rule.
-        **kwargs: Of pyribs' `GaussianEmitter`: `sigma`, `x0`, `batch_size`, `seed`.
+        sigma: Standard deviation of the mutations.
+        x0: (n_parameters,) parent while there are no elites.
+        batch_size: Mutants in all.
+        seed: Of the mutations.
     """
 
     def __init__(
@@ -32,9 +35,12 @@ class TournamentEmitter(GaussianEmitter):
         *,
         score: Callable[[Batch], npt.NDArray[np.floating[Any]]],
         tournament_size: int,
-        **kwargs: Any,
+        sigma: float,
+        x0: Float32Array,
+        batch_size: int,
+        seed: int,
     ) -> None:
-        super().__init__(archive, **kwargs)
+        super().__init__(archive, sigma=sigma, x0=x0, batch_size=batch_size, seed=seed)
         self._score = score
         self._tournament_size = tournament_size
 

@@ -1,3 +1,4 @@
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -10,6 +11,24 @@ def test_trainings_come_at_doubling_intervals(make_model, make_maze):
     model._encoder.train = lambda states: trained.append(model.generation) or train(states)
     model.learn(30 * 6 * 50)
     assert trained == [0, 3, 6, 12, 24]
+
+
+def test_another_env_is_learned_from_at_once(make_model, make_maze):
+    model = make_model(AURORA, make_maze(), training_interval=3).learn(5 * 6 * 50)
+    trained = []
+    train = model._encoder.train
+    model._encoder.train = lambda states: trained.append(model.generation) or train(states)
+    model.set_env(make_maze(layout="snake"))
+    model.learn(4 * 6 * 50, reset_num_timesteps=False)
+    assert trained == [5, 8]
+
+
+@pytest.mark.parametrize("length", [1, 2])
+def test_the_shortest_episodes_are_told_apart(make_model, length):
+    env = gym.make("Pendulum-v1", max_episode_steps=length)
+    model = make_model(AURORA, env).learn(10 * 6 * length)
+    assert model._encoder.shape == (2, 3)
+    assert len(np.unique(model.archive.data("measures"), axis=0)) == len(model.archive) >= 20
 
 
 def test_the_latent_space_is_encoded_anew_after_each_training(make_model, make_easy_maze):
@@ -45,7 +64,7 @@ def test_the_archive_keeps_its_size(make_model, make_easy_maze):
 def test_it_needs_no_behaviors(make_model):
     model = make_model(AURORA, "CartPole-v1").learn(1000)
     assert model.archive.behaviors.shape == (len(model.archive), 0)
-    assert model.archive.data("measures").shape == (len(model.archive), 4)
+    assert model.archive.data("measures").shape == (len(model.archive), 10)
     assert model.archive.stats.obj_max == model.best_return
 
 

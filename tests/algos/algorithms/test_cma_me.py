@@ -46,9 +46,10 @@ def test_its_emitter_improves_the_sphere_in_100_dimensions(es):
     model = make_cma_me(es=es)
     assert model.policy.mlp.n_parameters == 100
     fields = {"seed": np.zeros(56, dtype=np.int64)}
-    climb(model._scheduler, 1, **fields)
+    scheduler = Scheduler(model.archive, [model._emitter.part])
+    climb(scheduler, 1, **fields)
     first = model.archive.stats
-    climb(model._scheduler, 99, **fields)
+    climb(scheduler, 99, **fields)
     assert model.archive.stats.obj_max > 0.8 * first.obj_max  # objectives are below 0
     assert len(model.archive) > 2 * first.num_elites
     assert model._emitter.part.restarts >= 9
@@ -79,6 +80,16 @@ def test_it_is_pyribs_cma_me_on_a_dense_grid():
     assert model.archive.stats == dense.stats
 
 
+def test_the_logged_step_size_is_the_emitters(make_model, make_maze):
+    model = make_model(CMAME, make_maze(), restart_interval=100)
+    sizes = []
+    for _ in range(4):
+        rollouts = model.evaluator.evaluate(model._ask(), 0)
+        sizes.append(model._tell(rollouts)["search/sigma"])
+        assert sizes[-1] == model._emitter.part._opt.sigma
+    assert len(set(sizes)) > 1
+
+
 def test_it_starts_anew_from_an_elite_every_few_generations(make_model, make_easy_maze):
     model = make_model(CMAME, make_easy_maze(), restart_interval=2, population_size=10)
     for n_restarts in range(1, 4):
@@ -90,7 +101,9 @@ def test_it_starts_anew_from_an_elite_every_few_generations(make_model, make_eas
         assert (elites == emitter._opt.mean).all(axis=1).any()
 
 
-@pytest.mark.parametrize(("name", "value"), [("restart_interval", 0), ("es", "cma")])
+@pytest.mark.parametrize(
+    ("name", "value"), [("restart_interval", 0), ("es", "cma"), ("population_size", 1)]
+)
 def test_errors_name_the_argument(make_model, make_maze, name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):
         make_model(CMAME, make_maze(), **{name: value})

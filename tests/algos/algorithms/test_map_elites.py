@@ -65,7 +65,7 @@ def test_the_env_must_have_bounded_behaviors(make_model, bounds):
 
 
 def test_too_many_cells_are_refused(make_model, make_maze):
-    with pytest.raises(ValueError, match=r"`dims` must make less than 2\*\*63"):
+    with pytest.raises(ValueError, match=r"`n_cells` must make less than 2\*\*63 cells"):
         make_model(MAPElites, make_maze(), n_cells=10**5)
     with pytest.raises(ValueError, match="`n_cells` must be"):
         make_model(MAPElites, make_maze(), n_cells=0)

@@ -52,16 +52,17 @@ COVERAGE_KEYS = {"coverage/reachable", "coverage/all"}
 ES_KEYS = {"search/norm"}
 INTRINSIC_KEYS = {"intrinsic/mean", "intrinsic/max"}
 ICM_KEYS = {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
-ARCHIVE_KEYS = {"archive/size", "archive/coverage", "archive/qd_score", "archive/best"}
+ARCHIVE_KEYS = {"archive/size", "archive/qd_score", "archive/best"}
+GRID_KEYS = ARCHIVE_KEYS | {"archive/coverage"}
 OWN_KEYS = {
     CanonicalES: ES_KEYS,
     CuriosityES: ES_KEYS | INTRINSIC_KEYS | ICM_KEYS,
     NSES: ES_KEYS | INTRINSIC_KEYS | {"archive/size"},
     NSLC: ARCHIVE_KEYS | {"archive/threshold"},
-    MAPElites: ARCHIVE_KEYS,
-    CMAME: ARCHIVE_KEYS,
+    MAPElites: GRID_KEYS,
+    CMAME: GRID_KEYS,
     AURORA: ARCHIVE_KEYS | {"archive/threshold", "autoencoder/loss"},
-    CuriosityMAPElites: ARCHIVE_KEYS | ICM_KEYS,
+    CuriosityMAPElites: GRID_KEYS | ICM_KEYS,
 }
 
 

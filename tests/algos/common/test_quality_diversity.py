@@ -1,5 +1,6 @@
 """What every algorithm with an archive does."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
@@ -99,10 +100,51 @@ def test_another_maze_starts_anew(algorithm, make_model, make_maze):
     model = make_model(algorithm, make_maze()).learn(6 * 50)
     model.set_env(make_maze())
     assert len(model.archive) > 0
+    emitted = model._ask()
     model.set_env(make_maze(layout="snake"))
     assert len(model.archive) == len(model.history) == 0
+    assert not np.array_equal(model._ask(), emitted)
     model.learn(6 * 50)
     assert model.archive.verify(make_maze(layout="snake")).share == 1.0
+
+
+def test_a_failed_generation_can_be_taken_again(algorithm, make_model, make_easy_maze):
+    model = make_model(algorithm, make_easy_maze())
+    evaluate = model.evaluator.evaluate
+
+    def fail(parameters, seed):
+        raise OSError("the simulator is gone")
+
+    model.evaluator.evaluate = fail
+    with pytest.raises(OSError, match="gone"):
+        model.learn(1)
+    model.evaluator.evaluate = evaluate
+    assert len(model.learn(2000).archive) > 0
+
+
+@pytest.mark.parametrize("what", ["final_observations", "behaviors"])
+def test_what_is_not_finite_enters_no_archive(algorithm, make_model, make_easy_maze, what):
+    model = make_model(algorithm, make_easy_maze())
+    evaluate = model.evaluator.evaluate
+
+    def spoil(parameters, seed):
+        rollouts = evaluate(parameters, seed)
+        getattr(rollouts, what)[1] = np.nan
+        return rollouts
+
+    model.evaluator.evaluate = spoil
+    with pytest.raises(ValueError, match="`env` must give finite"):
+        model.learn(1)
+    assert len(model.archive) == model.generation == 0
+
+
+def test_settings_of_a_saved_model_stay(algorithm, make_model, make_easy_maze, tmp_path):
+    make_model(algorithm, make_easy_maze()).learn(500).save(tmp_path / "model")
+    for name, value in [("sigma", 0.01), ("population_size", 3)]:
+        with pytest.raises(ValueError, match=f"`{name}` must be left as it was saved"):
+            algorithm.load(tmp_path / "model", **{name: value})
+    loaded = algorithm.load(tmp_path / "model", n_threads=1, verbose=0)
+    assert (loaded.n_threads, loaded.sigma) == (1, make_model(algorithm, make_easy_maze()).sigma)
 
 
 def test_archives_save_and_load(algorithm, make_model, make_easy_maze, tmp_path):
@@ -119,6 +161,24 @@ def test_mutations_have_the_size_of_sigma(algorithm, make_model, make_maze):
     asked = make_model(algorithm, make_maze(), population_size=50, sigma=0.25)._ask()
     assert asked.dtype == np.float32
     assert asked.std(axis=0).mean() == pytest.approx(0.25, rel=0.1)
+
+
+@pytest.mark.parametrize("algorithm", [MAPElites, CMAME, CuriosityMAPElites])
+def test_an_env_without_behaviors_leaves_the_old_one(algorithm, make_model, make_classic):
+    plain, behaving = gym.make("Pendulum-v1"), make_classic("Pendulum-v1")
+    model = make_model(algorithm, behaving).learn(1200)
+    n_elites, env = len(model.archive), model.get_env()
+    with pytest.raises(ValueError, match="`env` must have a bounded `behavior_space`"):
+        model.set_env(plain)
+    assert model.get_env() is env
+    assert len(model.archive) == n_elites
+
+
+def test_curiosity_goes_on_in_another_maze(make_model, make_maze):
+    model = make_model(CuriosityMAPElites, make_maze()).learn(600)
+    size = model._motivation.buffer.size
+    model.set_env(make_maze(layout="snake"))
+    assert model._motivation.buffer.size == size > 0
 
 
 @pytest.mark.parametrize(("name", "value"), [("population_size", 0), ("sigma", 0.0)])

@@ -78,7 +78,7 @@ class TestSampleStates:
 
     @pytest.mark.parametrize(
         ("lengths", "share", "n_states"),
-        [([10, 4], 0.4, 4), ([10, 11], 0.4, 5), ([7], 1.0, 7), ([1], 0.1, 1)],
+        [([10, 4], 0.4, 4), ([10, 11], 0.4, 5), ([7], 1.0, 7), ([1], 0.1, 2)],
     )
     def test_the_longest_episode_tells_how_many(self, lengths, share, n_states):
         encoder, rollouts = make_encoder(share=share), make_rollouts(lengths, n_padding=9)

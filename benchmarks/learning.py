@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import median
 from typing import Annotated, Any
 
 import typer
@@ -102,6 +103,26 @@ def _row(group: list[Result], shares: list[str]) -> list[str]:
     ]
 
 
+def summary(results: list[Result]) -> str:
+    """Markdown: a row for each algorithm; how many found the goal, when, and what they covered.
+
+    Timesteps are the median of those that found it, coverage (of reachable cells) that of all.
+    """
+    envs = list(dict.fromkeys(r.env for r in results))
+    lines = [["Algorithm", *envs], ["---"] * (1 + len(envs))]
+    for algorithm in dict.fromkeys(r.algorithm for r in results):
+        groups = [[r for r in results if (r.algorithm, r.env) == (algorithm, env)] for env in envs]
+        lines.append([algorithm, *(_cell(group) for group in groups)])
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _cell(group: list[Result]) -> str:
+    firsts = [r.first_success / 1e6 for r in group if r.first_success is not None]
+    when = f", {_short(median(firsts), 1)} M" if firsts else ""
+    covered = 100 * median(r.coverage.get("reachable", 0.0) for r in group)
+    return f"{len(firsts)} of {len(group)}{when}, {_short(covered)} %"
+
+
 def _short(value: float, digits: int = 0) -> str:
     """With `digits` after the point, or two that count where it is small."""
     return f"{value:.{digits}f}" if value >= 5 / 10**digits else f"{value:.2g}"
@@ -128,6 +149,8 @@ def main(
     if out is not None:
         out.write_text("\n".join(str(asdict(result)) for result in results) + "\n")
     print(table(results))
+    print()
+    print(summary(results))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curiosity_gym  # noqa: F401  registers the ids
-from benchmarks import baselines, population, training
+from benchmarks import baselines, learning, population, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
 
@@ -209,3 +209,26 @@ def test_a_stage_does_not_count_the_stages_within_it(monkeypatch):
     assert algorithm.outer() == "done"
     algorithm.inner()
     assert watch.seconds == {"inner": 9.0, "outer": 1.0}
+
+
+def test_the_summary_of_learning_is_in_medians():
+    firsts, covered = [2_000_000, None, 4_000_000], [0.2, 0.3, 0.7]
+    runs = [
+        learning.Result("NSES", "US", seed, first, 0.5, {"reachable": share, "all": 0.0}, 9.0)
+        for seed, (first, share) in enumerate(zip(firsts, covered, strict=True))
+    ]
+    runs += [learning.Result("NSLC", "US", 0, None, 0.0, {"reachable": 0.1, "all": 0.0}, 9.0)]
+    assert learning.summary(runs).splitlines() == [
+        "| Algorithm | US |",
+        "| --- | --- |",
+        "| NSES | 2 of 3, 3.0 M, 30 % |",
+        "| NSLC | 0 of 1, 10 % |",
+    ]
+
+
+def test_learning_prints_a_row_for_each_algorithm_and_maze():
+    settings = ["--timesteps", "1", "--n-seeds", "1", "--jobs", "1", "--envs", "US"]
+    printed = benchmark("--algorithms", "NSES,MAPElites", *settings, module="learning").stdout
+    rows = [line for line in printed.splitlines() if line.startswith(("| NSES", "| MAPElites"))]
+    assert len(rows) == 4  # two tables
+    assert all("0 of 1" in row for row in rows)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.algorithms.map_elites import MAPElites
@@ -91,7 +92,7 @@ class CuriosityMAPElites(MAPElites):
         assert self.observation_space.shape is not None
         states = ((self.n_kept, *self.observation_space.shape), np.float32)
         n_actions = stored_action_size(self.action_space)
-        dtype = self.action_space.dtype
+        dtype = np.int64 if isinstance(self.action_space, spaces.Discrete) else np.float32
         return {
             **super()._extra_fields(),
             "observations": states,

@@ -1,5 +1,6 @@
 from itertools import pairwise
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -40,6 +41,20 @@ def test_discrete_and_continuous_actions(make_model, make_classic, env_id, algor
     model = make_model(algorithm, make_classic(env_id)).learn(1500)
     assert model.archive.data("actions").shape == (len(model.archive), 4, 1)
     assert model.archive.verify(make_classic(env_id)).share == 1.0
+
+
+class Precise(gym.Wrapper):
+    """Takes actions of double precision."""
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
+
+
+def test_actions_of_double_precision(make_model, make_easy_maze):
+    make = lambda: Precise(make_easy_maze())  # noqa: E731
+    model = make_model(CuriosityMAPElites, make()).learn(1500)
+    assert model.archive.verify(make()).share == 1.0
 
 
 @pytest.mark.parametrize(

@@ -33,9 +33,9 @@ class UnstructuredArchive(EliteArchive):
 
     What beats the nearest takes its place, even where that is nearer than `threshold` to another.
 
-    Until there are `target_size` elites the threshold is as given. Whenever they come to a tenth more, the
-    closest pairs lose their worse half until `target_size` are left, and the threshold becomes the
-    smallest distance that is left.
+    Until there are `target_size` elites the threshold is as given. Whenever they come to a tenth
+    more, the closest pairs lose their worse half until `target_size` are left, and the threshold
+    becomes the smallest distance that is left.
 
     Args:
         solution_dim: See `EliteArchive`, as for every argument not named here.

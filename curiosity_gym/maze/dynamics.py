@@ -171,11 +171,12 @@ def _entry(position: float, velocity: float, low: float, high: float) -> tuple[f
         gap, far = low - position, high - position
     elif velocity < 0.0:
         gap, far = position - high, position - low
-    elif low + 2.0 * MARGIN < position < high - 2.0 * MARGIN:
+    # The same differences as above: what slides before the wall must be stopped by it, to the bit.
+    elif low - position < -2.0 * MARGIN and position - high < -2.0 * MARGIN:
         return -np.inf, np.inf
     else:
         return np.inf, -np.inf
-    if -2.0 * MARGIN < gap < 0.0:
+    if -2.0 * MARGIN <= gap < 0.0:
         gap = 0.0
     speed = abs(velocity)
     return gap / speed, far / speed

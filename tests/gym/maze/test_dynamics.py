@@ -122,6 +122,49 @@ class TestMove:
         region = reachable_region(layout.walls, size, layout.start, radius)
         assert max(region.distance(tuple(position)) for position in states[:, :2]) <= 1e-9
 
+    def test_a_corner_two_margins_deep_stays_closed(self):
+        # The grown corner of two walls in "hard": evolution found its way through it.
+        layout = BUILT_IN["hard"]
+        maze, state = make_maze(layout), np.array([38.999, 50.998999999999995, 0.0, 0.5])
+        positions = []
+        for _ in range(30):
+            move(maze, state, 1.0, -1.0)
+            positions.append(state[:2].copy())
+        assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
+
+    @settings(max_examples=2000, deadline=None)
+    @given(
+        size=st.tuples(*[st.integers(1, 9)] * 2),
+        is_high=st.tuples(st.booleans(), st.booleans()),
+        # Two margins deep on both sides would be in the wall already.
+        depths=st.tuples(
+            st.sampled_from([-1.0, 0.0, 1.0, 2.0]), st.sampled_from([-1.0, 0.0, 1.0])
+        ).flatmap(st.permutations),
+        nudges=st.tuples(*[st.integers(-1, 1)] * 2),
+        velocity=st.tuples(*[st.sampled_from([-2.0, -0.5, 0.0, 0.5, 2.0])] * 2),
+        place=st.tuples(*[st.integers(5, 15)] * 2),
+        seed=st.integers(0, 2**32),
+    )
+    def test_corners_stay_closed_to_the_last_bit(
+        self, size, is_high, depths, nudges, velocity, place, seed
+    ):
+        layout = make_layout([(*place, *size)], start=(2.0, 2.0))
+        maze = make_maze(layout)
+        low_x, low_y, high_x, high_y = maze.boxes[0]
+        corner = [high_x if is_high[0] else low_x, high_y if is_high[1] else low_y]
+        for axis in range(2):
+            inwards = -1.0 if is_high[axis] else 1.0
+            corner[axis] += inwards * depths[axis] * MARGIN
+            for _ in range(abs(nudges[axis])):
+                corner[axis] = np.nextafter(corner[axis], np.inf * nudges[axis])
+        rng = np.random.default_rng(seed)
+        directions = rng.choice([-1.0, 0.0, 1.0], (3, 2)).repeat([1, 12, 12], axis=0)
+        state, positions = np.array([*corner, *velocity]), []
+        for ax, ay in directions:
+            move(maze, state, ax, ay)
+            positions.append(state[:2].copy())
+        assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
+
     @pytest.mark.parametrize("name", BUILT_IN)
     @pytest.mark.parametrize("restitution", [0.0, 1.0])
     @pytest.mark.parametrize("max_speed", [20.0, 500.0])

@@ -6,7 +6,7 @@ The paper's discussion names the combination of curiosity and MAP-Elites as futu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -34,7 +34,7 @@ class CuriosityMAPElites(MAPElites):
         env: See `MAPElites`, as for every argument not named here.
         policy: Likewise.
         sigma: Standard deviation of mutations, above 0.
-        tournament_size: Elites drawn for each parent; 1 is MAP-Elites.
+        tournament_size: Elites drawn for each parent; with 1 all are as likely, as in MAP-Elites.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
         bonus: See `CuriosityES`, as the next five.
         bonus_kwargs: Likewise.
@@ -44,6 +44,8 @@ class CuriosityMAPElites(MAPElites):
         buffer_size: Likewise.
         **kwargs: Passed on to `MAPElites`.
     """
+
+    gamma: ClassVar[float] = 1.0  # samples of a trajectory have no order to weigh
 
     def __init__(
         self,

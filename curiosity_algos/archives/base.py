@@ -193,7 +193,8 @@ class EliteArchive(ArchiveBase):
 
         Args:
             fields: A name: that array; several, or None for all: a dictionary of arrays.
-            return_type: "dict", "tuple" or "pandas" for another container.
+            return_type: "dict", "tuple" or "pandas" for another container; a table of pandas holds
+                no fields of matrices.
 
         Raises:
             ValueError: If there is no such field or return type.
@@ -286,7 +287,10 @@ class EliteArchive(ArchiveBase):
             solution_dtype=data["solution"].dtype,
             extra_fields={k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in own},
         )
-        archive._put(data)
+        try:
+            archive._put(data)
+        except ValueError as error:
+            raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
         return archive
 
     def state_dict(self) -> dict[str, Any]:

@@ -42,7 +42,8 @@ class UnstructuredArchive(EliteArchive):
         measure_dim: Likewise.
         target_size: Elites held, within 10 % once there are so many.
         k_neighbors: Neighbors that count for `novelty` and `local_competition`.
-        threshold: Of the first elites.
+        threshold: Of the first elites; 0 after `clear`, and after `remeasure` while there are
+            fewer than `target_size`.
         qd_score_offset: Likewise.
         seed: Likewise.
         solution_dtype: Likewise.

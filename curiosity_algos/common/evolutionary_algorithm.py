@@ -176,7 +176,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         """Train on another environment with the same spaces.
 
         Where coverage counts other cells than before, as in another maze, coverage, the best policy
-        and archives of behaviors start anew; the rest of the search goes on.
+        and archives of behaviors start anew, and so does a search whose parents are an archive's
+        elites; networks that have learned go on.
 
         Args:
             env: As in the constructor.
@@ -292,8 +293,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         """Raise ValueError where the env gave what nothing can be learned from."""
         if not np.isfinite(rollouts.returns).all():
             raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
-        if not np.isfinite(rollouts.final_observations).all():
-            raise ValueError("`env` must give finite observations, an episode's last was not.")
         if not np.isfinite(rollouts.behaviors).all():
             raise ValueError("`env` must give finite behaviors, an episode's was not.")
         space = self._behavior_space

@@ -172,7 +172,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """
         ours = cls.__mro__[: cls.__mro__.index(EvolutionaryAlgorithm)]
         fixed = {name for each in ours for name in inspect.signature(each).parameters}
-        for name in sorted(fixed & kwargs.keys()):
+        fixed -= inspect.signature(EvolutionaryAlgorithm).parameters.keys()
+        for name in sorted(fixed & (kwargs | (kwargs.get("custom_objects") or {})).keys()):
             raise ValueError(f"`{name}` must be left as it was saved: make a new {cls.__name__}.")
         return super().load(path, env, *args, **kwargs)
 

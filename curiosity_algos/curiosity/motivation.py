@@ -13,7 +13,7 @@ from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.curiosity.bonus import Bonus
 from curiosity_algos.curiosity.buffer import TransitionBuffer
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
 
 
@@ -28,8 +28,10 @@ def sample_transitions(
     observations, actions = rollouts.trajectories
     times = rng.integers(0, rollouts.lengths[:, None], (len(rollouts), n))
     individuals = np.arange(len(rollouts))[:, None]
-    following = observations[individuals, times + 1]
-    return observations[individuals, times], actions[individuals, times], following
+    before, after = observations[individuals, times], observations[individuals, times + 1]
+    check_observations(before)
+    check_observations(after)
+    return before, actions[individuals, times], after
 
 
 def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -95,6 +97,7 @@ class CuriosityMotivation:
 
         with single_torch_thread():
             self._pool.run(score_slice, len(rollouts), len(rollouts))
+        check_observations(scores)  # they are finite where all that they come from is
         return scores
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:

@@ -32,7 +32,7 @@ class CuriositySettings:
     n_updates: int
     batch_size: int
     buffer_size: int
-    gamma: float = 1.0
+    gamma: float
 
     @classmethod
     def of(cls, algorithm: object) -> Self:
@@ -41,8 +41,7 @@ class CuriositySettings:
         Raises:
             ValueError: If one is out of its range, or the bonus knows no such keyword.
         """
-        names = [field.name for field in fields(cls) if hasattr(algorithm, field.name)]
-        settings = cls(**{name: getattr(algorithm, name) for name in names})
+        settings = cls(**{field.name: getattr(algorithm, field.name) for field in fields(cls)})
         settings._check()
         return settings
 

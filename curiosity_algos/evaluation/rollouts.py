@@ -26,6 +26,12 @@ def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32
     return array
 
 
+def check_observations(observations: npt.NDArray[Any]) -> None:
+    """Raise ValueError unless what is to be learned from is finite."""
+    if not np.isfinite(observations).all():
+        raise ValueError("`env` must give finite observations, it gave NaN or infinity.")
+
+
 @dataclass(frozen=True)
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.

@@ -17,7 +17,7 @@ import torch as th
 
 from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -29,7 +29,9 @@ def sample_states(rollouts: Rollouts, n: int) -> Float32Array:
     """N states of each trajectory, evenly spaced from its first to its last, (P, n, O)."""
     observations, _ = rollouts.trajectories
     times = np.round(np.linspace(0.0, rollouts.lengths, n)).astype(np.int64).T
-    return observations[np.arange(len(rollouts))[:, None], times]
+    states = observations[np.arange(len(rollouts))[:, None], times]
+    check_observations(states)
+    return states
 
 
 def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:

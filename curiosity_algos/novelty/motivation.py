@@ -14,7 +14,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_algos.novelty.archive import NoveltyArchive
 from curiosity_gym.validation import check_choice
 
@@ -27,6 +27,7 @@ def behaviors_of(rollouts: Rollouts, behavior: str) -> Float64Array:
     """What is compared, (P, B): "final": `info["behavior"]`; "state": the final observation."""
     if behavior == "final":
         return rollouts.behaviors
+    check_observations(rollouts.final_observations)
     return rollouts.final_observations.astype(np.float64)
 
 

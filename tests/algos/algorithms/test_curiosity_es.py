@@ -83,3 +83,20 @@ def test_errors_name_the_argument(make_model, make_maze, name, values):
 def test_errors_of_the_bonus_name_the_argument(make_model, make_maze, name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):
         make_model(CuriosityES, make_maze(), bonus_kwargs={name: value})
+
+
+def test_an_observation_that_is_not_finite_teaches_nothing(make_model, make_easy_maze):
+    model = make_model(CuriosityES, make_easy_maze())
+    evaluate = model.evaluator.evaluate
+
+    def spoil(parameters, seed):
+        rollouts = evaluate(parameters, seed)
+        rollouts.observations[1, 0] = np.inf
+        return rollouts
+
+    model.evaluator.evaluate = spoil
+    before = [p.detach().clone() for p in model._motivation.bonus.parameters()]
+    with pytest.raises(ValueError, match="`env` must give finite observations"):
+        model.learn(1)
+    after = model._motivation.bonus.parameters()
+    assert all(th.equal(*pair) for pair in zip(before, after, strict=True))

@@ -122,14 +122,19 @@ def test_a_failed_generation_can_be_taken_again(algorithm, make_model, make_easy
     assert len(model.learn(2000).archive) > 0
 
 
-@pytest.mark.parametrize("what", ["final_observations", "behaviors"])
+@pytest.mark.parametrize(
+    ("algorithm", "what"),
+    [(each, "behaviors") for each in WITH_ARCHIVES]
+    + [(each, "observations") for each in (NSLC, AURORA, CuriosityMAPElites)],
+)
 def test_what_is_not_finite_enters_no_archive(algorithm, make_model, make_easy_maze, what):
     model = make_model(algorithm, make_easy_maze())
     evaluate = model.evaluator.evaluate
 
     def spoil(parameters, seed):
         rollouts = evaluate(parameters, seed)
-        getattr(rollouts, what)[1] = np.nan
+        for name in ("observations", "final_observations") if what == "observations" else [what]:
+            getattr(rollouts, name)[1] = np.inf
         return rollouts
 
     model.evaluator.evaluate = spoil
@@ -143,7 +148,9 @@ def test_settings_of_a_saved_model_stay(algorithm, make_model, make_easy_maze, t
     for name, value in [("sigma", 0.01), ("population_size", 3)]:
         with pytest.raises(ValueError, match=f"`{name}` must be left as it was saved"):
             algorithm.load(tmp_path / "model", **{name: value})
-    loaded = algorithm.load(tmp_path / "model", n_threads=1, verbose=0)
+        with pytest.raises(ValueError, match=f"`{name}` must be left as it was saved"):
+            algorithm.load(tmp_path / "model", custom_objects={name: value})
+    loaded = algorithm.load(tmp_path / "model", device="cpu", n_threads=1, verbose=0)
     assert (loaded.n_threads, loaded.sigma) == (1, make_model(algorithm, make_easy_maze()).sigma)
 
 

@@ -63,8 +63,8 @@ WRAPPERS = {
 
 @pytest.mark.parametrize("env_id", ENV_IDS)
 class TestEveryTask:
-    def test_the_evolution_strategies_run(self, env_id, algorithm, make_model):
-        model = make_model(algorithm, make_copies(env_id), population_size=4, n_parents=2)
+    def test_every_algorithm_runs(self, env_id, algorithm, make_model):
+        model = make_model(algorithm, make_copies(env_id), population_size=4)
         model.learn(2 * 4 * HORIZON)
         assert model.num_timesteps == 2 * 4 * HORIZON
         assert model.generation == 2

@@ -13,8 +13,10 @@ import torch as th
 from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 
 from curiosity_algos.archives.files import read_archive, write_archive
+from curiosity_algos.archives.store import Description, EliteStore
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_gym.validation import check_choice
 
 if TYPE_CHECKING:
     from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -22,9 +24,7 @@ if TYPE_CHECKING:
 Float64Array = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 Batch = dict[str, npt.NDArray[Any]]
-Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
 
-INITIAL_CAPACITY = 128
 RESERVED = {"solution", "objective", "measures", "index", "about", "file", "allow_pickle"}
 """No names of extra fields: what every archive has, and what its file and numpy's writer take."""
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
@@ -77,10 +77,9 @@ class EliteArchive(ArchiveBase):
         }
         self._begin()
 
-    def _begin(self, capacity: int = INITIAL_CAPACITY) -> None:
+    def _begin(self) -> None:
         """Hold nothing."""
-        # Any: pyribs' annotations deny what `retrieve` returns.
-        self._store: Any = ArrayStore(dict(self._description), capacity)
+        self._store = EliteStore(dict(self._description))
         self._objective_sum = np.float64(0.0)
         self._best_slot = 0
 
@@ -140,7 +139,7 @@ class EliteArchive(ArchiveBase):
             coverage=np.float64(n / self.cells if n else 0.0),
             qd_score=qd_score,
             norm_qd_score=np.float64(qd_score / self.cells if n else 0.0),
-            obj_max=self.data("objective")[self._best_slot] if n else None,
+            obj_max=self._best_objective if n else None,
             obj_mean=self._objective_sum / n if n else None,
         )
 
@@ -199,7 +198,7 @@ class EliteArchive(ArchiveBase):
         Raises:
             ValueError: If there is no such field or return type.
         """
-        return self._read(np.arange(len(self)), fields, return_type)
+        return self._read(None, fields, return_type)
 
     def sample_elites(self, n: int | np.integer[Any], replace: bool = True) -> Batch:
         """Elites drawn uniformly, a dictionary of arrays (n, ...).
@@ -249,8 +248,8 @@ class EliteArchive(ArchiveBase):
             )
         if self.empty:
             raise ValueError("`niche` needs an archive with elites: learn first.")
-        slot = int(np.argmin(np.sum((behaviors - wanted) ** 2, axis=1)))
-        solution: npt.NDArray[Any] = self._store.retrieve([slot], "solution")[1][0]
+        slots = np.array([np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))])
+        solution: npt.NDArray[Any] = self._store.get("solution", slots)[0]
         return solution
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
@@ -314,9 +313,9 @@ class EliteArchive(ArchiveBase):
         """Hold these elites, all fields with "index", instead of what was held."""
         n = len(data["objective"])
         self._description = {k: (data[k].shape[1:], data[k].dtype) for k in self._description}
-        self._begin(capacity=max(n, INITIAL_CAPACITY))
-        self._store.add(np.arange(n), {name: data[name] for name in self._description})
+        self._begin()
         if n:
+            self._store.put(np.arange(n), {name: data[name] for name in self._description})
             self._objective_sum = np.float64(data["objective"].sum())
             self._best_slot = int(np.argmax(data["objective"]))
 
@@ -327,35 +326,40 @@ class EliteArchive(ArchiveBase):
         objective, n = data["objective"], len(self)
         is_old = slots < n
         before = np.zeros(len(slots))
-        before[is_old] = self._store.retrieve(slots[is_old], "objective")[1]
-        needed = max(n, int(slots.max()) + 1)
-        if needed > self._store.capacity:
-            self._store.resize(max(needed, 2 * self._store.capacity))
-        best = self.data("objective")[self._best_slot] if n else -np.inf
-        self._store.add(slots, data)
+        before[is_old] = self._store.get("objective", slots[is_old])
+        best = self._best_objective if n else -np.inf
+        self._store.put(slots, data)
         self._objective_sum = self._objective_sum + np.sum(objective - before)
         if objective.max() > best:
             self._best_slot = int(slots[np.argmax(objective)])
 
+    @property
+    def _best_objective(self) -> Any:
+        return self._store.get("objective", np.array([self._best_slot]))[0]
+
     def _read(
         self,
-        slots: Int64Array,
+        slots: Int64Array | None,
         fields: str | Collection[str] | None = None,
         return_type: str | None = None,
     ) -> Any:
+        """As `data`, of the elites in some slots; None: of all."""
         if isinstance(fields, str) and return_type is None:
-            return self._read(slots, [fields], "tuple")[0]
+            return self._column(slots, fields)
+        return_type = return_type or "dict"
+        check_choice(("dict", "tuple", "pandas"), return_type=return_type)
         fields = [fields] if isinstance(fields, str) else fields
         names = self.field_list if fields is None else list(fields)
-        _, elites = self._store.retrieve(slots, names, return_type)
-        if "index" not in names:
-            return elites
-        identities = self._identities(slots)  # the store's own "index" is the slot
-        if isinstance(elites, tuple):
-            columns = zip(names, elites, strict=True)
-            return tuple(identities if name == "index" else column for name, column in columns)
-        elites["index"] = identities
-        return elites
+        columns = [self._column(slots, name) for name in names]
+        if return_type == "tuple":
+            return tuple(columns)
+        elites = dict(zip(names, columns, strict=True))
+        return _table(elites) if return_type == "pandas" else elites
+
+    def _column(self, slots: Int64Array | None, name: str) -> npt.NDArray[Any]:
+        if name != "index":
+            return self._store.get(name, slots)
+        return self._identities(np.arange(len(self)) if slots is None else slots)
 
     def _elite(self, slot: int) -> dict[str, Any]:
         return {name: values[0] for name, values in self._read(np.array([slot])).items()}
@@ -376,6 +380,18 @@ class EliteArchive(ArchiveBase):
             if name in ("objective", "measures") and not np.isfinite(data[name]).all():
                 raise ValueError(f"`{name}` must be finite.")
         return data
+
+
+def _table(elites: Batch) -> Any:
+    """A table of pandas, as pyribs' archives give it."""
+    n = len(next(iter(elites.values())))
+    kept = {name: array for name, array in elites.items() if name != "index"}
+    store = ArrayStore({name: (array.shape[1:], array.dtype) for name, array in kept.items()}, n)
+    store.add(np.arange(n), dict(kept))
+    table: Any = store.retrieve(np.arange(n), list(elites), "pandas")[1]
+    if "index" in elites:
+        table["index"] = elites["index"]  # the store's own is the slot
+    return table
 
 
 def _checked_fields(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:

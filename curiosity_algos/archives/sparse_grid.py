@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from curiosity_algos.archives.base import (
     IMPROVED,
-    INITIAL_CAPACITY,
     NEW,
     NOT_ADDED,
     Batch,
@@ -75,8 +74,8 @@ class SparseGridArchive(EliteArchive):
             net_arch=net_arch,
         )
 
-    def _begin(self, capacity: int = INITIAL_CAPACITY) -> None:
-        super()._begin(capacity)
+    def _begin(self) -> None:
+        super()._begin()
         self._cells: list[int] = []  # of each slot
         self._slots: dict[int, int] = {}  # of each cell that is taken
 
@@ -135,7 +134,7 @@ class SparseGridArchive(EliteArchive):
         slots = self._slots_of(cells)
         is_taken = slots >= 0
         before = np.full(len(cells), -np.inf)
-        before[is_taken] = self.data("objective")[slots[is_taken]]
+        before[is_taken] = self._store.get("objective", slots[is_taken])
         is_better = objective > before
         status = np.where(is_better, np.where(is_taken, IMPROVED, NEW), NOT_ADDED).astype(np.int32)
         value = objective - np.where(is_taken, before, 0.0)

@@ -126,6 +126,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self._scheduler.tell(rollouts.returns, measures, **fields)
         stats = self.archive.stats
         self.history.record(rollouts.timesteps, stats)
+        assert stats.obj_max is not None
         if isinstance(self.archive, UnstructuredArchive):
             own = {"archive/threshold": self.archive.threshold}
         else:
@@ -133,7 +134,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return {
             "archive/size": len(self.archive),
             "archive/qd_score": float(stats.qd_score),
-            "archive/best": self.archive.data("objective").max(),
+            "archive/best": float(stats.obj_max),
             "search/sigma": self._step_size(),
             **own,
         }

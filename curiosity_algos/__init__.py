@@ -10,6 +10,7 @@ from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.nslc import NSLC
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.rnd import RND
 from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 
@@ -19,6 +20,7 @@ __all__ = [
     "ICM",
     "NSES",
     "NSLC",
+    "RND",
     "CanonicalES",
     "CuriosityES",
     "CuriosityMAPElites",

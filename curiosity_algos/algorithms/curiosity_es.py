@@ -11,6 +11,7 @@ import numpy as np
 
 from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_algos.common.policies import MlpPolicy
+from curiosity_algos.curiosity.bonus import Bonus
 from curiosity_algos.curiosity.motivation import CuriosityMotivation
 from curiosity_algos.curiosity.settings import CuriositySettings
 from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -30,8 +31,8 @@ class CuriosityES(EvolutionStrategy):
         phi: Weight of the extrinsic fitness, in [0, 1].
         gamma: In [0, 1]: curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10). The mazes find
             their goals sooner and more surely with whole trajectories than with the paper's .99.
-        bonus: "icm".
-        bonus_kwargs: Of the bonus (`beta`, `learning_rate`, `n_features`, `hidden`, `normalize`).
+        bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
+        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND` (`learning_rate`, ...).
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.
@@ -48,7 +49,7 @@ class CuriosityES(EvolutionStrategy):
         *,
         phi: float = 0.8,
         gamma: float = 1.0,
-        bonus: str = "icm",
+        bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
         n_transitions: int = 100,
         n_updates: int = 64,

@@ -15,8 +15,10 @@ from ribs.emitters import EmitterBase
 from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.common.policies import Float32Array, MlpPolicy
 from curiosity_algos.common.quality_diversity import Fields
+from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.bonuses import stored_action_size
 from curiosity_algos.curiosity.elites import EliteCuriosity
-from curiosity_algos.curiosity.settings import CuriositySettings, stored_action_size
+from curiosity_algos.curiosity.settings import CuriositySettings
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.emitters import TournamentEmitter
@@ -55,7 +57,7 @@ class CuriosityMAPElites(MAPElites):
         sigma: float = 0.1,
         tournament_size: int = 32,
         n_kept: int = 32,
-        bonus: str = "icm",
+        bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
         n_transitions: int = 100,
         n_updates: int = 64,

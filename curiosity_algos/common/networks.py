@@ -30,11 +30,17 @@ def mlp(*sizes: int, generator: th.Generator) -> th.nn.Sequential:
     for n_in, n_out in pairwise(sizes):
         # Made without memory first: torch would initialize it from the global generator.
         linear = th.nn.Linear(n_in, n_out, device="meta").to_empty(device="cpu")
-        th.nn.init.kaiming_uniform_(linear.weight, a=math.sqrt(5.0), generator=generator)
-        bound = 1.0 / math.sqrt(n_in)
-        th.nn.init.uniform_(linear.bias, -bound, bound, generator=generator)
+        initialize(linear, generator)
         layers += [linear, th.nn.ReLU()]
     return th.nn.Sequential(*layers[:-1])
+
+
+def initialize(layer: th.nn.Linear | th.nn.Conv2d, generator: th.Generator) -> None:
+    """Draw weights and biases as torch does, but from `generator`."""
+    assert layer.bias is not None
+    th.nn.init.kaiming_uniform_(layer.weight, a=math.sqrt(5.0), generator=generator)
+    bound = 1.0 / math.sqrt(layer.weight[0].numel())
+    th.nn.init.uniform_(layer.bias, -bound, bound, generator=generator)
 
 
 class RunningNormalizer(th.nn.Module):

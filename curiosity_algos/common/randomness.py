@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import torch as th
 
 
 def generator_state(generator: np.random.Generator) -> str:
@@ -22,6 +23,11 @@ def load_generator_state(generator: np.random.Generator, state: str) -> None:
 def integer_seed(seed: np.random.SeedSequence) -> int:
     """`seed` for libraries that take nothing but whole numbers."""
     return int(seed.generate_state(1)[0])
+
+
+def torch_generator(seed: int | None) -> th.Generator:
+    """A generator of its own for torch's draws; None: fresh entropy."""
+    return th.Generator().manual_seed(integer_seed(np.random.SeedSequence(seed)))
 
 
 class EpisodeSeeds:

@@ -2,45 +2,64 @@
 
 from __future__ import annotations
 
+import copy
+import math
+from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.utils import get_device
+
+from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_algos.curiosity.encoders import ImageInputs
+from curiosity_gym.validation import check_positive
+
+FloatArray = npt.NDArray[np.float32]
 
 
+@runtime_checkable
 class Bonus(Protocol):
     """Scores transitions, high where few like them were seen, and learns from them."""
 
+    @property
+    def name(self) -> str:
+        """What its metrics are logged under."""
+        ...
+
     def score(
-        self,
-        observations: npt.NDArray[np.float32],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[np.float32],
-    ) -> npt.NDArray[np.float32]:
-        """Bonus of each transition, shape (n,)."""
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus of each transition, shape (n,).
+
+        Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete.
+        """
         ...
 
     def score_trajectory(
-        self, observations: npt.NDArray[np.float32], actions: npt.NDArray[Any]
-    ) -> npt.NDArray[np.float32]:
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
         ...
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, O) that entered the buffer into the running statistics."""
+        """Take observations (n, ...) that entered the buffer into the running statistics."""
         ...
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> Mapping[str, float]:
-        """One gradient step on a batch; the losses before it."""
+        """One gradient step on a batch; the losses before it.
+
+        Actions come as float32, (n, A) of a Box or (n, 1) of a Discrete.
+        """
         ...
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs: weights, optimizer, statistics."""
+        """Everything that a resumed run needs, as tensors and plain values."""
         ...
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> Any:
@@ -48,9 +67,94 @@ class Bonus(Protocol):
         ...
 
 
+class NetworkBonus(th.nn.Module):
+    """A bonus of torch networks that one optimizer trains.
+
+    A subclass makes its networks, calls `_begin`, and writes `losses`, `score` and
+    `score_trajectory`.
+
+    Args:
+        observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
+            (uint8, channels first or last, 36 by 36 at least).
+        normalize: Standardize observations, entry by entry, with running statistics of what was
+            observed.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, observation_space: spaces.Space[Any], *, normalize: bool) -> None:
+        super().__init__()
+        self.images = ImageInputs.of(observation_space)
+        n_entries = math.prod(observation_space.shape or ())
+        self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
+
+    def _begin(self, learning_rate: float, device: th.device | str) -> None:
+        """Move the networks to their device, and train those with gradients from here on."""
+        check_positive(learning_rate=learning_rate)
+        self.device = get_device(device)
+        self.to(self.device)
+        trained = [each for each in self.parameters() if each.requires_grad]
+        self.optimizer = th.optim.Adam(trained, lr=learning_rate, fused=True)
+
+    @abstractmethod
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """Mean losses of a batch; "loss" is what is minimized."""
+
+    def inputs(self, observations: th.Tensor) -> th.Tensor:
+        """Observations (n, ...) as the networks take them: flat, or images with channels first."""
+        standardized: th.Tensor = self.normalizer(self._flat(observations))
+        return standardized if self.images is None else self.images.unflatten(standardized)
+
+    def _flat(self, observations: th.Tensor) -> th.Tensor:
+        if self.images is not None:
+            return self.images.flat(observations)
+        return observations.flatten(1).float()
+
+    def tensor(self, array: npt.NDArray[Any]) -> th.Tensor:
+        """An array on the device of the networks."""
+        return th.from_numpy(array).to(self.device)
+
+    def observe(self, observations: th.Tensor) -> None:
+        """Take observations (n, ...) into the statistics that standardize the inputs."""
+        if isinstance(self.normalizer, RunningNormalizer):
+            self.normalizer.observe(self._flat(observations.to(self.device)))
+
+    def update(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """One step of Adam on a batch; the losses before it."""
+        batch = (x.to(self.device) for x in (observations, actions, next_observations))
+        losses = self.losses(*batch)
+        self.optimizer.zero_grad(set_to_none=True)
+        losses["loss"].backward()  # type: ignore[no-untyped-call]
+        self.optimizer.step()
+        return {name: loss.item() for name, loss in losses.items()}
+
+    def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]
+        """Weights, statistics and the optimizer's state."""
+        state: dict[str, Any] = super().state_dict(*args, **kwargs)
+        return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()})
+
+    def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
+        """Take over what `state_dict` gave."""
+        super().load_state_dict(state["modules"], *args, **kwargs)
+        # Torch would keep the given tensors as the optimizer's own, and train on in them.
+        self.optimizer.load_state_dict(copy.deepcopy(state["optimizer"]))
+
+
 def action_size(action_space: spaces.Space[Any]) -> int:
-    """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's."""
-    if isinstance(action_space, spaces.Discrete):
+    """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
+
+    Raises:
+        ValueError: If actions are of another kind.
+    """
+    if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         return int(action_space.n)
-    assert isinstance(action_space, spaces.Box)
-    return int(np.prod(action_space.shape))
+    if isinstance(action_space, spaces.Box) and len(action_space.shape) == 1:
+        return int(action_space.shape[0])
+    raise ValueError(
+        "`action_space` must be a one-dimensional Box or a Discrete that starts at 0, got "
+        f"{action_space}."
+    )

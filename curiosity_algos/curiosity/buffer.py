@@ -1,4 +1,4 @@
-"""A ring of transitions in one preallocated tensor."""
+"""A ring of transitions in preallocated tensors."""
 
 from __future__ import annotations
 
@@ -6,60 +6,77 @@ from collections.abc import Mapping
 from typing import Any
 
 import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.curiosity.encoders import ImageInputs
 
 
 class TransitionBuffer:
     """Keeps the newest `capacity` transitions and samples batches of them.
 
-    A row holds observation, action and next observation side by side: a sample is one gather.
-
     Args:
         capacity: Number of transitions kept.
-        n_observations: O, entries of an observation.
+        observation_space: Box; images are kept in bytes, other observations as float32.
         n_actions: Numbers stored for an action: A for a Box, 1 for a Discrete.
         seed: Seed of the sampling.
     """
 
-    def __init__(self, capacity: int, n_observations: int, n_actions: int, *, seed: int) -> None:
+    def __init__(
+        self, capacity: int, observation_space: spaces.Box[Any], n_actions: int, *, seed: int
+    ) -> None:
         self.capacity = capacity
         self.size = 0
         self._next = 0
-        self._widths = [n_observations, n_actions, n_observations]
-        self._rows = th.zeros(capacity, sum(self._widths))
+        shape = observation_space.shape
+        dtype = th.float32 if ImageInputs.of(observation_space) is None else th.uint8
+        self._observations = th.zeros(capacity, *shape, dtype=dtype)
+        self._actions = th.zeros(capacity, n_actions)
+        self._next_observations = th.zeros(capacity, *shape, dtype=dtype)
         self._generator = th.Generator().manual_seed(seed)
 
     def __len__(self) -> int:
         """Number of transitions held."""
         return self.size
 
+    @property
+    def _columns(self) -> tuple[th.Tensor, ...]:
+        return self._observations, self._actions, self._next_observations
+
     def add(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> None:
-        """Store n transitions: observations (n, O), actions (n, A) or (n,), next ones (n, O)."""
-        actions = actions.reshape(len(actions), -1).float()
-        rows = th.cat([observations, actions, next_observations], dim=1)[-self.capacity :]
-        places = (self._next + th.arange(len(rows))) % self.capacity
-        self._rows[places] = rows
-        self._next = int(self._next + len(rows)) % self.capacity
-        self.size = min(self.size + len(rows), self.capacity)
+        """Store n transitions, arrays of n rows; actions are (n, A) or (n,)."""
+        added = observations, actions.reshape(len(actions), -1), next_observations
+        n = min(len(observations), self.capacity)
+        places = (self._next + th.arange(n)) % self.capacity
+        for column, values in zip(self._columns, added, strict=True):
+            column[places] = values[-n:].to(column.dtype)
+        self._next = (self._next + n) % self.capacity
+        self.size = min(self.size + n, self.capacity)
 
     def sample(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions and next observations, drawn uniformly with replacement."""
         places = th.randint(self.size, (batch_size,), generator=self._generator)
-        return th.split(self._rows[places], self._widths, dim=1)
+        return tuple(column[places] for column in self._columns)
 
     def state_dict(self) -> dict[str, Any]:
         """Transitions held, and the sampling's state."""
+        observations, actions, next_observations = (
+            column[: self.size].clone() for column in self._columns
+        )
         return {
-            "rows": self._rows[: self.size].clone(),
+            "observations": observations,
+            "actions": actions,
+            "next_observations": next_observations,
             "next": self._next,
             "generator": self._generator.get_state(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
-        rows = state["rows"]
-        self.size = len(rows)
-        self._rows[: self.size] = rows
+        self.size = len(state["actions"])
+        names = "observations", "actions", "next_observations"
+        for column, name in zip(self._columns, names, strict=True):
+            column[: self.size] = state[name]
         self._next = state["next"]
         self._generator.set_state(state["generator"].cpu())

@@ -109,7 +109,8 @@ class CuriosityMotivation:
                 for _ in range(self.n_updates)
             ]
         return {
-            f"icm/{name}": float(np.mean([each[name] for each in losses])) for name in losses[0]
+            f"{self.bonus.name}/{name}": float(np.mean([each[name] for each in losses]))
+            for name in losses[0]
         }
 
     def _remember(self, rollouts: Rollouts) -> None:

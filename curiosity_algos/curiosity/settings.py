@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -13,20 +11,17 @@ from gymnasium import spaces
 
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.buffer import TransitionBuffer
-from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.motivation import CuriosityMotivation
-from curiosity_gym.validation import check_at_least_one, check_choice, check_share
-
-BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM}
-"""Bonuses by the names that `CuriosityES(bonus=...)` takes."""
+from curiosity_gym.validation import check_at_least_one, check_share
 
 
 @dataclass(frozen=True)
 class CuriositySettings:
     """The keywords of `CuriosityES` that make its motivation, under the same names."""
 
-    bonus: str
+    bonus: str | Bonus
     bonus_kwargs: dict[str, Any]
     n_transitions: int
     n_updates: int
@@ -49,13 +44,7 @@ class CuriositySettings:
         check_share(gamma=self.gamma)
         check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
         check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
-        check_choice(tuple(BONUSES), bonus=self.bonus)
-        keywords = inspect.signature(BONUSES[self.bonus]).parameters.values()
-        names = (each.name for each in keywords if each.kind is each.KEYWORD_ONLY)
-        # Seed and device of the bonus are those of the algorithm.
-        allowed = tuple(name for name in names if name not in ("seed", "device"))
-        for name in self.bonus_kwargs:
-            check_choice(allowed, bonus_kwargs=name)
+        check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def make_motivation(
         self,
@@ -68,16 +57,17 @@ class CuriositySettings:
     ) -> CuriosityMotivation:
         """The motivation for 1-D observations and Box or Discrete actions."""
         motivation_seed, networks_seed, buffer_seed = seed.spawn(3)
-        bonus = BONUSES[self.bonus](
+        bonus = make_bonus(
+            self.bonus,
+            self.bonus_kwargs,
             observation_space,
             action_space,
             seed=integer_seed(networks_seed),
             device=device,
-            **self.bonus_kwargs,
         )
         buffer = TransitionBuffer(
             self.buffer_size,
-            observation_space.shape[0],
+            observation_space,
             stored_action_size(action_space),
             seed=integer_seed(buffer_seed),
         )
@@ -91,11 +81,3 @@ class CuriositySettings:
             seed=motivation_seed,
             n_threads=n_threads,
         )
-
-
-def stored_action_size(action_space: spaces.Space[Any]) -> int:
-    """Numbers kept of an action: a Box's entries, the index of a Discrete's."""
-    if isinstance(action_space, spaces.Discrete):
-        return 1
-    assert isinstance(action_space, spaces.Box)
-    return int(action_space.shape[0])

@@ -1,8 +1,11 @@
+import json
+
 import numpy as np
 import pytest
 import torch as th
+from stable_baselines3.common.logger import configure
 
-from curiosity_algos import CanonicalES, CuriosityES
+from curiosity_algos import ICM, RND, CanonicalES, CuriosityES, CuriosityMAPElites
 from curiosity_algos.common.evolution_strategy import standardize
 
 
@@ -34,6 +37,8 @@ def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_
         {"no_reward": "random"},
         {"bonus_kwargs": {"beta": 0.9}},
         {"bonus_kwargs": {"normalize": False}},
+        {"bonus": "rnd"},
+        {"bonus": "rnd", "bonus_kwargs": {"n_features": 3}},
         {"n_updates": 5},
         {"n_transitions": 9},
         {"batch_size": 3},
@@ -100,3 +105,52 @@ def test_an_observation_that_is_not_finite_teaches_nothing(make_model, make_easy
         model.learn(1)
     after = model._motivation.bonus.parameters()
     assert all(th.equal(*pair) for pair in zip(before, after, strict=True))
+
+
+BONUSES = pytest.mark.parametrize("bonus", [ICM, RND])
+
+
+@BONUSES
+def test_every_bonus_learns_and_logs_under_its_name(make_model, make_easy_maze, tmp_path, bonus):
+    model = make_model(CuriosityES, make_easy_maze(), bonus=bonus.name)
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    model.learn(500)
+    assert isinstance(model._motivation.bonus, bonus)
+    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    losses = {name for name in logged if name.endswith("loss")}
+    assert f"{bonus.name}/loss" in losses
+    assert all(name.startswith(f"{bonus.name}/") for name in losses)
+
+
+@BONUSES
+@pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites])
+def test_a_bonus_of_ones_own_is_trained_and_saved(
+    make_model, make_easy_maze, assert_same_run, tmp_path, algorithm, bonus
+):
+    env = make_easy_maze()
+    own = bonus(env.observation_space, env.action_space, seed=5, hidden=9, device="cpu")
+    model = make_model(algorithm, env, bonus=own)
+    before = own.state_dict()["modules"][
+        "predictor.0.0.weight" if bonus is RND else "encoder.0.weight"
+    ]
+    model.learn(500)
+    assert model._motivation.bonus is own
+    after = own.state_dict()["modules"][
+        "predictor.0.0.weight" if bonus is RND else "encoder.0.weight"
+    ]
+    assert before.shape[0] == 9
+    assert not th.equal(before, after)
+    model.save(tmp_path / "model")
+    loaded = algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cpu")
+    assert loaded._motivation.bonus is not own
+    for each in (model, loaded):
+        each.learn(500, reset_num_timesteps=False)
+    assert_same_run(model, loaded)
+
+
+def test_a_bonus_is_a_name_or_has_what_is_asked_of_one(make_model, make_easy_maze):
+    with pytest.raises(ValueError, match="`bonus` must be one of icm, rnd, or a Bonus, got 7"):
+        make_model(CuriosityES, make_easy_maze(), bonus=7)
+    own = ICM(make_easy_maze().observation_space, make_easy_maze().action_space, device="cpu")
+    with pytest.raises(ValueError, match="`bonus_kwargs` must be empty"):
+        make_model(CuriosityES, make_easy_maze(), bonus=own, bonus_kwargs={"beta": 0.1})

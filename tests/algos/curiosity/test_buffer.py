@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import torch as th
+from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +20,7 @@ def fill(buffer, n, first=0):
 
 
 def make_buffer(capacity=10, seed=0):
-    return TransitionBuffer(capacity, 2, 1, seed=seed)
+    return TransitionBuffer(capacity, spaces.Box(-1, 1, (2,)), 1, seed=seed)
 
 
 def held(buffer):
@@ -84,4 +85,18 @@ def test_a_state_is_a_copy():
     buffer = fill(make_buffer(), 10)
     state = buffer.state_dict()
     fill(buffer, 10, first=50)
-    assert state["rows"].max() < 100
+    assert max(state[name].max() for name in ("observations", "next_observations")) < 50
+    assert state["actions"].max() < 100
+
+
+def test_images_stay_bytes():
+    images = spaces.Box(0, 255, (3, 36, 36), np.uint8)
+    buffer = TransitionBuffer(4, images, 1, seed=0)
+    pictures = th.randint(256, (6, 3, 36, 36), dtype=th.uint8)
+    buffer.add(pictures[:-1], th.arange(5.0), pictures[1:])
+    observations, actions, next_observations = buffer.sample(20)
+    assert observations.dtype == next_observations.dtype == th.uint8
+    places = actions.ravel().long()
+    assert set(places.tolist()) == {1, 2, 3, 4}
+    assert th.equal(observations, pictures[places])
+    assert th.equal(next_observations, pictures[places + 1])

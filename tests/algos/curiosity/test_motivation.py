@@ -17,6 +17,8 @@ LENGTHS = np.array([12, 1, 5, 9, 2])
 class Recorder:
     """A bonus that is the first entry of the next observation, and remembers its training."""
 
+    name = "recorder"
+
     def __init__(self):
         self.observed, self.batches = [], []
 
@@ -67,7 +69,7 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
     settings = {"gamma": 0.9, "n_transitions": 6, "n_updates": 3, "batch_size": 8}
     return CuriosityMotivation(
         bonus or ICM(observation_space, action_space, seed=0, device="cpu"),
-        TransitionBuffer(1000, N_OBSERVATIONS, n_actions, seed=0),
+        TransitionBuffer(1000, spaces.Box(-1, 1, (N_OBSERVATIONS,)), n_actions, seed=0),
         **(settings | changes),
         seed=np.random.SeedSequence(0),
     )
@@ -172,7 +174,9 @@ class TestUpdate:
         rollouts, motivation = make_rollouts(), make_motivation(Recorder(), n_transitions=40)
         motivation.update(rollouts)
         assert len(motivation.buffer) == 40 * len(LENGTHS)
-        rows = motivation.buffer.state_dict()["rows"].numpy().reshape(len(LENGTHS), 40, -1)
+        held = motivation.buffer.state_dict()
+        columns = [held[name] for name in ("observations", "actions", "next_observations")]
+        rows = th.cat(columns, dim=1).numpy().reshape(len(LENGTHS), 40, -1)
         for i, length in enumerate(LENGTHS):
             real = np.concatenate(
                 [
@@ -189,12 +193,12 @@ class TestUpdate:
     def test_statistics_see_what_enters_the_buffer(self):
         motivation = make_motivation(Recorder())
         motivation.update(make_rollouts())
-        rows = motivation.buffer.state_dict()["rows"]
-        assert th.equal(motivation.bonus.observed[0], rows[:, :N_OBSERVATIONS])
+        held = motivation.buffer.state_dict()
+        assert th.equal(motivation.bonus.observed[0], held["observations"])
 
     def test_trains_p_times_on_batches_and_reports_mean_losses(self):
         motivation = make_motivation(Recorder(), n_updates=3, batch_size=8)
-        assert motivation.update(make_rollouts()) == {"icm/loss": 2.0}
+        assert motivation.update(make_rollouts()) == {"recorder/loss": 2.0}
         shapes = [[part.shape for part in batch] for batch in motivation.bonus.batches]
         assert shapes == [[(8, N_OBSERVATIONS), (8, 2), (8, N_OBSERVATIONS)]] * 3
 

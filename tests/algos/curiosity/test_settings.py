@@ -6,8 +6,9 @@ import pytest
 import torch as th
 from gymnasium import spaces
 
+from curiosity_algos.curiosity.bonuses import stored_action_size
 from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.curiosity.settings import CuriositySettings, stored_action_size
+from curiosity_algos.curiosity.settings import CuriositySettings
 
 GIVEN = {
     "gamma": 0.9,
@@ -46,7 +47,7 @@ def test_they_are_the_algorithms():
     [
         ("gamma", 1.1, "`gamma` must be from 0 to 1"),
         ("gamma", -0.1, "`gamma` must be from 0 to 1"),
-        ("bonus", "rnd", "`bonus` must be one of icm, got 'rnd'"),
+        ("bonus", "rdn", "`bonus` must be one of icm, rnd, got 'rdn'"),
         ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
         ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
         ("bonus_kwargs", {"device": "cpu"}, "`bonus_kwargs` must be one of .* got 'device'"),
@@ -79,8 +80,9 @@ def test_the_parts_have_the_settings(action_space):
     )
     assert motivation.bonus.encoder[0].weight.shape == (8, 4)
     assert motivation.buffer.capacity == 40
-    width = 4 + stored_action_size(action_space) + 4
-    assert motivation.buffer.state_dict()["rows"].shape == (0, width)
+    held = motivation.buffer.state_dict()
+    assert held["observations"].shape == held["next_observations"].shape == (0, 4)
+    assert held["actions"].shape == (0, stored_action_size(action_space))
 
 
 def test_what_is_stored_of_an_action():

@@ -1,0 +1,64 @@
+"""The bonuses by name, and how an algorithm that is told one makes it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.curiosity.bonus import Bonus, action_size
+from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.rnd import RND
+from curiosity_gym.validation import check_choice
+
+BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM, "rnd": RND}
+
+
+def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> None:
+    """Check what a user said about the bonus.
+
+    Raises:
+        ValueError: If it is neither a name nor a `Bonus`, or takes no such keyword.
+    """
+    if not isinstance(bonus, str):
+        if isinstance(bonus, type) or not isinstance(bonus, Bonus):
+            known = ", ".join(BONUSES)
+            raise ValueError(f"`bonus` must be one of {known}, or a Bonus, got {bonus!r}.")
+        if bonus_kwargs:
+            raise ValueError("`bonus_kwargs` must be empty where `bonus` is an object.")
+        return
+    check_choice(tuple(BONUSES), bonus=bonus)
+    keywords = inspect.signature(BONUSES[bonus]).parameters.values()
+    names = (each.name for each in keywords if each.kind is each.KEYWORD_ONLY)
+    # Seed and device of the bonus are those of the algorithm.
+    allowed = tuple(name for name in names if name not in ("seed", "device"))
+    for name in bonus_kwargs:
+        check_choice(allowed, bonus_kwargs=name)
+
+
+def make_bonus(
+    bonus: str | Bonus,
+    bonus_kwargs: Mapping[str, Any],
+    observation_space: spaces.Space[Any],
+    action_space: spaces.Space[Any],
+    *,
+    seed: int,
+    device: th.device | str,
+) -> Bonus:
+    """The bonus of a name for these spaces; one that is given as an object is taken as it is."""
+    if not isinstance(bonus, str):
+        return bonus
+    return BONUSES[bonus](observation_space, action_space, seed=seed, device=device, **bonus_kwargs)
+
+
+def stored_action_size(action_space: spaces.Space[Any]) -> int:
+    """Numbers kept of an action: a Box's entries, the index of a Discrete's.
+
+    Raises:
+        ValueError: If actions are of another kind.
+    """
+    n_numbers = action_size(action_space)
+    return 1 if isinstance(action_space, spaces.Discrete) else n_numbers

@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+from curiosity_algos.curiosity.bonus import action_size
+from curiosity_algos.curiosity.bonuses import (
+    BONUSES,
+    check_bonus_choice,
+    make_bonus,
+    stored_action_size,
+)
+
+SPACES = spaces.Box(-1, 1, (4,)), spaces.Box(-1, 1, (2,))
+
+
+@pytest.mark.parametrize(
+    ("space", "encoded", "stored"), [(spaces.Discrete(4), 4, 1), (spaces.Box(-1, 1, (3,)), 3, 3)]
+)
+def test_an_action_has_its_numbers(space, encoded, stored):
+    assert (action_size(space), stored_action_size(space)) == (encoded, stored)
+
+
+@pytest.mark.parametrize(
+    "space",
+    [spaces.MultiDiscrete([2, 2]), spaces.Discrete(3, start=1), spaces.Box(-1, 1, (2, 2))],
+    ids=str,
+)
+def test_other_actions_are_refused(space):
+    for size in (action_size, stored_action_size):
+        with pytest.raises(ValueError, match="`action_space` must be a one-dimensional Box"):
+            size(space)
+
+
+@pytest.mark.parametrize("name", BONUSES)
+def test_a_name_makes_a_bonus(name):
+    bonus = make_bonus(name, {"n_features": 3}, *SPACES, seed=1, device="cpu")
+    same = make_bonus(name, {"n_features": 3}, *SPACES, seed=1, device="cpu")
+    batch = np.ones((2, 4), np.float32), np.ones((2, 2), np.float32), np.zeros((2, 4), np.float32)
+    assert bonus.name == name
+    np.testing.assert_array_equal(bonus.score(*batch), same.score(*batch))
+
+
+def test_an_object_is_taken_as_it_is():
+    bonus = make_bonus("rnd", {}, *SPACES, seed=1, device="cpu")
+    check_bonus_choice(bonus, {})
+    assert make_bonus(bonus, {}, *SPACES, seed=2, device="cpu") is bonus
+
+
+@pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
+def test_anything_else_is_no_bonus(bonus):
+    with pytest.raises(ValueError, match="`bonus` must be one of icm, rnd"):
+        check_bonus_choice(bonus, {})

@@ -1,0 +1,65 @@
+"""A callback for Stable-Baselines3's own algorithms: what exploration has come to."""
+
+from __future__ import annotations
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import unwrap_vec_wrapper
+
+from curiosity_algos.common.coverage import Coverage, coverage_grid
+from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+
+
+class ExplorationCallback(BaseCallback):
+    """Logs what this package's algorithms log: coverage, and of an `ICMVecEnvWrapper` the bonus.
+
+    With each rollout it logs `coverage/...`, the cells that episodes have ended in, where
+    environments give `info["behavior"]` as those of `curiosity_gym` do; `intrinsic/mean` and
+    `intrinsic/max` of the rollout's steps; and the losses of the wrapper's last training.
+
+    Args:
+        verbose: As in SB3.
+
+    Attributes:
+        coverage: Its `reachable` and `all` are the shares of cells that were visited.
+        first_success_timesteps: Timesteps when an episode first succeeded, or None.
+        best_return: Highest return of an episode that a Monitor saw; -inf before the first.
+    """
+
+    def __init__(self, verbose: int = 0) -> None:
+        super().__init__(verbose)
+        self.coverage = Coverage(None)
+        self.first_success_timesteps: int | None = None
+        self.best_return = -np.inf
+        self._intrinsic: list[float] = []
+
+    def _on_training_start(self) -> None:
+        grid = coverage_grid(self.training_env)
+        if grid != self.coverage.grid:
+            self.coverage = Coverage(grid)
+
+    def _on_step(self) -> bool:
+        infos, dones = self.locals["infos"], self.locals["dones"]
+        ended = [info for info, done in zip(infos, dones, strict=True) if done]
+        behaviors = [info["behavior"] for info in ended if "behavior" in info]
+        if behaviors:
+            self.coverage.add(np.stack(behaviors))
+        if self.first_success_timesteps is None and any(info.get("is_success") for info in ended):
+            self.first_success_timesteps = self.num_timesteps
+        returns = [info["episode"]["r"] for info in ended if "episode" in info]
+        self.best_return = max([self.best_return, *returns])
+        self._intrinsic += [
+            info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info
+        ]
+        return True
+
+    def _on_rollout_end(self) -> None:
+        for name, share in self.coverage.shares.items():
+            self.logger.record(f"coverage/{name}", share)
+        if self._intrinsic:
+            self.logger.record("intrinsic/mean", np.mean(self._intrinsic))
+            self.logger.record("intrinsic/max", np.max(self._intrinsic))
+            self._intrinsic.clear()
+        wrapper = unwrap_vec_wrapper(self.training_env, ICMVecEnvWrapper)
+        for name, loss in ({} if wrapper is None else wrapper.metrics).items():
+            self.logger.record(name, loss)

@@ -1,0 +1,351 @@
+"""A wrapper that adds an exploration bonus to the reward of any Stable-Baselines3 algorithm."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
+
+from curiosity_algos.common.checkpoint import atomic_file
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.curiosity.buffer import TransitionBuffer
+from curiosity_algos.curiosity.encoders import ImageInputs
+from curiosity_algos.evaluation.rollouts import check_observations
+from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share
+
+FORMAT = "curiosity bonus wrapper 1"
+EPSILON, LARGEST = 1e-8, 10.0
+"""Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
+MEMORY = 100_000
+"""Transitions that the scale of the bonus remembers: what it was at first is forgotten."""
+
+
+SETTINGS = (
+    "bonus_kwargs",
+    "weight",
+    "extrinsic",
+    "gamma",
+    "train_interval",
+    "n_updates",
+    "batch_size",
+)
+"""Keywords of the constructor that the wrapper holds under the same names."""
+
+
+class ICMVecEnvWrapper(VecEnvWrapper):
+    """Rewards transitions by how badly a curiosity module predicts them, and trains the module.
+
+    The reward becomes `extrinsic reward + weight * bonus`, before the algorithm sees it, so that it
+    carries credit through time. The bonus is divided by the running standard deviation of its
+    discounted sum (Burda et al. 2018), so that a `weight` means much the same whatever its scale.
+    At the end of an episode it is that of the true last observation, never of the one after the
+    reset. Before its first training the module knows no scale: until then the bonus is 0.
+
+    The replay buffer of an off-policy algorithm keeps rewards as they were when collected; the
+    bonus of an old transition is then that of long ago.
+
+    Put a VecMonitor or Monitor below this wrapper, and it records the rewards of the task.
+
+    Args:
+        venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
+        bonus: "icm", "rnd", or a `Bonus` made for the spaces of `venv`, which this then trains.
+        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`.
+        weight: Of the bonus, above 0.
+        extrinsic: Whether the reward of the task counts; False: curiosity alone.
+        gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
+        train_interval: Transitions of all environments between two trainings.
+        n_updates: Gradient steps a training.
+        batch_size: Transitions a gradient step.
+        buffer_size: Transitions kept to train on, the newest.
+        seed: Of the networks and the draws; None: fresh entropy.
+        device: Where the networks are, as in SB3.
+
+    Attributes:
+        metrics: Mean losses of the last training, which `ExplorationCallback` logs.
+        training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
+
+    Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
+    the bonus.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the spaces are of another kind.
+    """
+
+    def __init__(
+        self,
+        venv: VecEnv,
+        *,
+        bonus: str | Bonus = "icm",
+        bonus_kwargs: dict[str, Any] | None = None,
+        weight: float = 1.0,
+        extrinsic: bool = True,
+        gamma: float = 0.99,
+        train_interval: int = 2048,
+        n_updates: int = 64,
+        batch_size: int = 256,
+        buffer_size: int = 100_000,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+    ) -> None:
+        if not isinstance(venv, VecEnv):
+            raise ValueError(f"`venv` must be a VecEnv of Stable-Baselines3, got {venv!r}.")
+        check_bonus_choice(bonus, bonus_kwargs or {})
+        check_positive(weight=weight)
+        check_share(gamma=gamma)
+        if gamma == 1.0:
+            raise ValueError("`gamma` must be below 1: the sum would grow for ever.")
+        check_at_least_one(train_interval=train_interval, n_updates=n_updates)
+        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+        check_seed(seed)
+        super().__init__(venv)
+        self.weight = float(weight)
+        self.extrinsic = bool(extrinsic)
+        self.gamma = float(gamma)
+        self.train_interval = int(train_interval)
+        self.n_updates = int(n_updates)
+        self.batch_size = int(batch_size)
+        self.bonus_kwargs = {name: _plain(value) for name, value in (bonus_kwargs or {}).items()}
+        self.training = True
+        self._name = bonus if isinstance(bonus, str) else None
+        self._make_parts(bonus, buffer_size, np.random.SeedSequence(seed), device)
+        self.metrics: dict[str, float] = {}
+        self._observations = self._actions = np.empty(0)
+        self._statistics = RunningMeanStd(shape=())
+        self._returns = np.zeros(self.num_envs)
+        self._n_untrained = 0
+        self._has_trained = False
+
+    def _make_parts(
+        self,
+        bonus: str | Bonus,
+        buffer_size: int,
+        seed: np.random.SeedSequence,
+        device: th.device | str,
+    ) -> None:
+        networks_seed, buffer_seed = (integer_seed(each) for each in seed.spawn(2))
+        space, action_space = self.observation_space, self.action_space
+        self.bonus = make_bonus(
+            bonus, self.bonus_kwargs, space, action_space, seed=networks_seed, device=device
+        )
+        self._has_images = ImageInputs.of(space) is not None
+        assert isinstance(space, spaces.Box)
+        self.buffer = TransitionBuffer(
+            int(buffer_size), space, stored_action_size(action_space), seed=buffer_seed
+        )
+
+    # -- stepping -------------------------------------------------------------------------------
+
+    def reset(self) -> VecEnvObs:
+        """Begin episodes in every environment."""
+        observations = self.venv.reset()
+        self._observations = self._stored(observations)
+        self._returns[:] = 0.0
+        return observations
+
+    def step_async(self, actions: npt.NDArray[Any]) -> None:
+        """Begin a step."""
+        is_box = isinstance(self.action_space, spaces.Box)
+        self._actions = np.array(actions, dtype=np.float32 if is_box else np.int64)
+        self.venv.step_async(actions)
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """End a step; the rewards are those that the algorithm is to learn from."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        before, after = self._observations, self._stored(observations)
+        self._observations = after
+        bonus = self._visit(before, self._last_observations(after, dones, infos))
+        intrinsic = self.weight * bonus
+        for info, outer, inner in zip(infos, rewards, intrinsic, strict=True):
+            info["reward_extrinsic"], info["reward_intrinsic"] = float(outer), float(inner)
+        total = intrinsic + rewards if self.extrinsic else intrinsic
+        return observations, total.astype(np.float32), dones, infos
+
+    def _stored(self, observations: VecEnvObs) -> npt.NDArray[Any]:
+        """A copy, as the networks take them: images stay bytes."""
+        stored = np.array(observations, dtype=np.uint8 if self._has_images else np.float32)
+        check_observations(stored)
+        return stored
+
+    def _last_observations(
+        self, observations: npt.NDArray[Any], dones: npt.NDArray[Any], infos: list[dict[str, Any]]
+    ) -> npt.NDArray[Any]:
+        """What the steps led to: of an ended episode its last observation, not the next's first."""
+        if not dones.any():
+            return observations
+        led_to = observations.copy()
+        for i in np.flatnonzero(dones):
+            led_to[i] = infos[i]["terminal_observation"]
+        check_observations(led_to)
+        return led_to
+
+    def _visit(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        """Score the transitions, then learn from them; the scaled bonus of each environment."""
+        with single_torch_thread():
+            bonus = np.zeros(len(before))
+            if self._has_trained:
+                score = self.bonus.score(before, self._actions, after)
+                bonus = self._scaled(score.astype(np.float64))
+            if self.training:
+                self._learn(before, after)
+        return bonus
+
+    def _learn(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> None:
+        seen = th.from_numpy(before)
+        self.bonus.observe(seen)
+        self.buffer.add(seen, th.from_numpy(self._actions), th.from_numpy(after))
+        self._n_untrained += len(before)
+        if self._n_untrained >= self.train_interval:
+            self._train()
+
+    def _train(self) -> None:
+        self._n_untrained = 0
+        self._has_trained = True
+        steps = [
+            self.bonus.update(*self.buffer.sample(self.batch_size)) for _ in range(self.n_updates)
+        ]
+        self.metrics = {
+            f"{self.bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
+            for name in steps[0]
+        }
+
+    def _scaled(self, bonus: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        self._returns = self.gamma * self._returns + bonus
+        if self.training:
+            self._statistics.update(self._returns)
+            self._statistics.count = min(self._statistics.count, MEMORY)
+        scaled = bonus / np.sqrt(self._statistics.var + EPSILON)
+        return np.minimum(scaled, LARGEST)
+
+    # -- save and load --------------------------------------------------------------------------
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs, but the environments below."""
+        statistics = self._statistics
+        return {
+            "bonus": self.bonus.state_dict(),
+            "buffer": self.buffer.state_dict(),
+            "statistics": [float(statistics.mean), float(statistics.var), float(statistics.count)],
+            "returns": th.from_numpy(self._returns.copy()),
+            "observations": th.from_numpy(self._observations.copy()),
+            "n_untrained": self._n_untrained,
+            "has_trained": self._has_trained,
+            "metrics": dict(self.metrics),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` of a wrapper with the same settings gave."""
+        self.bonus.load_state_dict(state["bonus"])
+        self.buffer.load_state_dict(state["buffer"])
+        statistics = self._statistics
+        statistics.mean, statistics.var = map(np.array, state["statistics"][:2])
+        statistics.count = state["statistics"][2]
+        self._returns = state["returns"].cpu().numpy().copy()
+        self._observations = state["observations"].cpu().numpy().copy()
+        self._n_untrained = state["n_untrained"]
+        self._has_trained = state["has_trained"]
+        self.metrics = dict(state["metrics"])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write what `load` needs, beside the model's own file.
+
+        The file takes the place of an older one only once it is wholly on disk.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+            ValueError: If the state of a bonus of your own holds what no file of torch may.
+        """
+        settings = {name: getattr(self, name) for name in SETTINGS}
+        settings |= {"buffer_size": self.buffer.capacity, "bonus": self._name}
+        saved = {"format": FORMAT, "spaces": self._spaces(), "settings": settings}
+        saved["state"] = self.state_dict()
+        if not _is_plain(saved):
+            raise ValueError("`bonus` must have a state of tensors and plain values.")
+        with atomic_file(path) as file:
+            th.save(saved, file)
+
+    def _spaces(self) -> list[str]:
+        return [repr(self.observation_space), repr(self.action_space)]
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        venv: VecEnv,
+        *,
+        bonus: Bonus | None = None,
+        device: th.device | str = "auto",
+    ) -> Self:
+        """Wrap `venv` as the wrapper that was saved had wrapped another.
+
+        Args:
+            path: Of the file.
+            venv: As many environments with the same spaces.
+            bonus: An object made as the one that was saved; None where that had a name.
+            device: As in the constructor.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If it is damaged, foreign, or does not fit `venv` or `bonus`.
+        """
+        saved = _read(path)
+        settings = saved["settings"]
+        if settings["bonus"] is None and bonus is None:
+            raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
+        if settings["bonus"] is not None and bonus is not None:
+            raise ValueError(f"`bonus` must be None, it was saved as {settings['bonus']!r}.")
+        settings["bonus"] = settings["bonus"] or bonus
+        wrapper = cls(venv, **settings, device=device)
+        n_envs = len(saved["state"]["returns"])
+        if n_envs != venv.num_envs or wrapper._spaces() != saved["spaces"]:
+            raise ValueError(
+                f"`venv` must have {n_envs} environments with the spaces {saved['spaces']}, got "
+                f"{venv.num_envs} with {wrapper._spaces()}."
+            )
+        try:
+            wrapper.load_state_dict(saved["state"])
+        except (KeyError, RuntimeError) as error:
+            raise ValueError("`bonus` must be made as the one that was saved.") from error
+        return wrapper
+
+
+def _plain(value: Any) -> Any:
+    """Python's own number for one of numpy's, which torch's files do not hold."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether torch reads it back without running code."""
+    if isinstance(value, Mapping):
+        return all(map(_is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    is_number = isinstance(value, bool | int | float | str | th.Tensor) or value is None
+    return is_number and not isinstance(value, np.generic)
+
+
+def _read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"`path` must be a saved wrapper, there is no file {path}.")
+    try:
+        with zipfile.ZipFile(path) as file:  # torch's unpickler may fail at anything else
+            is_whole = file.testzip() is None
+        saved = th.load(path, map_location="cpu", weights_only=True) if is_whole else None
+    except (zipfile.BadZipFile, OSError, RuntimeError, pickle.UnpicklingError):
+        saved = None
+    if not isinstance(saved, dict) or saved.get("format") != FORMAT:
+        raise ValueError(f"`path` must be a saved ICMVecEnvWrapper, {path} is not a whole one.")
+    return saved

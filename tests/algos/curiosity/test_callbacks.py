@@ -1,0 +1,85 @@
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.vec_env import VecMonitor
+
+from curiosity_algos.curiosity.callbacks import ExplorationCallback
+from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_gym import BehaviorWrapper
+
+
+class Walk(gym.Env):
+    """Each episode takes one step more than the one before; from the third on they succeed."""
+
+    observation_space = spaces.Box(0, 10, (1,))
+    action_space = spaces.Discrete(2)
+    n_episodes = 0
+
+    def reset(self, *, seed=None, options=None):
+        self.n_episodes += 1
+        self.x = 0
+        return np.zeros(1, dtype=np.float32), {}
+
+    def step(self, action):
+        self.x += 1
+        is_over = self.x == self.n_episodes
+        info = {"is_success": is_over and self.x >= 3}
+        return np.full(1, self.x, dtype=np.float32), float(self.x), is_over, False, info
+
+
+def make_walk():
+    space = spaces.Box(0, 10, (1,))
+    return BehaviorWrapper(Walk(), lambda env, observation, info: observation, space)
+
+
+def train(env, n_steps, callback, logger=None):
+    model = PPO("MlpPolicy", env, n_steps=n_steps, batch_size=n_steps, n_epochs=1, device="cpu")
+    if logger is not None:
+        model.set_logger(logger)
+    model.learn(n_steps, callback=callback)
+    return callback
+
+
+def test_it_counts_where_episodes_end():
+    callback = train(make_vec_env(make_walk), 15, ExplorationCallback())  # 1 + 2 + 3 + 4 + 5 steps
+    assert callback.coverage.all == 5 / 50
+    assert callback.first_success_timesteps == 6
+    assert callback.best_return == 15.0
+
+
+def test_it_logs_with_each_rollout(tmp_path):
+    logger = configure(str(tmp_path), ["json"])
+    env = make_vec_env("CuriosityMaze-US-v0", n_envs=1)
+    callback = train(env, 2000, ExplorationCallback(), logger)
+    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    assert logged["coverage/all"] == pytest.approx(1 / 2500)
+    assert logged["coverage/reachable"] == callback.coverage.reachable > logged["coverage/all"]
+
+
+def test_more_training_counts_on():
+    callback, env = ExplorationCallback(), make_vec_env(make_walk)
+    train(env, 3, callback)
+    train(env, 4, callback)  # the reset has left the third episode out
+    assert callback.coverage.all == 3 / 50
+
+
+def test_there_may_be_nothing_to_count():
+    callback = train(make_vec_env("CartPole-v1"), 100, ExplorationCallback())
+    assert callback.coverage.all is None
+    assert callback.first_success_timesteps is None
+    assert callback.best_return > 0
+
+
+def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
+    logger = configure(str(tmp_path), ["json"])
+    venv = ICMVecEnvWrapper(make_vec_env("CartPole-v1"), bonus="rnd", train_interval=50, seed=0)
+    train(VecMonitor(venv), 100, ExplorationCallback(), logger)
+    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
+    assert logged["rnd/loss"] == venv.metrics["rnd/loss"]

@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ARGUMENTS = {
+    "check_bonus.py": [],
     "control_task.py": ["--timesteps", "1e5"],
     "custom_maze.py": ["--timesteps", "1e5"],
     "plain_gymnasium_loop.py": [],

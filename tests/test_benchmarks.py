@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curiosity_gym  # noqa: F401  registers the ids
-from benchmarks import baselines, learning, population, training
+from benchmarks import baselines, bonuses, learning, population, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
 
@@ -232,3 +232,27 @@ def test_learning_prints_a_row_for_each_algorithm_and_maze():
     rows = [line for line in printed.splitlines() if line.startswith(("| NSES", "| MAPElites"))]
     assert len(rows) == 4  # two tables
     assert all("0 of 1" in row for row in rows)
+
+
+def test_bonuses_print_a_row_for_each_variant():
+    result = benchmark(
+        "--timesteps", "1", "--n-seeds", "1", "--variants", "PPO,PPO + RND", module="bonuses"
+    )
+    assert result.returncode == 0, result.stderr
+    rows = [line.strip("| ").split(" | ") for line in result.stdout.splitlines()]
+    assert [row[0] for row in rows[2:]] == ["PPO", "PPO + RND"]
+    assert {len(row) for row in rows[2:]} == {len(rows[0])}
+    assert all(0.0 < float(row[1]) < 5.0 for row in rows[2:])
+
+
+def test_bonuses_have_an_interval_around_their_mean():
+    group = [
+        bonuses.Result("PPO", seed, coverage, first, 0.5, 10.0)
+        for seed, (coverage, first) in enumerate([(0.1, None), (0.2, 500_000), (0.3, None)])
+    ]
+    _, _, row = bonuses.table(group).splitlines()
+    cells = row.strip("| ").split(" | ")
+    assert cells[:2] == ["PPO", "10.0 / 20.0 / 30.0"]
+    mean, low, high = (float(figure) for figure in re.findall(r"[\d.]+", cells[2]))
+    assert 10.0 <= low < mean == 20.0 < high <= 30.0
+    assert cells[3] == "never / 0.50 / never"

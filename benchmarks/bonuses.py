@@ -1,0 +1,119 @@
+"""What a bonus does for Stable-Baselines3's PPO: `python -m benchmarks.bonuses` prints the table.
+
+Every run is one process on one thread; results do not depend on how many run at once.
+"""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import torch as th
+import typer
+from scipy.stats import bootstrap
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
+
+from curiosity_algos import ExplorationCallback, ICMVecEnvWrapper
+
+VARIANTS = {"PPO": None, "PPO + ICM": "icm", "PPO + RND": "rnd"}
+"""Bonuses by the names of the table's rows."""
+N_ENVS = 8
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one run came to."""
+
+    variant: str
+    seed: int
+    coverage: float
+    first_success: int | None
+    best_return: float
+    seconds: float
+
+
+def run(variant: str, seed: int, env: str, timesteps: float, weight: float) -> Result:
+    """Train PPO with its defaults, with or without a bonus with its defaults."""
+    th.set_num_threads(1)
+    began = time.process_time()
+    venv = make_vec_env(env, n_envs=N_ENVS, seed=seed)
+    bonus = VARIANTS[variant]
+    if bonus is not None:
+        venv = ICMVecEnvWrapper(venv, bonus=bonus, weight=weight, seed=seed, device="cpu")
+    coverage = ExplorationCallback()
+    PPO("MlpPolicy", venv, seed=seed, device="cpu").learn(int(timesteps), callback=coverage)
+    share = coverage.coverage.reachable
+    assert share is not None
+    seconds = time.process_time() - began
+    first, best = coverage.first_success_timesteps, float(coverage.best_return)
+    return Result(variant, seed, share, first, best, seconds)
+
+
+def table(results: list[Result]) -> str:
+    """Markdown: a row for each variant; coverage with a bootstrapped interval of its mean."""
+    columns = [
+        "Algorithm",
+        "Coverage, reachable (%)",
+        "Mean and 95 % interval",
+        "First reward (M steps)",
+        "Best return",
+        "CPU seconds a run",
+    ]
+    variants = dict.fromkeys(result.variant for result in results)
+    groups = [[result for result in results if result.variant == each] for each in variants]
+    lines = [columns, ["---"] * len(columns), *map(_row, groups)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _row(group: list[Result]) -> list[str]:
+    shares = 100 * np.array([result.coverage for result in group])
+    firsts = (result.first_success for result in group)
+    return [
+        group[0].variant,
+        " / ".join(f"{share:.1f}" for share in shares),
+        _interval(shares),
+        " / ".join("never" if first is None else f"{first / 1e6:.2f}" for first in firsts),
+        " / ".join(f"{result.best_return:.2f}" for result in group),
+        f"{np.mean([result.seconds for result in group]):.0f}",
+    ]
+
+
+def _interval(values: np.ndarray) -> str:
+    if len(values) < 2:
+        return f"{values.mean():.1f}"
+    found = bootstrap((values,), np.mean, method="percentile", rng=np.random.default_rng(0))
+    low, high = found.confidence_interval
+    return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
+
+
+def main(
+    timesteps: float = 1e6,
+    env: str = "CuriosityMaze-US-v0",
+    variants: str = ",".join(VARIANTS),
+    first_seed: int = 0,
+    n_seeds: int = 5,
+    weight: float = 1.0,
+    jobs: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Train every variant with every seed, and print the table."""
+    seeds = range(first_seed, first_seed + n_seeds)
+    tasks = list(product(variants.split(","), seeds))
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        futures = {pool.submit(run, *task, env, timesteps, weight): task for task in tasks}
+        for done, future in enumerate(as_completed(futures), start=1):
+            typer.echo(f"{done} of {len(tasks)}: {future.result()}", err=True)
+        results = [future.result() for future in futures]
+    if out is not None:
+        out.write_text("\n".join(str(asdict(result)) for result in results) + "\n")
+    print(table(results))
+
+
+if __name__ == "__main__":
+    typer.run(main)

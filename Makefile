@@ -10,7 +10,7 @@ demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
 	.venv/bin/python examples/train_curiosity_es.py --seed 0 --out runs/demo
 
 test: .venv/.installed  ## run the tests, on up to four cores
-	.venv/bin/python -m pytest --numprocesses auto --maxprocesses 4
+	.venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 lint: .venv/.installed  ## check style and types
 	.venv/bin/ruff check && .venv/bin/ruff format --check && .venv/bin/mypy --strict curiosity_gym curiosity_algos

@@ -6,10 +6,8 @@ Every run is one process on one thread; results do not depend on how many run at
 from __future__ import annotations
 
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +17,7 @@ from scipy.stats import bootstrap
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
+from benchmarks.runs import markdown, run_all
 from curiosity_algos import ExplorationCallback, ICMVecEnvWrapper
 
 VARIANTS = {"PPO": None, "PPO + ICM": "icm", "PPO + RND": "rnd"}
@@ -67,8 +66,7 @@ def table(results: list[Result]) -> str:
     ]
     variants = dict.fromkeys(result.variant for result in results)
     groups = [[result for result in results if result.variant == each] for each in variants]
-    lines = [columns, ["---"] * len(columns), *map(_row, groups)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return markdown(columns, [_row(group) for group in groups])
 
 
 def _row(group: list[Result]) -> list[str]:
@@ -104,15 +102,8 @@ def main(
 ) -> None:
     """Train every variant with every seed, and print the table."""
     seeds = range(first_seed, first_seed + n_seeds)
-    tasks = list(product(variants.split(","), seeds))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        futures = {pool.submit(run, *task, env, timesteps, weight): task for task in tasks}
-        for done, future in enumerate(as_completed(futures), start=1):
-            typer.echo(f"{done} of {len(tasks)}: {future.result()}", err=True)
-        results = [future.result() for future in futures]
-    if out is not None:
-        out.write_text("\n".join(str(asdict(result)) for result in results) + "\n")
-    print(table(results))
+    tasks = list(product(variants.split(","), seeds, [env], [timesteps], [weight]))
+    print(table(run_all(run, tasks, jobs=jobs, out=out)))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import json
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from typing import Annotated, Any
@@ -18,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 import curiosity_algos
+from benchmarks.runs import markdown, run_all
 from curiosity_gym.registration import SPECS
 
 ALGORITHMS = (
@@ -83,8 +82,7 @@ def table(results: list[Result]) -> str:
         *(f"Coverage, {name} (%)" for name in shares),
         "CPU seconds a run",
     ]
-    lines = [columns, ["---"] * len(columns), *(_row(group, shares) for group in groups)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return markdown(columns, [_row(group, shares) for group in groups])
 
 
 def _row(group: list[Result], shares: list[str]) -> list[str]:
@@ -109,11 +107,11 @@ def summary(results: list[Result]) -> str:
     Timesteps are the median of those that found it, coverage (of reachable cells) that of all.
     """
     envs = list(dict.fromkeys(r.env for r in results))
-    lines = [["Algorithm", *envs], ["---"] * (1 + len(envs))]
+    rows = []
     for algorithm in dict.fromkeys(r.algorithm for r in results):
         groups = [[r for r in results if (r.algorithm, r.env) == (algorithm, env)] for env in envs]
-        lines.append([algorithm, *(_cell(group) for group in groups)])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        rows.append([algorithm, *(_cell(group) for group in groups)])
+    return markdown(["Algorithm", *envs], rows)
 
 
 def _cell(group: list[Result]) -> str:
@@ -140,14 +138,9 @@ def main(
 ) -> None:
     """Train every algorithm on every environment with every seed, and print the table."""
     seeds = range(first_seed, first_seed + n_seeds)
-    tasks = list(product(algorithms.split(","), envs.split(","), seeds))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        futures = {pool.submit(run, *task, timesteps, json.loads(settings)): task for task in tasks}
-        for done, future in enumerate(as_completed(futures), start=1):
-            typer.echo(f"{done} of {len(tasks)}: {future.result()}", err=True)
-        results = [future.result() for future in futures]
-    if out is not None:
-        out.write_text("\n".join(str(asdict(result)) for result in results) + "\n")
+    same = [timesteps], [json.loads(settings)]
+    tasks = list(product(algorithms.split(","), envs.split(","), seeds, *same))
+    results = run_all(run, tasks, jobs=jobs, out=out)
     print(table(results))
     print()
     print(summary(results))

@@ -15,6 +15,7 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import get_device
 
 from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_gym.validation import check_positive
 
@@ -142,6 +143,17 @@ class NetworkBonus(th.nn.Module):
         super().load_state_dict(state["modules"], *args, **kwargs)
         # Torch would keep the given tensors as the optimizer's own, and train on in them.
         self.optimizer.load_state_dict(copy.deepcopy(state["optimizer"]))
+
+
+def train(
+    bonus: Bonus, buffer: TransitionBuffer, *, n_updates: int, batch_size: int
+) -> dict[str, float]:
+    """Train on batches that the buffer holds; mean losses, by the names they are logged under."""
+    steps = [bonus.update(*buffer.sample(batch_size)) for _ in range(n_updates)]
+    return {
+        f"{bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
+        for name in steps[0]
+    }
 
 
 def action_size(action_space: spaces.Space[Any]) -> int:

@@ -29,18 +29,16 @@ class TransitionBuffer:
         self._next = 0
         shape = observation_space.shape
         dtype = th.float32 if ImageInputs.of(observation_space) is None else th.uint8
-        self._observations = th.zeros(capacity, *shape, dtype=dtype)
-        self._actions = th.zeros(capacity, n_actions)
-        self._next_observations = th.zeros(capacity, *shape, dtype=dtype)
+        self._columns = {
+            "observations": th.zeros(capacity, *shape, dtype=dtype),
+            "actions": th.zeros(capacity, n_actions),
+            "next_observations": th.zeros(capacity, *shape, dtype=dtype),
+        }
         self._generator = th.Generator().manual_seed(seed)
 
     def __len__(self) -> int:
         """Number of transitions held."""
         return self.size
-
-    @property
-    def _columns(self) -> tuple[th.Tensor, ...]:
-        return self._observations, self._actions, self._next_observations
 
     def add(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
@@ -49,7 +47,7 @@ class TransitionBuffer:
         added = observations, actions.reshape(len(actions), -1), next_observations
         n = min(len(observations), self.capacity)
         places = (self._next + th.arange(n)) % self.capacity
-        for column, values in zip(self._columns, added, strict=True):
+        for column, values in zip(self._columns.values(), added, strict=True):
             column[places] = values[-n:].to(column.dtype)
         self._next = (self._next + n) % self.capacity
         self.size = min(self.size + n, self.capacity)
@@ -57,26 +55,17 @@ class TransitionBuffer:
     def sample(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions and next observations, drawn uniformly with replacement."""
         places = th.randint(self.size, (batch_size,), generator=self._generator)
-        return tuple(column[places] for column in self._columns)
+        return tuple(column[places] for column in self._columns.values())
 
     def state_dict(self) -> dict[str, Any]:
         """Transitions held, and the sampling's state."""
-        observations, actions, next_observations = (
-            column[: self.size].clone() for column in self._columns
-        )
-        return {
-            "observations": observations,
-            "actions": actions,
-            "next_observations": next_observations,
-            "next": self._next,
-            "generator": self._generator.get_state(),
-        }
+        held = {name: column[: self.size].clone() for name, column in self._columns.items()}
+        return {**held, "next": self._next, "generator": self._generator.get_state()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         self.size = len(state["actions"])
-        names = "observations", "actions", "next_observations"
-        for column, name in zip(self._columns, names, strict=True):
+        for name, column in self._columns.items():
             column[: self.size] = state[name]
         self._next = state["next"]
         self._generator.set_state(state["generator"].cpu())

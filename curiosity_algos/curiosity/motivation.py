@@ -11,7 +11,7 @@ import torch as th
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.bonus import Bonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
@@ -104,14 +104,9 @@ class CuriosityMotivation:
         """Store m transitions of each individual, then train; mean losses of the generation."""
         with single_torch_thread():
             self._remember(rollouts)
-            losses = [
-                self.bonus.update(*self.buffer.sample(self.batch_size))
-                for _ in range(self.n_updates)
-            ]
-        return {
-            f"{self.bonus.name}/{name}": float(np.mean([each[name] for each in losses]))
-            for name in losses[0]
-        }
+            return train(
+                self.bonus, self.buffer, n_updates=self.n_updates, batch_size=self.batch_size
+            )
 
     def _remember(self, rollouts: Rollouts) -> None:
         observations, actions, next_observations = sample_transitions(

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from curiosity_algos.common.checkpoint import atomic_file
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.bonus import Bonus, train
 from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
@@ -214,13 +214,9 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     def _train(self) -> None:
         self._n_untrained = 0
         self._has_trained = True
-        steps = [
-            self.bonus.update(*self.buffer.sample(self.batch_size)) for _ in range(self.n_updates)
-        ]
-        self.metrics = {
-            f"{self.bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
-            for name in steps[0]
-        }
+        self.metrics = train(
+            self.bonus, self.buffer, n_updates=self.n_updates, batch_size=self.batch_size
+        )
 
     def _scaled(self, bonus: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         self._returns = self.gamma * self._returns + bonus

@@ -30,17 +30,7 @@ def tensors(batch):
     return [th.from_numpy(part) for part in batch]
 
 
-def numpy_network(network, x):
-    for layer in network:
-        if isinstance(layer, th.nn.Linear):
-            weights, biases = (p.detach().double().numpy() for p in layer.parameters())
-            x = x @ weights.T + biases
-        else:
-            x = np.maximum(x, 0)
-    return x
-
-
-def numpy_errors(icm, observations, actions, next_observations):
+def numpy_errors(numpy_network, icm, observations, actions, next_observations):
     """Forward and inverse error of each transition, by the definition."""
     standardize = lambda x: x  # noqa: E731
     if hasattr(icm.normalizer, "mean"):
@@ -61,10 +51,10 @@ def numpy_errors(icm, observations, actions, next_observations):
 
 @SPACES
 @pytest.mark.parametrize("normalize", [True, False])
-def test_curiosity_and_losses_equal_numpy(action_space, normalize):
+def test_curiosity_and_losses_equal_numpy(numpy_network, action_space, normalize):
     icm, batch = make_icm(action_space, normalize=normalize), make_batch(action_space)
     icm.observe(th.from_numpy(3 + 2 * batch[0]))
-    forward, inverse = numpy_errors(icm, *batch)
+    forward, inverse = numpy_errors(numpy_network, icm, *batch)
     np.testing.assert_allclose(icm.score(*batch), forward, rtol=1e-4, atol=1e-5)
     losses = {name: loss.item() for name, loss in icm.losses(*tensors(batch)).items()}
     assert losses["forward_loss"] == pytest.approx(forward.mean(), rel=1e-4)

@@ -19,17 +19,7 @@ def make_observations(n=20, seed=0):
     return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
 
 
-def numpy_network(network, x):
-    for layer in (each for each in network.modules() if not list(each.children())):
-        if isinstance(layer, th.nn.Linear):
-            weights, biases = (p.detach().double().numpy() for p in layer.parameters())
-            x = x @ weights.T + biases
-        else:
-            x = np.maximum(x, 0)
-    return x
-
-
-def test_novelty_and_loss_equal_numpy():
+def test_novelty_and_loss_equal_numpy(numpy_network):
     rnd, seen, visited = make_rnd(), 3 + 2 * make_observations(), make_observations(seed=1)
     rnd.observe(th.from_numpy(seen))
     inputs = np.clip((visited - seen.mean(axis=0)) / seen.std(axis=0), -5, 5)

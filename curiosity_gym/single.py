@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -11,6 +12,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame
+from curiosity_gym.episode_state import check_steps, checked_state
 from curiosity_gym.lazy_viewer import LazyViewer
 
 
@@ -18,7 +20,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
     """Episodes that are rewarded `1 - t / horizon` when they succeed in their step t.
 
     A subclass says how an episode begins and advances: `_begin`, `_advance`, `_info_arrays`,
-    `_frame`, and for "human" `_show`. Nothing here is random.
+    `_physics`, `_set_physics`, `_frame`, and for "human" `_show`. Nothing here is random.
 
     Args:
         config: Spaces, horizon and frame rate.
@@ -43,25 +45,39 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         self.render_mode = render_mode
         self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
         self._action_shape = config.action_space.shape
+        self._observation: Float32Array = np.zeros(config.observation_space.shape, np.float32)
         self._t = -1  # no episode yet
+        self._ended = False
 
     # -- what an environment writes ---------------------------------------------------------------
 
     @abstractmethod
-    def _begin(self, options: dict[str, Any] | None) -> Float32Array:
-        """Begin an episode; its first observation, a new array (O,).
+    def _begin(self, options: dict[str, Any] | None) -> None:
+        """Begin an episode and write its first `_observation`.
 
         Raises:
             ValueError: If an option is not what it may be; nothing has changed then.
         """
 
     @abstractmethod
-    def _advance(self, action: Float32Array) -> tuple[Float32Array, bool]:
-        """Act for one step; the observation, a new array (O,), and whether the goal is reached."""
+    def _advance(self, action: Float32Array) -> bool:
+        """Act for one step and write `_observation`; whether the goal is reached."""
 
     @abstractmethod
     def _info_arrays(self) -> dict[str, Float64Array]:
         """New arrays for the info, "behavior" among them."""
+
+    @abstractmethod
+    def _physics(self) -> Float64Array:
+        """All that the next step depends on, a new array (S,), finite."""
+
+    @abstractmethod
+    def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
+        """Go on from what `_physics` gave, and may be kept; `observation` is that of it.
+
+        Raises:
+            ValueError: If this environment cannot be there; nothing has changed then.
+        """
 
     @abstractmethod
     def _frame(self) -> Frame:
@@ -81,12 +97,12 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         Raises:
             ValueError: If an option is not what it may be.
         """
-        observation = self._begin(options)
+        self._begin(options)
         super().reset(seed=seed)
-        self._t = 0
+        self._t, self._ended = 0, False
         if self.render_mode == "human":
             self.render()
-        return observation, {**self._info_arrays(), "is_success": False}
+        return self._observation.copy(), {**self._info_arrays(), "is_success": False}
 
     def step(self, action: Float32Array) -> tuple[Float32Array, float, bool, bool, dict[str, Any]]:
         """Act for one step.
@@ -105,17 +121,60 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
             raise ValueError(
                 f"`action` must be {self._action_shape[0]} finite numbers, got {action!r}."
             )
-        if not 0 <= self._t < self.horizon:
+        if self._t < 0 or self._ended:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
         t, self._t = self._t + 1, -1  # no episode is under way, should the physics fail
-        observation, terminated = self._advance(action)
-        self._t = self.horizon if terminated else t
+        terminated = self._advance(action)
         reward = 1.0 - t / self.horizon if terminated else 0.0
         truncated = not terminated and t == self.horizon
+        self._t, self._ended = t, terminated or truncated
         if self.render_mode == "human":
             self.render()
         info = {**self._info_arrays(), "is_success": terminated}
-        return observation, reward, terminated, truncated, info
+        return self._observation.copy(), reward, terminated, truncated, info
+
+    # -- exact resume -----------------------------------------------------------------------------
+
+    def state_dict(self) -> dict[str, Any]:
+        """The episode as it stands, under way or just ended, for `load_state_dict`.
+
+        `np_random` and the generators of the spaces are not part of it: nothing here is random.
+
+        Returns:
+            `steps`, an int, the steps taken; `ended`, a bool, whether the last of them ended the
+            episode; `observation`, the last, (O,) float32; `physics`, (S,) float64. The arrays are
+            new.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
+        """
+        if self._t < 0:
+            raise ResetNeeded("Call reset() before state_dict(): there is no episode.")
+        return self._snapshot()
+
+    def _snapshot(self) -> dict[str, Any]:
+        observation, physics = self._observation.copy(), self._physics()
+        own = {"steps": self._t, "ended": self._ended}
+        return {**own, "observation": observation, "physics": physics}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
+
+        No reset is needed before; the wrappers of `gym.make` ask for one before they step, though.
+
+        Args:
+            state: Of an environment made with the same keywords; its arrays are copied.
+
+        Raises:
+            ValueError: If it is no state of such an environment; nothing has changed then.
+        """
+        own = checked_state(state, self._snapshot())
+        check_steps(own["steps"], own["ended"], self.horizon)
+        self._set_physics(own["physics"], own["observation"])
+        self._observation = own["observation"]
+        self._t, self._ended = int(own["steps"]), bool(own["ended"])
+
+    # -- pictures ---------------------------------------------------------------------------------
 
     def render(self) -> Frame | None:
         """A frame (height, width, 3) for "rgb_array"; shown in a window for "human"."""

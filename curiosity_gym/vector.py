@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame, Mask
+from curiosity_gym.episode_state import check_steps, checked_state
 from curiosity_gym.lazy_viewer import LazyViewer
 from curiosity_gym.single import SparseSingleEnv
 from curiosity_gym.validation import check_at_least_one
@@ -23,7 +24,8 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     """n episodes side by side, each rewarded `1 - t / horizon` when it succeeds in its step t.
 
     Step for step what a `SyncVectorEnv` of the single envs gives, in every autoreset mode. A
-    subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_frames`.
+    subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_physics`,
+    `_set_physics`, `_frames`.
 
     Args:
         config: Spaces, horizon and frame rate of a single env.
@@ -104,6 +106,18 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     @abstractmethod
     def _info_arrays(self) -> dict[str, Float64Array]:
         """New arrays (num_envs, ...) for the infos, "behavior" among them."""
+
+    @abstractmethod
+    def _physics(self) -> Float64Array:
+        """All that the next step depends on, a new array (num_envs, S), finite."""
+
+    @abstractmethod
+    def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
+        """Go on from what `_physics` gave, and may be kept; `observations` are those of it.
+
+        Raises:
+            ValueError: If these environments cannot be there; nothing has changed then.
+        """
 
     @abstractmethod
     def _frames(self) -> tuple[Frame, ...]:
@@ -220,6 +234,52 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         for key, value in values.items():
             infos[key], infos[f"_{key}"] = value, mask.copy()
         return infos
+
+    # -- exact resume -----------------------------------------------------------------------------
+
+    def state_dict(self) -> dict[str, Any]:
+        """The episodes as they stand, under way or just ended, for `load_state_dict`.
+
+        `np_random` and the generators of the spaces are not part of it: nothing here is random.
+
+        Returns:
+            New arrays: `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,) bool,
+            which envs have ended and not begun anew; `observations`, the last, (num_envs, O)
+            float32; `physics`, (num_envs, S) float64.
+
+        Raises:
+            gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
+        """
+        if not self._is_ready:
+            raise ResetNeeded("Call reset() before state_dict(): an env has no episode.")
+        return self._snapshot()
+
+    def _snapshot(self) -> dict[str, Any]:
+        observations, physics = self._observations.copy(), self._physics()
+        own = {"steps": self._steps.copy(), "ended": self._ended.copy()}
+        return {**own, "observations": observations, "physics": physics}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
+
+        No reset is needed before.
+
+        Args:
+            state: Of an environment made with the same keywords, `n_threads` aside; its arrays are
+                copied.
+
+        Raises:
+            ValueError: If it is no state of such an environment; nothing has changed then.
+        """
+        own = checked_state(state, self._snapshot())
+        check_steps(own["steps"], own["ended"], self.horizon)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
+            raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
+        self._set_physics(own["physics"], own["observations"])
+        self._observations[:] = own["observations"]
+        self._steps, self._ended = own["steps"], own["ended"]
+
+    # -- pictures ---------------------------------------------------------------------------------
 
     def render(self) -> tuple[Frame, ...] | None:
         """A frame (height, width, 3) of each env for "rgb_array"."""

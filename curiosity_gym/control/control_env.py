@@ -79,17 +79,24 @@ class ControlEnv(SparseSingleEnv):
         self.task = config.task
         self._simulation = Simulation(config.task, 1)
 
-    def _begin(self, options: dict[str, Any] | None) -> Float32Array:
+    def _begin(self, options: dict[str, Any] | None) -> None:
         self._simulation.reset()
-        observation: Float32Array = self._simulation.observations[0].copy()
-        return observation
+        self._observation[:] = self._simulation.observations[0]
 
-    def _advance(self, action: Float32Array) -> tuple[Float32Array, bool]:
+    def _advance(self, action: Float32Array) -> bool:
         terminated = bool(self._simulation.step(action[None])[0])
-        return self._simulation.observations[0].copy(), terminated
+        self._observation[:] = self._simulation.observations[0]
+        return terminated
 
     def _info_arrays(self) -> dict[str, Float64Array]:
         return {"behavior": self._simulation.behaviors[0]}
+
+    def _physics(self) -> Float64Array:
+        physics: Float64Array = self._simulation.state[0]
+        return physics
+
+    def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
+        self._simulation.restore(physics[None])
 
     def _frame(self) -> Frame:
         frame: Frame = self._viewer.get().draw(self._simulation)

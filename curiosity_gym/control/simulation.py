@@ -120,6 +120,31 @@ class Simulation:
         behaviors = self.task.behavior(SimpleNamespace(**self._fields))
         return np.clip(behaviors, self.task.behavior_low, self.task.behavior_high)
 
+    @property
+    def state(self) -> Float64Array:
+        """(n, S) MuJoCo's states, all that the next step depends on; a new array."""
+        state: Float64Array = self._batch.state.copy()
+        return state
+
+    def restore(self, state: Float64Array) -> None:
+        """Go on from a `state`, bit for bit; `observations` stay, as MuJoCo's state lacks touch.
+
+        Raises:
+            ValueError: If MuJoCo warns of it; the simulations are where they were then.
+        """
+        self._stay_in_process()
+        before = self.state
+        self._put(state)
+        if self._warnings.any():
+            self._batch.warning[:] = 0
+            self._put(before)
+            raise ValueError("`state` must be one that physics led to: MuJoCo warns of it.")
+
+    def _put(self, state: Float64Array) -> None:
+        """Write the states and what derives from them, as a step leaves it."""
+        self._batch.state[:] = state
+        self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
+
     def write_data(self, simulation: int, data: Any) -> None:
         """Write one simulation's state and derived fields into an `MjData`, to draw it."""
         self._batch.get_data(simulation, data)
@@ -132,12 +157,11 @@ class Simulation:
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the state of the physics; the batch itself owns threads and does not pickle."""
         kept = ("task", "n", "n_threads", "observations")
-        return {**{name: getattr(self, name) for name in kept}, "state": self._batch.state.copy()}
+        return {**{name: getattr(self, name) for name in kept}, "state": self.state}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the batch anew: the next step gives the same bits as that of the original."""
         rows = state.pop("state")
         self.__dict__.update(state)
         self._open()
-        self._batch.state[:] = rows
-        self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
+        self._put(rows)

@@ -83,6 +83,12 @@ class ControlVectorEnv(SparseVectorEnv):
     def _info_arrays(self) -> dict[str, Float64Array]:
         return {"behavior": self._simulation.behaviors}
 
+    def _physics(self) -> Float64Array:
+        return self._simulation.state
+
+    def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
+        self._simulation.restore(physics)
+
     def _frames(self) -> tuple[Frame, ...]:
         viewer = self._viewer.get()
         return tuple(viewer.draw(self._simulation, i) for i in range(self.num_envs))

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from curiosity_gym.core import CoverageGrid
-from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, build_maze
+from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array
+from curiosity_gym.maze.dynamics import MARGIN, N_BASE_FEATURES, Maze, build_maze, observe
 from curiosity_gym.maze.layouts import (
     GOAL_RADIUS,
     ROBOT_RADIUS,
@@ -28,6 +28,10 @@ FPS = 10
 """Frames a second: a step lasts 0.1 s."""
 LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
+NEAREST = ROBOT_RADIUS - 1.01 * MARGIN
+"""How near a wall a robot that slides past a corner comes; less a bit, for rounding."""
+TOLERANCE = 1e-4
+"""How far an observation may be off on another processor, whose cosines may end in other bits."""
 
 
 @dataclass(frozen=True)
@@ -126,21 +130,47 @@ def start_state(layout: MazeLayout, maze: Maze, options: dict[str, Any] | None) 
     if not options or options.get("state") is None:
         return maze.start.copy()
     state = _four_numbers(options["state"])
-    if (np.abs(state[2:]) > maze.max_speed).any():
-        raise ValueError(f'`options["state"]` must not be faster than {maze.max_speed:g} per axis.')
-    x, y = state[:2]
-    low, high = layout.walls[:, :2], layout.walls.reshape(-1, 2, 2).sum(axis=1)
-    inside = (state[:2] > low - ROBOT_RADIUS) & (state[:2] < high + ROBOT_RADIUS)
-    is_in_world = (
-        ROBOT_RADIUS <= x <= layout.width - ROBOT_RADIUS
-        and ROBOT_RADIUS <= y <= layout.height - ROBOT_RADIUS
-    )
-    if not is_in_world or inside.all(axis=1).any():
+    _check_robots(layout, maze, state[None], name='options["state"]')
+    return state
+
+
+def check_states(
+    layout: MazeLayout, maze: Maze, states: Float64Array, observations: Float32Array
+) -> None:
+    """Raise ValueError unless robots can have come to `states` (n, 4) and see this maze there.
+
+    Args:
+        layout: The maze.
+        maze: The same for the compiled functions.
+        states: x, y, vx, vy of each robot, finite.
+        observations: (n, O) what they saw.
+    """
+    _check_robots(layout, maze, states, name="state")
+    expected = np.empty_like(observations)
+    for state, row in zip(states, expected, strict=True):
+        observe(maze, state, row)
+    if not np.allclose(observations, expected, rtol=0.0, atol=TOLERANCE):
         raise ValueError(
-            f'`options["state"]` must leave the robot {ROBOT_RADIUS:g} from walls and border, '
+            "`state` must be of this maze: its observations are not what is seen there."
+        )
+
+
+def _check_robots(layout: MazeLayout, maze: Maze, states: Float64Array, *, name: str) -> None:
+    """Raise ValueError, naming an argument, unless robots go and stand as they may."""
+    if (np.abs(states[:, 2:]) > maze.max_speed).any():
+        raise ValueError(f"`{name}` must not be faster than {maze.max_speed:g} per axis.")
+    places = states[:, None, :2]
+    low, high = layout.walls[:, :2], layout.walls.reshape(-1, 2, 2).sum(axis=1)
+    inside = (places > low - NEAREST) & (places < high + NEAREST)
+    limit = np.array([layout.width, layout.height]) - NEAREST
+    in_world = ((places >= NEAREST) & (places <= limit)).all(axis=(1, 2))
+    wrong = states[~in_world | inside.all(axis=2).any(axis=1)]
+    if len(wrong):
+        x, y = wrong[0, :2]
+        raise ValueError(
+            f"`{name}` must leave the robot {ROBOT_RADIUS:g} from walls and border, "
             f"got ({x:g}, {y:g})."
         )
-    return state
 
 
 def _four_numbers(value: object) -> npt.NDArray[np.float64]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 from typing import Any
 
-import numpy as np
-
 from curiosity_gym.core import Float32Array, Float64Array, Frame
-from curiosity_gym.maze.config import configure_maze, start_state
+from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.single import SparseSingleEnv
@@ -95,18 +93,14 @@ class MazeEnv(SparseSingleEnv):
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
-        self._n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
         self._state = self.maze.start.copy()
 
-    def _begin(self, options: dict[str, Any] | None) -> Float32Array:
+    def _begin(self, options: dict[str, Any] | None) -> None:
         self._state = start_state(self.layout, self.maze, options)
-        self._observation = np.empty(self._n_features, dtype=np.float32)
         observe(self.maze, self._state, self._observation)
-        return self._observation.copy()
 
-    def _advance(self, action: Float32Array) -> tuple[Float32Array, bool]:
-        terminated = step(self.maze, self._state, action, self._observation)
-        return self._observation.copy(), terminated
+    def _advance(self, action: Float32Array) -> bool:
+        return step(self.maze, self._state, action, self._observation)
 
     def _info_arrays(self) -> dict[str, Float64Array]:
         behavior = self._state.copy()
@@ -115,6 +109,13 @@ class MazeEnv(SparseSingleEnv):
             "velocity": behavior[2:].copy(),
             "behavior": behavior,
         }
+
+    def _physics(self) -> Float64Array:
+        return self._state.copy()
+
+    def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
+        check_states(self.layout, self.maze, physics[None], observation[None])
+        self._state = physics
 
     def _frame(self) -> Frame:
         beams = self._observation[N_BASE_FEATURES:] * self.lidar_range

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
-from curiosity_gym.maze.config import configure_maze, start_state
+from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
@@ -125,6 +125,13 @@ class MazeVectorEnv(SparseVectorEnv):
             "velocity": self._states[:, 2:].copy(),
             "behavior": self._states.copy(),
         }
+
+    def _physics(self) -> Float64Array:
+        return self._states.copy()
+
+    def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
+        check_states(self.layout, self.maze, physics, observations)
+        self._states = physics
 
     def _frames(self) -> tuple[Frame, ...]:
         beams = self._observations[:, N_BASE_FEATURES:] * self.lidar_range

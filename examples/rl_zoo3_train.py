@@ -1,0 +1,13 @@
+"""The training script of rl-zoo3, with our algorithms beside its own.
+
+`python examples/rl_zoo3_train.py --algo CuriosityES --env CuriosityMaze-US-v0 --conf-file
+examples/rl_zoo3.yml --log-folder runs`; the docs have a page on it, `docs/rl_zoo3.md`.
+"""
+
+from rl_zoo3.train import ALGOS, train
+
+import curiosity_algos
+
+ALGOS.update({name: each for name, each in vars(curiosity_algos).items() if hasattr(each, "learn")})
+if __name__ == "__main__":
+    train()

@@ -1,0 +1,65 @@
+"""rl-zoo3 trains on our environments, and with our algorithms."""
+
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from stable_baselines3 import TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+import curiosity_algos
+from curiosity_algos import CuriosityES
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+ENV = "CuriosityMaze-US-v0"
+GENERATION = 56 * 2000
+"""Timesteps of a generation of CuriosityES while no individual is at the goal."""
+
+
+def train(algo, budget, folder, arguments):
+    """The model file of a run of rl-zoo3, `arguments` beginning with the script."""
+    options = {"algo": algo, "env": ENV, "n-timesteps": budget, "eval-freq": -1, "seed": 0}
+    options |= {"device": "cpu", "log-folder": folder}
+    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, *arguments, *words]
+    result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    run = max((folder / algo).glob(f"{ENV}_*"))
+    return run / f"{ENV}.zip"
+
+
+def test_td3_trains_on_a_maze(tmp_path):
+    script = ["-m", "rl_zoo3.train", "--gym-packages", "curiosity_gym"]
+    model = TD3.load(train("td3", 150, tmp_path, script), device="cpu")
+    assert model.num_timesteps == 150
+    assert model._n_updates == 150 - model.learning_starts > 0
+    assert model.observation_space.shape == (36,)
+
+
+def test_the_example_trains_curiosity_es_and_goes_on(tmp_path):
+    script = [EXAMPLES / "rl_zoo3_train.py", "--conf-file", EXAMPLES / "rl_zoo3.yml"]
+    path = train("CuriosityES", 1000, tmp_path, script)
+    model = CuriosityES.load(path)
+    assert model.num_timesteps == GENERATION
+    assert model.coverage == CuriosityES(ENV, seed=0).learn(1000).coverage > 0.0
+
+    resumed = train("CuriosityES", 1000, tmp_path, [*script, "--trained-agent", path])
+    assert resumed != path
+    assert CuriosityES.load(resumed).generation == 2
+
+
+def test_the_example_adds_every_algorithm_before_arguments_are_read(monkeypatch):
+    seen = {}
+    zoo = ModuleType("rl_zoo3.train")  # rl-zoo3 itself patches Gymnasium as it is imported
+    zoo.ALGOS, zoo.train = {}, lambda: seen.update(zoo.ALGOS)
+    monkeypatch.setitem(sys.modules, "rl_zoo3", ModuleType("rl_zoo3"))
+    monkeypatch.setitem(sys.modules, "rl_zoo3.train", zoo)
+    runpy.run_path(str(EXAMPLES / "rl_zoo3_train.py"), run_name="__main__")
+    exported = {name: getattr(curiosity_algos, name) for name in curiosity_algos.__all__}
+    classes = {name: each for name, each in exported.items() if isinstance(each, type)}
+    assert seen == {name: each for name, each in classes.items() if issubclass(each, BaseAlgorithm)}
+    assert {"AURORA", "CMAME", "CuriosityES", "NSLC"} < set(seen)

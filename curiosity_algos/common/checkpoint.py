@@ -7,9 +7,12 @@ import json
 import os
 import pathlib
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BufferedWriter
+
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import save_to_zip_file
 
 
 @contextmanager
@@ -48,6 +51,45 @@ def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
     """`path`, with SB3's suffix `.zip` where it has none."""
     path = pathlib.Path(path)
     return path if path.suffix else path.with_suffix(".zip")
+
+
+def save_model(
+    model: BaseAlgorithm,
+    path: str | os.PathLike[str] | io.BufferedIOBase,
+    exclude: Iterable[str] | None,
+    include: Iterable[str] | None,
+) -> None:
+    """Save a model as Stable-Baselines3 does, but in a file that appears only once it is whole.
+
+    Args:
+        model: What is saved: its attributes, and the state of the parts it names.
+        path: Of the file, or a file object; `.zip` is added where it has no suffix.
+        exclude: Attributes to leave out; "buffer" leaves out the transitions of the parts.
+        include: Attributes to save although they are left out by default.
+
+    Raises:
+        OSError: If it cannot be written; an older file is then as it was.
+    """
+    names = set(exclude or ()), set(include or ())
+    if isinstance(path, io.BufferedIOBase):
+        _write_model(model, path, *names)
+        return
+    with atomic_file(checkpoint_path(path)) as file:
+        _write_model(model, file, *names)
+
+
+def _write_model(
+    model: BaseAlgorithm, file: io.BufferedIOBase, exclude: set[str], include: set[str]
+) -> None:
+    parameters = model.get_parameters()
+    parts = {name.partition(".")[0] for name in parameters}
+    left_out = (exclude | set(model._excluded_save_params()) | parts) - include
+    data = {key: value for key, value in model.__dict__.items() if key not in left_out}
+    data["algorithm"] = type(model).__name__  # tells a file's reader which class to load it with
+    if "buffer" in exclude:
+        for state in parameters.values():
+            state.pop("buffer", None)
+    save_to_zip_file(file, data=data, params=parameters)
 
 
 def check_is_checkpoint(

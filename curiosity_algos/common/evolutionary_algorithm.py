@@ -7,30 +7,26 @@ import os
 import time
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from numbers import Real
 from typing import Any, ClassVar, Self
 
-import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
-from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.save_util import save_to_zip_file
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
-from curiosity_algos.common.checkpoint import atomic_file, check_is_checkpoint, checkpoint_path
+from curiosity_algos.common.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.common.checkpoint import check_is_checkpoint, save_model
 from curiosity_algos.common.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.common.progress_bar import ProgressBar
 from curiosity_algos.common.randomness import EpisodeSeeds
-from curiosity_algos.evaluation.batches import GymnasiumView, describe
+from curiosity_algos.evaluation.batches import describe
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
     Evaluator,
@@ -91,10 +87,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         _learning_rate: float = 0.0,
         _init_setup_model: bool = True,
     ) -> None:
-        _check_argument_order(type(self).__name__, env, policy)
+        check_order(self, env, policy)
         check_seed(seed)
         net_arch = check_policy_kwargs(policy_kwargs)
-        env = gym.make(env) if isinstance(env, str) else env
+        env = open_env(env)
         if env is not None or _init_setup_model:
             build_mlp(*describe(env), net_arch)
         super().__init__(
@@ -108,7 +104,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             support_multi_env=True,
             seed=seed,
         )
-        self.algorithm = type(self).__name__  # tells a file's reader which class to load it with
         self.n_threads = n_threads
         self.generation = 0
         self.best_return: float
@@ -168,9 +163,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        if isinstance(env, VectorEnv):
-            return GymnasiumView(env)
-        return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
+        return wrap_env(env, verbose, monitor_wrapper)
 
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """Train on another environment with the same spaces.
@@ -186,7 +179,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         Raises:
             ValueError: If the spaces are others, or the env is not supported.
         """
-        env = gym.make(env) if isinstance(env, str) else env
+        env = open_env(env)
         wrapped = self._wrap_env(env, self.verbose)
         check_for_correct_spaces(wrapped, self.observation_space, self.action_space)
         self._check_behaviors(behavior_space(wrapped))
@@ -230,7 +223,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         self,
         total_timesteps: float,
         callback: MaybeCallback = None,
-        log_interval: int = 1,
+        log_interval: int | None = 1,
         tb_log_name: str | None = None,
         reset_num_timesteps: bool = True,
         progress_bar: bool = False,
@@ -242,7 +235,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         Args:
             total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
             callback: SB3 callbacks; called once a generation.
-            log_interval: Generations between two logs.
+            log_interval: Generations between two logs; None: none.
             tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
             reset_num_timesteps: Count timesteps from 0 again; False: go on, as after `load`. The
                 search, coverage, `generation` and what was found go on either way.
@@ -252,13 +245,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             ValueError: If the budget is negative or not finite, `log_interval` is below 1, or no
                 env is set.
         """
-        check_at_least_one(log_interval=log_interval)
-        if not isinstance(total_timesteps, Real) or not 0.0 <= total_timesteps < np.inf:
-            raise ValueError(
-                f"`total_timesteps` must be finite and at least 0, got {total_timesteps!r}."
-            )
-        if self.env is None:
-            raise ValueError("`env` must be set before learning: call set_env(env).")
+        check_learning(self.env, total_timesteps, log_interval)
         name = tb_log_name or type(self).__name__
         total, callback = self._setup_learn(
             int(total_timesteps), callback, reset_num_timesteps, name, progress_bar=False
@@ -273,7 +260,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
                 rollouts, metrics = self._run_generation()
                 callback.update_locals({"rollouts": rollouts})
                 callback.on_rollout_end()
-                if self.generation % log_interval == 0:
+                if log_interval is not None and self.generation % log_interval == 0:
                     self._log(rollouts, metrics)
                 if not callback.on_step():
                     break
@@ -363,20 +350,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
         """
-        if isinstance(path, io.BufferedIOBase):
-            self._save_to(path, set(exclude or ()), set(include or ()))
-            return
-        with atomic_file(checkpoint_path(path)) as file:
-            self._save_to(file, set(exclude or ()), set(include or ()))
-
-    def _save_to(self, file: io.BufferedIOBase, exclude: set[str], include: set[str]) -> None:
-        parameters = self.get_parameters()
-        left_out = (exclude | set(self._excluded_save_params()) | set(parameters)) - include
-        data = {key: value for key, value in self.__dict__.items() if key not in left_out}
-        if "buffer" in exclude:
-            for state in parameters.values():
-                state.pop("buffer", None)
-        save_to_zip_file(file, data=data, params=parameters)
+        save_model(self, path, exclude, include)
 
     @classmethod
     def load(
@@ -399,19 +373,13 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             ValueError: If the file is truncated, or no model of this class.
         """
         path = check_is_checkpoint(path, cls.__name__)
-        env = gym.make(env) if isinstance(env, str) else env
+        env = open_env(env)
+        if kwargs.get("custom_objects"):
+            # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
+            kept = {k: v for k, v in kwargs["custom_objects"].items() if k != "learning_rate"}
+            kwargs["custom_objects"] = kept
         model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
         if model.env is not None:
             model._match_env(model.env)
         model._show_best()
         return model
-
-
-def _check_argument_order(name: str, env: object, policy: object) -> None:
-    is_sb3_order = isinstance(env, str) and env in EvolutionaryAlgorithm.policy_aliases
-    if is_sb3_order or not isinstance(policy, str | type):
-        raise ValueError(f'Pass the environment first: {name}(env, policy="MlpPolicy").')
-    if isinstance(policy, type) and not issubclass(policy, MlpPolicy):
-        raise ValueError(
-            f'`policy` must be "MlpPolicy" or a subclass of it, got {policy.__name__}.'
-        )

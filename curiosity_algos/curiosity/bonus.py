@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -15,7 +15,6 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import get_device
 
 from curiosity_algos.common.networks import RunningNormalizer
-from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_gym.validation import check_positive
 
@@ -146,10 +145,17 @@ class NetworkBonus(th.nn.Module):
 
 
 def train(
-    bonus: Bonus, buffer: TransitionBuffer, *, n_updates: int, batch_size: int
+    bonus: Bonus, draw: Callable[[int], Iterable[th.Tensor]], *, n_updates: int, batch_size: int
 ) -> dict[str, float]:
-    """Train on batches that the buffer holds; mean losses, by the names they are logged under."""
-    steps = [bonus.update(*buffer.sample(batch_size)) for _ in range(n_updates)]
+    """Train on batches of transitions; mean losses, by the names they are logged under.
+
+    Args:
+        bonus: What is trained.
+        draw: Gives observations, actions and next observations of so many transitions.
+        n_updates: Gradient steps.
+        batch_size: Transitions a gradient step.
+    """
+    steps = [bonus.update(*draw(batch_size)) for _ in range(n_updates)]
     return {
         f"{bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
         for name in steps[0]

@@ -7,6 +7,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.common.coverage import Coverage, coverage_grid
+from curiosity_algos.common.episodes import EpisodeRecord
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
 
 
@@ -28,26 +29,32 @@ class ExplorationCallback(BaseCallback):
 
     def __init__(self, verbose: int = 0) -> None:
         super().__init__(verbose)
-        self.coverage = Coverage(None)
-        self.first_success_timesteps: int | None = None
-        self.best_return = -np.inf
+        self._episodes = EpisodeRecord(None)
         self._intrinsic: list[float] = []
+
+    @property
+    def coverage(self) -> Coverage:
+        """See the class, as for the two below."""
+        return self._episodes.coverage
+
+    @property
+    def first_success_timesteps(self) -> int | None:
+        """Timesteps, or None."""
+        return self._episodes.first_success_timesteps
+
+    @property
+    def best_return(self) -> float:
+        """Highest return."""
+        return self._episodes.best_return
 
     def _on_training_start(self) -> None:
         grid = coverage_grid(self.training_env)
         if grid != self.coverage.grid:
-            self.coverage = Coverage(grid)
+            self._episodes = EpisodeRecord(grid)
 
     def _on_step(self) -> bool:
-        infos, dones = self.locals["infos"], self.locals["dones"]
-        ended = [info for info, done in zip(infos, dones, strict=True) if done]
-        behaviors = [info["behavior"] for info in ended if "behavior" in info]
-        if behaviors:
-            self.coverage.add(np.stack(behaviors))
-        if self.first_success_timesteps is None and any(info.get("is_success") for info in ended):
-            self.first_success_timesteps = self.num_timesteps
-        returns = [info["episode"]["r"] for info in ended if "episode" in info]
-        self.best_return = max([self.best_return, *returns])
+        infos = self.locals["infos"]
+        self._episodes.add(infos, self.locals["dones"], self.num_timesteps)
         self._intrinsic += [
             info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info
         ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
@@ -114,8 +115,9 @@ class ICM(NetworkBonus):
         next_observations: npt.NDArray[Any],
     ) -> FloatArray:
         """Curiosity of each transition, shape (n,)."""
-        features = self._features(observations)
-        return self._error(features, actions, self._features(next_observations))
+        both = self._features(np.concatenate([observations, next_observations]))
+        features, next_features = both.chunk(2)
+        return self._error(features, actions, next_features)
 
     @th.no_grad()
     def score_trajectory(

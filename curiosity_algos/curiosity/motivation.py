@@ -105,7 +105,7 @@ class CuriosityMotivation:
         with single_torch_thread():
             self._remember(rollouts)
             return train(
-                self.bonus, self.buffer, n_updates=self.n_updates, batch_size=self.batch_size
+                self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
             )
 
     def _remember(self, rollouts: Rollouts) -> None:

@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 import os
-import pickle
-import zipfile
 from collections.abc import Mapping
-from pathlib import Path
+from contextlib import suppress
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.common.checkpoint import atomic_file
+from curiosity_algos.common.environment_state import environment_states, load_environment_states
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.plain_files import (
+    as_arrays,
+    as_tensors,
+    is_plain,
+    plain,
+    read_plain,
+    write_plain,
+)
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.curiosity.bonus import Bonus, train
 from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
+from curiosity_algos.curiosity.scale import BonusScale
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share
 
 FORMAT = "curiosity bonus wrapper 1"
-EPSILON, LARGEST = 1e-8, 10.0
-"""Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
-MEMORY = 100_000
-"""Transitions that the scale of the bonus remembers: what it was at first is forgotten."""
-
-
 SETTINGS = (
     "bonus_kwargs",
     "weight",
@@ -118,14 +118,13 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         self.train_interval = int(train_interval)
         self.n_updates = int(n_updates)
         self.batch_size = int(batch_size)
-        self.bonus_kwargs = {name: _plain(value) for name, value in (bonus_kwargs or {}).items()}
+        self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
         self.training = True
         self._name = bonus if isinstance(bonus, str) else None
         self._make_parts(bonus, buffer_size, np.random.SeedSequence(seed), device)
         self.metrics: dict[str, float] = {}
         self._observations = self._actions = np.empty(0)
-        self._statistics = RunningMeanStd(shape=())
-        self._returns = np.zeros(self.num_envs)
+        self._scale = BonusScale(self.num_envs, gamma=self.gamma)
         self._n_untrained = 0
         self._has_trained = False
 
@@ -153,7 +152,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         """Begin episodes in every environment."""
         observations = self.venv.reset()
         self._observations = self._stored(observations)
-        self._returns[:] = 0.0
+        self._scale.reset()
         return observations
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
@@ -198,7 +197,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             bonus = np.zeros(len(before))
             if self._has_trained:
                 score = self.bonus.score(before, self._actions, after)
-                bonus = self._scaled(score.astype(np.float64))
+                bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
             if self.training:
                 self._learn(before, after)
         return bonus
@@ -215,27 +214,17 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         self._n_untrained = 0
         self._has_trained = True
         self.metrics = train(
-            self.bonus, self.buffer, n_updates=self.n_updates, batch_size=self.batch_size
+            self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
         )
-
-    def _scaled(self, bonus: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        self._returns = self.gamma * self._returns + bonus
-        if self.training:
-            self._statistics.update(self._returns)
-            self._statistics.count = min(self._statistics.count, MEMORY)
-        scaled = bonus / np.sqrt(self._statistics.var + EPSILON)
-        return np.minimum(scaled, LARGEST)
 
     # -- save and load --------------------------------------------------------------------------
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs, but the environments below."""
-        statistics = self._statistics
         return {
             "bonus": self.bonus.state_dict(),
             "buffer": self.buffer.state_dict(),
-            "statistics": [float(statistics.mean), float(statistics.var), float(statistics.count)],
-            "returns": th.from_numpy(self._returns.copy()),
+            "scale": self._scale.state_dict(),
             "observations": th.from_numpy(self._observations.copy()),
             "n_untrained": self._n_untrained,
             "has_trained": self._has_trained,
@@ -246,10 +235,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         """Take over what `state_dict` of a wrapper with the same settings gave."""
         self.bonus.load_state_dict(state["bonus"])
         self.buffer.load_state_dict(state["buffer"])
-        statistics = self._statistics
-        statistics.mean, statistics.var = map(np.array, state["statistics"][:2])
-        statistics.count = state["statistics"][2]
-        self._returns = state["returns"].cpu().numpy().copy()
+        self._scale.load_state_dict(state["scale"])
         self._observations = state["observations"].cpu().numpy().copy()
         self._n_untrained = state["n_untrained"]
         self._has_trained = state["has_trained"]
@@ -258,7 +244,9 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
 
-        The file takes the place of an older one only once it is wholly on disk.
+        Where episodes stand is part of it if the environments below can tell, as those of
+        `curiosity_gym` can. The file takes the place of an older one only once it is wholly on
+        disk.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
@@ -266,12 +254,13 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         """
         settings = {name: getattr(self, name) for name in SETTINGS}
         settings |= {"buffer_size": self.buffer.capacity, "bonus": self._name}
-        saved = {"format": FORMAT, "spaces": self._spaces(), "settings": settings}
+        saved: dict[str, Any] = {"spaces": self._spaces(), "settings": settings}
         saved["state"] = self.state_dict()
-        if not _is_plain(saved):
+        has_begun = len(self._observations) > 0
+        saved["environments"] = as_tensors(environment_states(self.venv)) if has_begun else None
+        if not is_plain(saved):
             raise ValueError("`bonus` must have a state of tensors and plain values.")
-        with atomic_file(path) as file:
-            th.save(saved, file)
+        write_plain(path, saved, FORMAT)
 
     def _spaces(self) -> list[str]:
         return [repr(self.observation_space), repr(self.action_space)]
@@ -287,6 +276,9 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     ) -> Self:
         """Wrap `venv` as the wrapper that was saved had wrapped another.
 
+        Episodes go on where they were, if the file knows: give the model `force_reset=False` then,
+        or it begins new ones.
+
         Args:
             path: Of the file.
             venv: As many environments with the same spaces.
@@ -297,7 +289,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             FileNotFoundError: If there is no such file.
             ValueError: If it is damaged, foreign, or does not fit `venv` or `bonus`.
         """
-        saved = _read(path)
+        saved = read_plain(path, FORMAT, what="ICMVecEnvWrapper")
         settings = saved["settings"]
         if settings["bonus"] is None and bonus is None:
             raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
@@ -305,7 +297,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             raise ValueError(f"`bonus` must be None, it was saved as {settings['bonus']!r}.")
         settings["bonus"] = settings["bonus"] or bonus
         wrapper = cls(venv, **settings, device=device)
-        n_envs = len(saved["state"]["returns"])
+        n_envs = len(saved["state"]["scale"]["sums"])
         if n_envs != venv.num_envs or wrapper._spaces() != saved["spaces"]:
             raise ValueError(
                 f"`venv` must have {n_envs} environments with the spaces {saved['spaces']}, got "
@@ -315,33 +307,13 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             wrapper.load_state_dict(saved["state"])
         except (KeyError, RuntimeError) as error:
             raise ValueError("`bonus` must be made as the one that was saved.") from error
+        wrapper._resume_episodes(as_arrays(saved["environments"]))
         return wrapper
 
-
-def _plain(value: Any) -> Any:
-    """Python's own number for one of numpy's, which torch's files do not hold."""
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _is_plain(value: Any) -> bool:
-    """Whether torch reads it back without running code."""
-    if isinstance(value, Mapping):
-        return all(map(_is_plain, value.values()))
-    if isinstance(value, list | tuple):
-        return all(map(_is_plain, value))
-    is_number = isinstance(value, bool | int | float | str | th.Tensor) or value is None
-    return is_number and not isinstance(value, np.generic)
-
-
-def _read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` must be a saved wrapper, there is no file {path}.")
-    try:
-        with zipfile.ZipFile(path) as file:  # torch's unpickler may fail at anything else
-            is_whole = file.testzip() is None
-        saved = th.load(path, map_location="cpu", weights_only=True) if is_whole else None
-    except (zipfile.BadZipFile, OSError, RuntimeError, pickle.UnpicklingError):
-        saved = None
-    if not isinstance(saved, dict) or saved.get("format") != FORMAT:
-        raise ValueError(f"`path` must be a saved ICMVecEnvWrapper, {path} is not a whole one.")
-    return saved
+    def _resume_episodes(self, states: list[Any] | None) -> None:
+        """Bring the environments below to where they were, if they can go there."""
+        if states is None:
+            return
+        self.venv.reset()
+        with suppress(ValueError):  # others of the same spaces: their episodes have just begun
+            load_environment_states(self.venv, states)

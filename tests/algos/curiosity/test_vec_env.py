@@ -8,6 +8,7 @@ from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
+from curiosity_algos.common.environment_state import environment_states
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
 
@@ -119,9 +120,9 @@ class TestRewards:
     def test_a_reset_begins_the_discounted_sum_anew(self):
         venv = wrap_trained(bonus=Recorder())
         play(venv, 3)
-        assert venv.state_dict()["returns"].min() > 0
+        assert venv.state_dict()["scale"]["sums"].min() > 0
         venv.reset()
-        assert not venv.state_dict()["returns"].any()
+        assert not venv.state_dict()["scale"]["sums"].any()
 
     def test_actions_are_those_that_were_taken(self):
         venv = wrap_trained(bonus=(bonus := Recorder()))
@@ -167,7 +168,7 @@ class TestRewards:
         assert [rewards[0] for _, rewards, *_ in steps[:5]] == [0, 0, 0, 1, 0]
 
     def test_the_scale_forgets_what_was_long_ago(self, monkeypatch):
-        monkeypatch.setattr("curiosity_algos.curiosity.vec_env.MEMORY", 100)
+        monkeypatch.setattr("curiosity_algos.curiosity.scale.MEMORY", 100)
         venv = wrap_trained(bonus=(bonus := Recorder()))
         bonus.score = lambda before, actions, after: 1000 * after[:, 0]
         play(venv, 200)
@@ -246,8 +247,9 @@ class TestTraining:
         before = venv.state_dict()
         steps = play(venv, 6, seed=1)
         after = venv.state_dict()
-        for name in ("bonus", "buffer", "statistics", "metrics", "n_untrained"):
+        for name in ("bonus", "buffer", "metrics", "n_untrained"):
             assert_same(before[name], after[name])
+        assert before["scale"]["statistics"] == after["scale"]["statistics"]
         assert all(info[0]["reward_intrinsic"] > 0 for *_, info in steps)
 
     def test_numbers_in_bytes_are_no_images(self):
@@ -320,6 +322,36 @@ class TestFiles:
             np.testing.assert_array_equal(step[1], same[1])
         assert_same(one.state_dict(), other.state_dict())
 
+    @pytest.mark.parametrize("n_steps", [64, 40])  # 40 is in mid-episode
+    def test_ppo_goes_on_bit_for_bit(self, tmp_path, make_easy_maze, assert_same, n_steps):
+        def make_env():
+            return make_vec_env(make_easy_maze, n_envs=2)
+
+        settings = {"n_steps": n_steps, "batch_size": 16, "n_epochs": 2, "device": "cpu"}
+        venv = wrap(make_env(), train_interval=50)
+        model = PPO("MlpPolicy", venv, seed=0, **settings).learn(2 * n_steps)
+        model.save(tmp_path / "model")
+        venv.save(tmp_path / "wrapper.pt")
+        generators = th.get_rng_state(), np.random.get_state()  # noqa: NPY002
+        model.learn(4 * n_steps, reset_num_timesteps=False)
+
+        other = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_env(), device="cpu")
+        loaded = PPO.load(tmp_path / "model", env=other, device="cpu", force_reset=False)
+        th.set_rng_state(generators[0])
+        np.random.set_state(generators[1])  # noqa: NPY002
+        loaded.learn(4 * n_steps, reset_num_timesteps=False)
+        assert_same(venv.state_dict(), other.state_dict())
+        assert_same(model.get_parameters(), loaded.get_parameters())
+
+    def test_episodes_begin_in_another_maze(self, tmp_path, make_maze):
+        venv = wrap(make_vec_env(make_maze, n_envs=2))
+        PPO("MlpPolicy", venv, n_steps=20, batch_size=10, device="cpu").learn(40)
+        venv.save(tmp_path / "wrapper.pt")
+        snake = make_vec_env(lambda: make_maze(layout="snake"), n_envs=2)
+        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", snake, device="cpu")
+        steps = [state["env"]["steps"] for state in environment_states(loaded.venv)]
+        assert steps == [0, 0]
+
     def test_a_bonus_of_ones_own_is_given_again(self, tmp_path):
         path, one = tmp_path / "wrapper.pt", wrap(bonus=Recorder())
         play(one, 4)
@@ -365,7 +397,7 @@ class TestFiles:
 
     def test_errors_name_path_or_venv(self, tmp_path):
         path = tmp_path / "wrapper.pt"
-        with pytest.raises(FileNotFoundError, match="`path` must be a saved wrapper"):
+        with pytest.raises(FileNotFoundError, match="`path` must be a saved ICMVecEnvWrapper"):
             ICMVecEnvWrapper.load(path, make_venv())
         wrap().save(path)
         with pytest.raises(ValueError, match=r"`venv` must have 2 environments .*, got 3 with"):

@@ -1,0 +1,51 @@
+"""Arguments that every algorithm takes: environments of all kinds, and the budget of a run."""
+
+from __future__ import annotations
+
+import math
+from numbers import Real
+from typing import Any
+
+import gymnasium as gym
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
+
+import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
+from curiosity_algos.evaluation.batches import GymnasiumView
+from curiosity_gym.validation import check_at_least_one
+
+
+def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
+    """Raise ValueError unless the environment comes first, and the policy is of a known kind."""
+    name, aliases = type(algorithm).__name__, type(algorithm).policy_aliases
+    is_sb3_order = isinstance(env, str) and env in aliases
+    if is_sb3_order or not isinstance(policy, str | type):
+        raise ValueError(f'Pass the environment first: {name}(env, policy="MlpPolicy").')
+    if isinstance(policy, type) and not issubclass(policy, tuple(aliases.values())):
+        known = " or ".join(f'"{alias}"' for alias in aliases)
+        raise ValueError(f"`policy` must be {known} or a subclass of it, got {policy.__name__}.")
+
+
+def open_env(env: Any) -> Any:
+    """The environment of an id; anything else as it is."""
+    return gym.make(env) if isinstance(env, str) else env
+
+
+def wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+    """What Stable-Baselines3 sees of an environment of any kind."""
+    if isinstance(env, VectorEnv):
+        return GymnasiumView(env)
+    return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
+
+
+def check_learning(env: VecEnv | None, total_timesteps: object, log_interval: object) -> None:
+    """Raise ValueError unless `learn` can begin with these arguments."""
+    if log_interval is not None:
+        check_at_least_one(log_interval=log_interval)
+    if not isinstance(total_timesteps, Real) or not 0.0 <= float(total_timesteps) < math.inf:
+        raise ValueError(
+            f"`total_timesteps` must be finite and at least 0, got {total_timesteps!r}."
+        )
+    if env is None:
+        raise ValueError("`env` must be set before learning: call set_env(env).")

@@ -1,0 +1,57 @@
+"""What the episodes of a run have come to, where one environment step follows the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.common.coverage import Coverage
+from curiosity_gym.core import CoverageGrid
+
+
+class EpisodeRecord:
+    """Coverage of the episodes' ends, their best return and the first success.
+
+    Args:
+        grid: Cells that coverage counts; None: nothing.
+
+    Attributes:
+        coverage: Of the behaviors that episodes ended with, where infos have a "behavior".
+        best_return: Highest return of an episode that a Monitor saw; -inf before the first.
+        first_success_timesteps: Timesteps when an episode first succeeded, or None.
+    """
+
+    def __init__(self, grid: CoverageGrid | None) -> None:
+        self.coverage = Coverage(grid)
+        self.best_return = -np.inf
+        self.first_success_timesteps: int | None = None
+
+    def add(
+        self, infos: Sequence[Mapping[str, Any]], dones: npt.NDArray[Any], num_timesteps: int
+    ) -> None:
+        """Count the episodes that ended in a step of a VecEnv, timestep `num_timesteps`."""
+        ended = [info for info, done in zip(infos, dones, strict=True) if done]
+        behaviors = [info["behavior"] for info in ended if "behavior" in info]
+        if behaviors:
+            self.coverage.add(np.stack(behaviors))
+        if self.first_success_timesteps is None and any(info.get("is_success") for info in ended):
+            self.first_success_timesteps = num_timesteps
+        returns = [float(info["episode"]["r"]) for info in ended if "episode" in info]
+        self.best_return = max([self.best_return, *returns])
+
+    def state_dict(self) -> dict[str, Any]:
+        """All of it."""
+        return {
+            "coverage": self.coverage.state_dict(),
+            "best_return": self.best_return,
+            "first_success_timesteps": self.first_success_timesteps,
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        self.coverage.load_state_dict(state["coverage"])
+        self.best_return = state["best_return"]
+        self.first_success_timesteps = state["first_success_timesteps"]

@@ -1,0 +1,59 @@
+"""The running scale of a bonus, by which a weight means much the same whatever the bonus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+
+EPSILON, LARGEST = 1e-8, 10.0
+"""Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
+MEMORY = 100_000
+"""Transitions that the scale remembers: what the bonus was at first is forgotten."""
+
+
+class BonusScale:
+    """Divides by the running standard deviation of the discounted sum (Burda et al. 2018).
+
+    Args:
+        n_envs: Environments side by side, each with a sum of its own.
+        gamma: Discount of the sums.
+    """
+
+    def __init__(self, n_envs: int, *, gamma: float) -> None:
+        self.gamma = gamma
+        self._sums = np.zeros(n_envs)
+        self._statistics = RunningMeanStd(shape=())
+
+    def reset(self) -> None:
+        """Begin the sums anew; the scale stays."""
+        self._sums[:] = 0.0
+
+    def scaled(
+        self, bonus: npt.NDArray[np.float64], *, is_learning: bool
+    ) -> npt.NDArray[np.float64]:
+        """The bonus (n_envs,) over the scale, which learns of it first, if it is to; bounded."""
+        self._sums = self.gamma * self._sums + bonus
+        if is_learning:
+            self._statistics.update(self._sums)
+            self._statistics.count = min(self._statistics.count, MEMORY)
+        scaled = bonus / np.sqrt(self._statistics.var + EPSILON)
+        return np.minimum(scaled, LARGEST)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Sums and statistics."""
+        statistics = self._statistics
+        return {
+            "sums": th.from_numpy(self._sums.copy()),
+            "statistics": [float(statistics.mean), float(statistics.var), float(statistics.count)],
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave."""
+        self._sums = state["sums"].cpu().numpy().copy()
+        self._statistics.mean, self._statistics.var = map(np.array, state["statistics"][:2])
+        self._statistics.count = state["statistics"][2]

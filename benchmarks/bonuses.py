@@ -1,4 +1,4 @@
-"""What a bonus does for Stable-Baselines3's PPO: `python -m benchmarks.bonuses` prints the table.
+"""What a bonus does for Stable-Baselines3's PPO and TD3: `python -m benchmarks.bonuses` tells.
 
 Every run is one process on one thread; results do not depend on how many run at once.
 """
@@ -6,6 +6,7 @@ Every run is one process on one thread; results do not depend on how many run at
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -15,14 +16,33 @@ import torch as th
 import typer
 from scipy.stats import bootstrap
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.env_util import make_vec_env
 
+from benchmarks.off_policy import make_td3
 from benchmarks.runs import markdown, run_all
-from curiosity_algos import ExplorationCallback, ICMVecEnvWrapper
+from curiosity_algos import TD3ICM, ExplorationCallback, ICMVecEnvWrapper
 
-VARIANTS = {"PPO": None, "PPO + ICM": "icm", "PPO + RND": "rnd"}
-"""Bonuses by the names of the table's rows."""
 N_ENVS = 8
+"""Environments that PPO learns from side by side."""
+
+
+def ppo(env: str, seed: int, bonus: str | None) -> PPO:
+    """SB3's PPO with its defaults, with or without a bonus in its reward."""
+    venv = make_vec_env(env, n_envs=N_ENVS, seed=seed)
+    if bonus is not None:
+        venv = ICMVecEnvWrapper(venv, bonus=bonus, seed=seed, device="cpu")
+    return PPO("MlpPolicy", venv, seed=seed, device="cpu")
+
+
+VARIANTS: dict[str, Callable[[str, int], BaseAlgorithm]] = {
+    "PPO": lambda env, seed: ppo(env, seed, None),
+    "PPO + ICM": lambda env, seed: ppo(env, seed, "icm"),
+    "PPO + RND": lambda env, seed: ppo(env, seed, "rnd"),
+    "TD3": lambda env, seed: make_td3(env, seed=seed),
+    "TD3ICM": lambda env, seed: TD3ICM(env, seed=seed, device="cpu"),
+}
+"""What makes the model of each row of the table."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +57,13 @@ class Result:
     seconds: float
 
 
-def run(variant: str, seed: int, env: str, timesteps: float, weight: float) -> Result:
-    """Train PPO with its defaults, with or without a bonus with its defaults."""
+def run(variant: str, seed: int, env: str, timesteps: float) -> Result:
+    """Train one variant."""
     th.set_num_threads(1)
     began = time.process_time()
-    venv = make_vec_env(env, n_envs=N_ENVS, seed=seed)
-    bonus = VARIANTS[variant]
-    if bonus is not None:
-        venv = ICMVecEnvWrapper(venv, bonus=bonus, weight=weight, seed=seed, device="cpu")
+    model = VARIANTS[variant](env, seed)
     coverage = ExplorationCallback()
-    PPO("MlpPolicy", venv, seed=seed, device="cpu").learn(int(timesteps), callback=coverage)
+    model.learn(int(timesteps), callback=coverage)
     share = coverage.coverage.reachable
     assert share is not None
     seconds = time.process_time() - began
@@ -96,13 +113,12 @@ def main(
     variants: str = ",".join(VARIANTS),
     first_seed: int = 0,
     n_seeds: int = 5,
-    weight: float = 1.0,
     jobs: int = 2,
     out: Path | None = None,
 ) -> None:
     """Train every variant with every seed, and print the table."""
     seeds = range(first_seed, first_seed + n_seeds)
-    tasks = list(product(variants.split(","), seeds, [env], [timesteps], [weight]))
+    tasks = list(product(variants.split(","), seeds, [env], [timesteps]))
     print(table(run_all(run, tasks, jobs=jobs, out=out)))
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Figures = Sequence[float]
 Task = Callable[[], float]
@@ -104,3 +105,40 @@ def seconds(function: Callable[[], object]) -> float:
     began = time.perf_counter()
     function()
     return time.perf_counter() - began
+
+
+class Stopwatch:
+    """Seconds that each stage takes by itself, without the stages within it."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self._inner = [0.0]
+
+    def wrap(self, owner: Any, method: str, stage: str) -> None:
+        """Time one object's method as `stage`."""
+        function = getattr(owner, method)
+
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            self._inner.append(0.0)
+            began = time.perf_counter()
+            result = function(*args, **kwargs)
+            elapsed = time.perf_counter() - began
+            self.seconds[stage] += elapsed - self._inner.pop()
+            self._inner[-1] += elapsed
+            return result
+
+        setattr(owner, method, timed)
+
+
+def stage_rows(stages: Sequence[str], runs: Sequence[Mapping[str, float]]) -> list[Row]:
+    """Seconds of each stage of the runs, of all of them, and their shares."""
+    totals = [sum(run.values()) for run in runs]
+    shares = {
+        stage: [100.0 * run[stage] / total for run, total in zip(runs, totals, strict=True)]
+        for stage in stages
+    }
+    return [
+        *(Row(stage, [run[stage] for run in runs], "s") for stage in stages),
+        Row("all stages", totals, "s"),
+        *(Row(f"share of {stage}", shares[stage], "%") for stage in stages),
+    ]

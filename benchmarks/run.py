@@ -17,6 +17,7 @@ SECTIONS = {
     "vector": "benchmarks.vector",
     "control": "benchmarks.control",
     "learn": "benchmarks.training",
+    "td3": "benchmarks.off_policy",
     "novelty": "benchmarks.novelty",
     "diversity": "benchmarks.diversity",
     "cold_start": "benchmarks.cold_start",

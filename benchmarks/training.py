@@ -3,41 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections import defaultdict
 from itertools import count
-from typing import Any
 
 from stable_baselines3 import PPO
 
-from benchmarks.measure import Plan, Row, Table, interleave, ratios, seconds
+from benchmarks.measure import (
+    Plan,
+    Row,
+    Stopwatch,
+    Table,
+    interleave,
+    ratios,
+    seconds,
+    stage_rows,
+)
 from curiosity_algos import CuriosityES
 from curiosity_algos.common.networks import single_torch_thread
 
 MAZE = "CuriosityMaze-Hard-v0"
 STAGES = ("ask", "evaluate", "score", "remember", "bonus updates", "tell", "rest")
-
-
-class Stopwatch:
-    """Seconds that each stage takes by itself, without the stages within it."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = defaultdict(float)
-        self._inner = [0.0]
-
-    def wrap(self, owner: Any, method: str, stage: str) -> None:
-        """Time one object's method as `stage`."""
-        function = getattr(owner, method)
-
-        def timed(*args: Any, **kwargs: Any) -> Any:
-            self._inner.append(0.0)
-            began = time.perf_counter()
-            result = function(*args, **kwargs)
-            elapsed = time.perf_counter() - began
-            self.seconds[stage] += elapsed - self._inner.pop()
-            self._inner[-1] += elapsed
-            return result
-
-        setattr(owner, method, timed)
 
 
 def run(plan: Plan) -> list[Table]:
@@ -100,15 +84,5 @@ def timed_run(timesteps: float, seed: int) -> tuple[CuriosityES, dict[str, float
 
 
 def _stages(runs: list[dict[str, float]]) -> Table:
-    totals = [sum(run.values()) for run in runs]
-    shares = {
-        stage: [100.0 * run[stage] / total for run, total in zip(runs, totals, strict=True)]
-        for stage in STAGES
-    }
-    rows = [
-        *(Row(stage, [run[stage] for run in runs], "s") for stage in STAGES),
-        Row("all stages", totals, "s"),
-        *(Row(f"share of {stage}", shares[stage], "%") for stage in STAGES),
-    ]
     notes = ["`rest` is construction, logging, coverage and the loop itself."]
-    return Table("learn: where the time goes", rows, notes)
+    return Table("learn: where the time goes", stage_rows(STAGES, runs), notes)

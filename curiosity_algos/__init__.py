@@ -8,6 +8,7 @@ from curiosity_algos.algorithms.curiosity_map_elites import CuriosityMAPElites
 from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.nslc import NSLC
+from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.curiosity.callbacks import ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
@@ -23,6 +24,7 @@ __all__ = [
     "NSES",
     "NSLC",
     "RND",
+    "TD3ICM",
     "CanonicalES",
     "CuriosityES",
     "CuriosityMAPElites",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import torch as th
+from gymnasium import spaces
 
 
 def generator_state(generator: np.random.Generator) -> str:
@@ -56,3 +58,82 @@ class EpisodeSeeds:
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
         load_generator_state(self._rng, state["rng"])
+
+
+class SpaceGenerator:
+    """The generator that a space samples from, as a part of a checkpoint.
+
+    Args:
+        space: Any.
+    """
+
+    def __init__(self, space: spaces.Space[Any]) -> None:
+        self._space = space
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state of the samples."""
+        return {"rng": generator_state(self._space.np_random)}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        load_generator_state(self._space.np_random, state["rng"])
+
+
+class GlobalGenerators:
+    """torch's and numpy's global generators, as one run of Stable-Baselines3 sees them.
+
+    A run that draws within `lent` goes on from where it left them, whatever others drew from them
+    in the meantime, and leaves them as it found them.
+
+    Args:
+        seed: Where the run's draws begin.
+        device: Of the run's networks, whose generator belongs to it too.
+    """
+
+    def __init__(self, seed: np.random.SeedSequence, device: th.device) -> None:
+        self._device = device
+        self._is_lent = False
+        outside = self._capture()
+        th.manual_seed(integer_seed(seed))
+        np.random.seed(integer_seed(seed))  # noqa: NPY002
+        self._own = self._capture()
+        self._restore(outside)
+
+    @contextmanager
+    def lent(self) -> Iterator[None]:
+        """Bring the global generators to the run's states until the block ends."""
+        outside = self._capture()
+        self._restore(self._own)
+        self._is_lent = True
+        try:
+            yield
+        finally:
+            self._own = self._capture()
+            self._is_lent = False
+            self._restore(outside)
+
+    def state_dict(self) -> dict[str, Any]:
+        """The states that the run's next draw begins from."""
+        return self._capture() if self._is_lent else dict(self._own)
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave; draws on another kind of device begin anew."""
+        self._own = {**self._own, **state}
+
+    def _capture(self) -> dict[str, Any]:
+        numbers = np.random.get_state(legacy=False)  # noqa: NPY002
+        numbers["state"]["key"] = th.from_numpy(numbers["state"]["key"].astype(np.int64))
+        state = {"numpy": numbers, "torch": th.get_rng_state()}
+        if self._device.type == "cuda":
+            state["cuda"] = th.cuda.get_rng_state(self._device)
+        return state
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        numbers = state["numpy"]
+        key = numbers["state"]["key"].cpu().numpy().astype(np.uint32)
+        np.random.set_state(  # noqa: NPY002
+            {**numbers, "state": {**numbers["state"], "key": key}}
+        )
+        th.set_rng_state(state["torch"].cpu())
+        if self._device.type == "cuda" and "cuda" in state:
+            th.cuda.set_rng_state(state["cuda"].cpu(), self._device)

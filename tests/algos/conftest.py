@@ -13,6 +13,7 @@ from curiosity_algos import (
     CMAME,
     NSES,
     NSLC,
+    TD3ICM,
     CanonicalES,
     CuriosityES,
     CuriosityMAPElites,
@@ -32,7 +33,19 @@ SETTINGS = {
     AURORA: SMALL | {"archive_size": 20, "training_interval": 2, "n_epochs": 2},
     CuriosityMAPElites: SMALL | SMALL_ICM | {"n_kept": 4, "tournament_size": 3},
 }
-"""Every algorithm, with what makes its tests fast."""
+"""Every population algorithm, with what makes its tests fast."""
+SMALL_TD3 = {
+    "seed": 0,
+    "policy_kwargs": {"net_arch": [4]},
+    "device": "cpu",
+    "learning_starts": 20,
+    "gradient_steps": 3,
+    "n_updates": 2,
+    "batch_size": 8,
+    "buffer_size": 300,
+}
+ALL_SETTINGS = SETTINGS | {TD3ICM: SMALL_TD3}
+"""Every algorithm, the one that learns by gradients too."""
 
 EASY = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
 
@@ -43,7 +56,7 @@ NEED_BEHAVIORS = (MAPElites, CMAME, CuriosityMAPElites)
 
 def make_model(algorithm, env, **changes):
     """A small model of `algorithm`."""
-    return algorithm(env, **(SETTINGS[algorithm] | changes))
+    return algorithm(env, **(ALL_SETTINGS[algorithm] | changes))
 
 
 def first_two(env, observation, info):
@@ -92,13 +105,19 @@ def assert_same(one, other):
 def progress(model):
     """What a run has come to, beside its parameters."""
     names = ["num_timesteps", "generation", "best_return", "coverage", "first_success_timesteps"]
-    return {name: getattr(model, name) for name in names}
+    return {name: getattr(model, name, None) for name in names}
 
 
 def assert_same_run(one, other):
     """Two models are at the same point of the same run, in every bit."""
     assert progress(one) == progress(other)
     assert_same(one.get_parameters(), other.get_parameters())
+
+
+def latest_checkpoint(folder):
+    """The file of a CheckpointCallback with most timesteps, or None."""
+    paths = folder.glob("*_steps.zip")
+    return max(paths, key=lambda path: int(path.stem.split("_")[-2]), default=None)
 
 
 @pytest.fixture(autouse=True)
@@ -112,6 +131,12 @@ def _one_torch_thread():
 
 @pytest.fixture(params=SETTINGS, ids=lambda algorithm: algorithm.__name__)
 def algorithm(request):
+    return request.param
+
+
+@pytest.fixture(params=ALL_SETTINGS, ids=lambda algorithm: algorithm.__name__)
+def any_algorithm(request):
+    """Of every kind, for what all of them promise."""
     return request.param
 
 
@@ -133,6 +158,11 @@ def make_maze_fixture():
 @pytest.fixture(name="make_easy_maze")
 def make_easy_maze_fixture():
     return make_easy_maze
+
+
+@pytest.fixture(name="latest_checkpoint")
+def latest_checkpoint_fixture():
+    return latest_checkpoint
 
 
 @pytest.fixture(name="assert_same")

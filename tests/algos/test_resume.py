@@ -1,28 +1,52 @@
 """An interrupted run, resumed, is the run that was never interrupted, in every bit."""
 
 import csv
+import os
 import pathlib
 import signal
 import subprocess
 import sys
-import time
 
+import numpy as np
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import CuriosityES
+from curiosity_algos import TD3ICM, CuriosityES
+from curiosity_algos.common.checkpoint import check_is_checkpoint
 
 ROOT = pathlib.Path(__file__).parents[2]
 
-TRAIN_FOREVER = """
-import sys
-sys.path.insert(0, {folder!r})
-from conftest import make_easy_maze, make_model
+KILL = """
+import os, pathlib, signal, sys, time
+sys.path.insert(0, {tests!r})
+from conftest import latest_checkpoint, make_easy_maze, make_model
 from stable_baselines3.common.callbacks import CheckpointCallback
 import curiosity_algos
-model = make_model(curiosity_algos.{algorithm}, make_easy_maze())
-model.learn(1e9, callback=CheckpointCallback(1, {checkpoints!r}))
+
+algorithm, folder = curiosity_algos.{algorithm}, pathlib.Path({folder!r})
+
+def train_forever():
+    last = latest_checkpoint(folder)
+    if last is None:
+        model = make_model(algorithm, make_easy_maze())
+    else:
+        model = algorithm.load(last, env=make_easy_maze())
+    every = CheckpointCallback({interval}, str(folder))
+    model.learn(1e9, callback=every, reset_num_timesteps=False)
+
+make_model(algorithm, make_easy_maze()).learn(1)  # machine code is loaded once, before the forks
+for moment in {moments}:
+    before = latest_checkpoint(folder)
+    process = os.fork()
+    if process == 0:
+        train_forever()
+    while latest_checkpoint(folder) == before:
+        assert os.waitpid(process, os.WNOHANG) == (0, 0)
+        time.sleep(0.002)
+    time.sleep(moment)
+    os.kill(process, signal.SIGKILL)
+    os.waitpid(process, 0)
 """
 
 
@@ -67,8 +91,10 @@ def test_the_papers_settings_go_on(make_model, make_maze, tmp_path, assert_same_
     assert_same_run(uninterrupted, resumed)
 
 
-def test_saving_changes_nothing(algorithm, make_model, make_easy_maze, tmp_path, assert_same_run):
-    one, other = (make_model(algorithm, make_easy_maze()).learn(600) for _ in range(2))
+def test_saving_changes_nothing(
+    any_algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+):
+    one, other = (make_model(any_algorithm, make_easy_maze()).learn(600) for _ in range(2))
     one.save(tmp_path / "model")
     one.save(tmp_path / "model", exclude=["buffer"])
     assert_same_run(one.learn(600), other.learn(600))
@@ -113,26 +139,22 @@ def test_ctrl_c_leaves_a_model_that_resumes(
         assert_same_run(model, uninterrupted)
 
 
-def test_a_killed_process_leaves_a_checkpoint_that_resumes(
-    algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
+    any_algorithm, make_model, make_easy_maze, latest_checkpoint, tmp_path, assert_same_run
 ):
-    code = TRAIN_FOREVER.format(
-        folder=str(pathlib.Path(__file__).parent),
-        algorithm=algorithm.__name__,
-        checkpoints=str(tmp_path),
+    code = KILL.format(
+        tests=str(pathlib.Path(__file__).parent),
+        algorithm=any_algorithm.__name__,
+        folder=str(tmp_path),
+        interval=37 if any_algorithm is TD3ICM else 1,
+        moments=np.random.default_rng(0).uniform(0.0, 0.1, 10).tolist(),
     )
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
-    try:
-        while len(list(tmp_path.glob("*.zip"))) < 3:
-            assert process.poll() is None
-            time.sleep(0.02)
-    finally:
-        process.kill()
-        process.wait()
-    last = max(tmp_path.glob("*.zip"), key=lambda path: int(path.stem.split("_")[-2]))
-    resumed = algorithm.load(last, env=make_easy_maze())
-    assert resumed.num_timesteps == int(last.stem.split("_")[-2])
-    uninterrupted = make_model(algorithm, make_easy_maze())
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, env=environment)
+    for path in tmp_path.glob("*.zip"):
+        check_is_checkpoint(path, any_algorithm.__name__)
+    resumed = any_algorithm.load(latest_checkpoint(tmp_path), env=make_easy_maze())
+    uninterrupted = make_model(any_algorithm, make_easy_maze())
     uninterrupted.learn(resumed.num_timesteps + 900)
     resumed.learn(900, reset_num_timesteps=False)
     assert_same_run(resumed, uninterrupted)

@@ -1,11 +1,17 @@
+import io
 import json
 
 import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
 from curiosity_algos.common.randomness import (
     EpisodeSeeds,
+    GlobalGenerators,
+    SpaceGenerator,
     generator_state,
     load_generator_state,
 )
@@ -34,3 +40,81 @@ def test_episode_seeds_differ_and_resume():
     later = EpisodeSeeds(np.random.SeedSequence(1))
     later.load_state_dict(state)
     assert [later.draw() for _ in range(3)] == [seeds.draw() for _ in range(3)]
+
+
+def test_a_space_samples_on_from_a_saved_state():
+    space, other = (spaces.Box(-1, 1, (3,), seed=seed) for seed in (0, 1))
+    space.sample()
+    state = SpaceGenerator(space).state_dict()
+    expected = space.sample()
+    SpaceGenerator(other).load_state_dict(state)
+    np.testing.assert_array_equal(other.sample(), expected)
+
+
+class TestGlobalGenerators:
+    def draw(self):
+        return th.rand(2).tolist(), np.random.rand(2).tolist()  # noqa: NPY002
+
+    @pytest.fixture
+    def make(self):
+        return lambda seed=0: GlobalGenerators(np.random.SeedSequence(seed), th.device("cpu"))
+
+    def test_a_run_goes_on_where_it_was(self, make):
+        alone, disturbed = make(), make()
+        with alone.lent():
+            expected = [self.draw(), self.draw()]
+        with disturbed.lent():
+            drawn = [self.draw()]
+        self.draw()
+        th.manual_seed(9)
+        with disturbed.lent():
+            drawn.append(self.draw())
+        assert drawn == expected
+
+    def test_what_others_draw_stays_as_it_was(self, make):
+        th.manual_seed(1)
+        np.random.seed(1)  # noqa: NPY002
+        expected = [self.draw(), self.draw()]
+        th.manual_seed(1)
+        np.random.seed(1)  # noqa: NPY002
+        drawn = [self.draw()]
+        with make().lent():
+            self.draw()
+        assert [*drawn, self.draw()] == expected
+
+    def test_an_error_gives_them_back(self, make):
+        generators, state = make(), th.get_rng_state()
+
+        def interrupted():
+            with generators.lent():
+                self.draw()
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+        assert th.equal(th.get_rng_state(), state)
+        with generators.lent():
+            second = self.draw()
+        assert second != self.first_draw(make())
+
+    def first_draw(self, generators):
+        with generators.lent():
+            return self.draw()
+
+    def test_seeds_differ(self, make):
+        assert self.first_draw(make(0)) != self.first_draw(make(1))
+        assert self.first_draw(make(0)) == self.first_draw(make(0))
+
+    @pytest.mark.parametrize("n_drawn", [0, 1, 700])
+    def test_states_are_taken_within_and_without(self, make, n_drawn):
+        generators, other, file = make(), make(1), io.BytesIO()
+        with generators.lent():
+            np.random.standard_normal(n_drawn)  # noqa: NPY002  odd numbers leave one behind
+            th.save(generators.state_dict(), file)
+            expected = np.random.standard_normal(), self.draw()  # noqa: NPY002
+        file.seek(0)
+        other.load_state_dict(th.load(file, weights_only=True))
+        after = generators.state_dict()
+        with other.lent():
+            assert (np.random.standard_normal(), self.draw()) == expected  # noqa: NPY002
+        assert th.equal(other.state_dict()["torch"], after["torch"])

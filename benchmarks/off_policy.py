@@ -1,0 +1,97 @@
+"""What curiosity costs TD3: TD3ICM beside Stable-Baselines3's TD3, and where its time goes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3 import TD3
+from stable_baselines3.common.noise import NormalActionNoise
+
+from benchmarks.measure import (
+    Plan,
+    Row,
+    Stopwatch,
+    Table,
+    interleave,
+    ratios,
+    seconds,
+    stage_rows,
+)
+from curiosity_algos import TD3ICM
+from curiosity_algos.algorithms import td3_icm
+from curiosity_algos.common.networks import single_torch_thread
+
+MAZE = "CuriosityMaze-US-v0"
+STAGES = ("environment", "rewards of samples", "bonus updates", "actor and critic", "rest")
+
+
+def make_td3(env: str, **changes: Any) -> TD3:
+    """SB3's TD3 with the networks, the noise and the schedule that TD3ICM has."""
+    made = gym.make(env)
+    n_actions = made.action_space.shape
+    settings = {
+        "learning_rate": 5e-5,
+        "learning_starts": 10_000,
+        "batch_size": 128,
+        "train_freq": (1, "episode"),
+        "gradient_steps": -1,
+        "action_noise": NormalActionNoise(np.zeros(n_actions), 0.1 * np.ones(n_actions)),
+        "policy_kwargs": {"net_arch": td3_icm.NET_ARCH},
+        "device": "cpu",
+    }
+    return TD3("MlpPolicy", made, **(settings | changes))
+
+
+def run(plan: Plan) -> list[Table]:
+    """Rates of both, an episode in turns, then the stages of TD3ICM's episodes."""
+    n_steps = plan.size(2000, 64)
+    changes = {"learning_starts": 0, "buffer_size": 50 * n_steps, "seed": 0}
+    if plan.quick:
+        changes |= {"train_freq": (n_steps, "step")}
+    icm, td3 = TD3ICM(MAZE, device="cpu", **changes), make_td3(MAZE, **changes)
+    runs: list[dict[str, float]] = []
+    watch = watched(icm)
+
+    def learn(model: TD3) -> float:
+        # As TD3ICM does: on busy cores torch's default makes small batches tens of times slower.
+        with single_torch_thread():
+            return seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
+
+    def learn_icm() -> float:
+        watch.seconds.clear()
+        elapsed = learn(icm)
+        runs.append({**watch.seconds, "rest": elapsed - sum(watch.seconds.values())})
+        return n_steps / elapsed
+
+    learn(icm)
+    learn(td3)
+    names = "TD3ICM", "Stable-Baselines3's TD3"
+    tasks = {names[0]: learn_icm, names[1]: lambda: n_steps / learn(td3)}
+    figures = interleave(tasks, plan.repeats)
+    rows = [
+        *(Row(name, figures[name], "steps/s") for name in names),
+        Row("TD3ICM over TD3", ratios(figures[names[0]], figures[names[1]]), "x", ">= .77"),
+    ]
+    notes = [
+        "An episode each repeat, and as many gradient steps; the same networks, batches and noise; "
+        "both train on one torch thread."
+    ]
+    rest = ["`rest` is acting, storing, logging and the loop itself."]
+    return [
+        Table(f"td3: {MAZE}", rows, notes),
+        Table("td3: where TD3ICM's time goes", stage_rows(STAGES, runs), rest),
+    ]
+
+
+def watched(model: TD3ICM) -> Stopwatch:
+    """Times the stages of a model; each call of TD3's training holds those of its samples."""
+    watch = Stopwatch()
+    buffer, bonus = model.replay_buffer, model._bonus
+    watch.wrap(model.env, "step", "environment")
+    watch.wrap(bonus, "score", "rewards of samples")
+    watch.wrap(bonus, "update", "bonus updates")
+    watch.wrap(buffer, "sample_transitions", "bonus updates")
+    watch.wrap(model, "train", "actor and critic")
+    return watch

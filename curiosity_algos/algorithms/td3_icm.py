@@ -1,0 +1,157 @@
+"""TD3-ICM: Stable-Baselines3's TD3, rewarded by what an Intrinsic Curiosity Module cannot predict.
+
+Fujimoto et al. 2018, "Addressing Function Approximation Error in Actor-Critic Methods"; Pathak et
+al. 2017, "Curiosity-driven Exploration by Self-supervised Prediction"; the paper's section 4.4.
+"""
+
+from __future__ import annotations
+
+import io
+import pathlib
+from typing import Any
+
+import numpy as np
+import torch as th
+from stable_baselines3.td3.policies import TD3Policy
+
+from curiosity_algos.common.interrupt import deferred_interrupt
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.common.resumable_td3 import ResumableTD3
+from curiosity_algos.curiosity.bonus import Bonus, train
+from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus
+from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_gym.validation import check_at_least_one, check_positive
+
+NET_ARCH = [32, 32]
+BONUS_LEARNING_RATE = 6e-6
+"""With faster ones the module outruns the policy, and nothing is left to be curious of (4.4)."""
+
+
+class TD3ICM(ResumableTD3):
+    """Trains a deterministic policy on `reward + weight * bonus`, a whole episode at a time.
+
+    The bonus is computed when a transition is sampled from the replay buffer, so that it is always
+    that of the module as it is. After each episode the module is trained for `n_updates` steps, and
+    actor and critic for as many as the episode had (section 4.4).
+
+    Args:
+        env: See `ResumableTD3`, as for every argument not named here.
+        policy: Likewise.
+        bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
+        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`; their `learning_rate` is 6e-6
+            here.
+        weight: Of the bonus, above 0: the paper's eta / 2.
+        extrinsic: Whether the reward of the task counts; False: curiosity alone.
+        n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.
+        learning_rate: Adam's, of actor and critic, or a schedule as in SB3.
+        buffer_size: Transitions kept.
+        learning_starts: Steps of random actions before the first training.
+        batch_size: Transitions a gradient step.
+        train_freq: As in SB3: what a rollout is.
+        gradient_steps: As in SB3; -1: as many as the rollout had steps.
+        policy_kwargs: As in SB3; None: `net_arch` 32, 32.
+        **kwargs: Passed on to `ResumableTD3`, and to SB3's TD3 (`gamma`, `tau`, `device`, ...).
+
+    Raises:
+        ValueError: If an argument is out of its range, or the env's spaces are not supported.
+    """
+
+    replay_buffer: CuriosityReplayBuffer
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[TD3Policy] = "MlpPolicy",
+        *,
+        bonus: str | Bonus = "icm",
+        bonus_kwargs: dict[str, Any] | None = None,
+        weight: float = 0.5,
+        extrinsic: bool = True,
+        n_updates: int = 64,
+        learning_rate: float = 5e-5,
+        buffer_size: int = 1_000_000,
+        learning_starts: int = 10_000,
+        batch_size: int = 128,
+        train_freq: int | tuple[int, str] = (1, "episode"),
+        gradient_steps: int = -1,
+        policy_kwargs: dict[str, Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        self.bonus = bonus
+        self.bonus_kwargs = dict(bonus_kwargs or {})
+        self.weight = weight
+        self.extrinsic = extrinsic
+        self.n_updates = n_updates
+        super().__init__(
+            env,
+            policy,
+            learning_rate=learning_rate,
+            buffer_size=buffer_size,
+            learning_starts=learning_starts,
+            batch_size=batch_size,
+            train_freq=train_freq,
+            gradient_steps=gradient_steps,
+            policy_kwargs={"net_arch": NET_ARCH} if policy_kwargs is None else policy_kwargs,
+            **kwargs,
+        )
+
+    def _check_settings(self) -> None:
+        check_positive(weight=self.weight)
+        check_at_least_one(n_updates=self.n_updates)
+        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
+        check_bonus_choice(self.bonus, self.bonus_kwargs)
+
+    def _make_parts(self, seed: np.random.SeedSequence) -> CuriosityReplayBuffer:
+        networks_seed, buffer_seed = seed.spawn(2)
+        slow = {"learning_rate": BONUS_LEARNING_RATE} if isinstance(self.bonus, str) else {}
+        self._bonus = make_bonus(
+            self.bonus,
+            {**slow, **self.bonus_kwargs},
+            self.observation_space,
+            self.action_space,
+            seed=integer_seed(networks_seed),
+            device=self.device,
+        )
+        return CuriosityReplayBuffer(
+            self.buffer_size,
+            self.observation_space,
+            self.action_space,
+            bonus=self._bonus,
+            weight=self.weight,
+            extrinsic=self.extrinsic,
+            seed=buffer_seed,
+            device=self.device,
+        )
+
+    def _see_rollout(self, n_steps: int) -> None:
+        observations, actions, next_observations = self.replay_buffer.newest(n_steps)
+        with single_torch_thread():
+            curiosity = self.weight * self._bonus.score(observations, actions, next_observations)
+            self._bonus.observe(th.from_numpy(observations))
+        self.logger.record("intrinsic/mean", float(curiosity.mean()))
+        self.logger.record("intrinsic/max", float(curiosity.max()))
+
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """Train the bonus, then actor and critic on what it makes of the replay buffer."""
+        with deferred_interrupt(), single_torch_thread():
+            losses = train(
+                self._bonus,
+                self.replay_buffer.sample_transitions,
+                n_updates=self.n_updates,
+                batch_size=batch_size,
+            )
+            super().train(gradient_steps, batch_size)
+        for name, loss in losses.items():
+            self.logger.record(name, loss)
+
+    def load_replay_buffer(
+        self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True
+    ) -> None:
+        """As in SB3; the bonus stays the model's own."""
+        super().load_replay_buffer(path, truncate_last_traj)
+        self.replay_buffer.bonus = self._bonus
+
+    def _state_names(self) -> list[str]:
+        return ["_bonus"]

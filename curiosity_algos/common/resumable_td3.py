@@ -1,0 +1,401 @@
+"""Stable-Baselines3's TD3 with this package's ways: env first, counted alike, resumed exactly."""
+
+from __future__ import annotations
+
+import io
+import os
+from abc import abstractmethod
+from collections.abc import Iterable
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from stable_baselines3 import TD3
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.preprocessing import get_action_dim
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, RolloutReturn, TrainFreq
+from stable_baselines3.common.utils import should_collect_more_steps
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.td3 import CnnPolicy, MlpPolicy
+from stable_baselines3.td3.policies import TD3Policy
+
+from curiosity_algos.common.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.common.checkpoint import check_is_checkpoint, save_model
+from curiosity_algos.common.coverage import coverage_grid
+from curiosity_algos.common.environment_state import environment_states, load_environment_states
+from curiosity_algos.common.episodes import EpisodeRecord
+from curiosity_algos.common.interrupt import deferred_interrupt
+from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
+from curiosity_algos.evaluation.batches import describe
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_gym.validation import check_seed
+
+NOISE = 0.1
+"""Standard deviation of the action noise, in halves of the action space."""
+OWN = ("replay_buffer_class", "replay_buffer_kwargs", "optimize_memory_usage", "n_steps")
+"""Keywords of TD3 that say which replay buffer: a subclass brings its own."""
+
+
+class GaussianActionNoise(ActionNoise):
+    """Independent normal noise from a generator of its own.
+
+    Args:
+        n_actions: Entries of an action.
+        seed: Of the draws.
+    """
+
+    def __init__(self, n_actions: int, seed: np.random.SeedSequence) -> None:
+        super().__init__()
+        self._n_actions = n_actions
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self) -> npt.NDArray[np.float32]:
+        """The noise of one step."""
+        return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)
+
+
+class ResumableTD3(TD3):
+    """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
+
+    A subclass makes the replay buffer (`_make_parts`), and may learn from a rollout
+    (`_see_rollout`).
+
+    Args:
+        env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
+            Actions must be a bounded Box.
+        policy: "MlpPolicy", "CnnPolicy", or a subclass of either.
+        action_noise: As in SB3; None: normal with standard deviation .1, seeded.
+        seed: Seed of everything random; None: fresh entropy.
+        _init_setup_model: As in SB3: `load` builds the model later.
+        **kwargs: Passed on to SB3's TD3.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the env's spaces are not supported.
+    """
+
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {
+        "MlpPolicy": MlpPolicy,
+        "CnnPolicy": CnnPolicy,
+    }
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[TD3Policy] = "MlpPolicy",
+        *,
+        action_noise: ActionNoise | None = None,
+        seed: int | None = None,
+        _init_setup_model: bool = True,
+        **kwargs: Any,
+    ) -> None:
+        check_order(self, env, policy)
+        check_seed(seed)
+        for name in set(OWN) & set(kwargs):
+            raise ValueError(f"`{name}` cannot be set: this algorithm has its own replay buffer.")
+        env = open_env(env)
+        if env is not None or _init_setup_model:
+            _check_env(env)
+        super().__init__(
+            policy,
+            env,  # type: ignore[arg-type]
+            action_noise=action_noise,
+            seed=seed,
+            _init_setup_model=False,
+            **kwargs,
+        )
+        self._n_steps = self._n_episodes = 0  # of the rollout under way
+        self._interrupted: dict[str, Any] | None = None
+        self._coverage_grid = None if self.env is None else coverage_grid(self.env)
+        if _init_setup_model:
+            self._setup_model()
+
+    # -- what an algorithm writes ---------------------------------------------------------------
+
+    @abstractmethod
+    def _check_settings(self) -> None:
+        """Check what the constructor was given, and what `load` may have replaced."""
+
+    @abstractmethod
+    def _make_parts(self, seed: np.random.SeedSequence) -> ReplayBuffer:
+        """Create what the algorithm holds, and give its replay buffer."""
+
+    @abstractmethod
+    def _see_rollout(self, n_steps: int) -> None:
+        """Take in a rollout, the newest `n_steps` of the replay buffer, before training on it."""
+
+    @abstractmethod
+    def _state_names(self) -> list[str]:
+        """Attributes with `state_dict` and `load_state_dict` that a resumed run needs."""
+
+    # -- the model ------------------------------------------------------------------------------
+
+    def _setup_model(self) -> None:
+        self._check_settings()
+        seeds = np.random.SeedSequence(self.seed).spawn(3)
+        self._generators = GlobalGenerators(seeds[0], self.device)
+        self._record = EpisodeRecord(self._coverage_grid)
+        if self.action_noise is None:
+            self.action_noise = GaussianActionNoise(get_action_dim(self.action_space), seeds[1])
+        self.replay_buffer = self._make_parts(seeds[2])
+        self._random_actions = SpaceGenerator(self.action_space)
+        with self._generators.lent():
+            super()._setup_model()
+
+    @staticmethod
+    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        return wrap_env(env, verbose, monitor_wrapper)
+
+    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
+        """Train on another environment with the same spaces.
+
+        Where coverage counts other cells than before, as in another maze, coverage, the best return
+        and the first success start anew; networks and replay buffer go on.
+
+        Args:
+            env: As in the constructor.
+            force_reset: As in SB3.
+
+        Raises:
+            ValueError: If the spaces are others, or the env is not supported.
+        """
+        env = open_env(env)
+        _check_env(env)
+        super().set_env(env, force_reset)
+        self._match_env()
+
+    def _match_env(self) -> None:
+        """Count in the grid of the env; in another one, forget what was found before."""
+        assert self.env is not None
+        grid = coverage_grid(self.env)
+        if grid != self._coverage_grid:
+            self._coverage_grid = grid
+            self._record = EpisodeRecord(grid)
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the reachable cells that final states visited; None: nothing to count."""
+        return self._record.coverage.reachable
+
+    @property
+    def best_return(self) -> float:
+        """Highest return of an episode so far; -inf before the first."""
+        return self._record.best_return
+
+    @property
+    def first_success_timesteps(self) -> int | None:
+        """Timesteps when an episode first succeeded, or None."""
+        return self._record.first_success_timesteps
+
+    # -- the loop -------------------------------------------------------------------------------
+
+    def learn(
+        self,
+        total_timesteps: float,
+        callback: MaybeCallback = None,
+        log_interval: int | None = 4,
+        tb_log_name: str | None = None,
+        reset_num_timesteps: bool = True,
+        progress_bar: bool = False,
+    ) -> Self:
+        """Train until the rollout that reaches the budget has ended.
+
+        Ctrl-C takes effect after a step or a training, so that the model can be saved.
+
+        Args:
+            total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
+            callback: SB3 callbacks; called after each step. They may save the model at any time.
+            log_interval: Episodes between two logs; None: none.
+            tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
+            reset_num_timesteps: Count timesteps from 0 again, and begin an episode; False: go on,
+                as after `load`.
+            progress_bar: Show a bar of timesteps.
+
+        Raises:
+            ValueError: If the budget is negative or not finite, `log_interval` is below 1, or no
+                env is set.
+        """
+        check_learning(self.env, total_timesteps, log_interval)
+        name = tb_log_name or type(self).__name__
+        with self._generators.lent():
+            return super().learn(
+                int(total_timesteps),
+                callback,
+                log_interval,  # type: ignore[arg-type]
+                name,
+                reset_num_timesteps,
+                progress_bar,
+            )
+
+    def _setup_learn(
+        self,
+        total_timesteps: int,
+        callback: MaybeCallback = None,
+        reset_num_timesteps: bool = True,
+        tb_log_name: str = "run",
+        progress_bar: bool = False,
+    ) -> tuple[int, BaseCallback]:
+        is_resumed = self._last_obs is None and not reset_num_timesteps
+        begun = super()._setup_learn(
+            total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
+        )
+        if is_resumed and self._interrupted is not None:
+            self._resume_episode(**self._interrupted)
+        self._interrupted = None
+        return begun
+
+    def collect_rollouts(
+        self,
+        env: VecEnv,
+        callback: BaseCallback,
+        train_freq: TrainFreq,
+        replay_buffer: ReplayBuffer,
+        action_noise: ActionNoise | None = None,
+        learning_starts: int = 0,
+        log_interval: int | None = None,
+    ) -> RolloutReturn:
+        """As in SB3, but a step is wholly stored when callbacks see it, so that they may save.
+
+        A rollout that was interrupted goes on, and counts as one.
+        """
+        self.policy.set_training_mode(False)
+        callback.on_rollout_start()
+        goes_on = True
+        while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
+            with deferred_interrupt():
+                step = self._step(env, replay_buffer, action_noise, learning_starts, log_interval)
+                callback.update_locals(step)
+                goes_on = callback.on_step()
+        if not goes_on:
+            return RolloutReturn(self._n_steps, self._n_episodes, continue_training=False)
+        callback.on_rollout_end()
+        rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=True)
+        self._see_rollout(self._n_steps)
+        self._n_steps = self._n_episodes = 0
+        return rollout
+
+    def _step(
+        self,
+        env: VecEnv,
+        replay_buffer: ReplayBuffer,
+        action_noise: ActionNoise | None,
+        learning_starts: int,
+        log_interval: int | None,
+    ) -> dict[str, Any]:
+        """Act once; what SB3's callbacks find in their `locals`."""
+        actions, buffer_actions = self._sample_action(learning_starts, action_noise)
+        new_obs, rewards, dones, infos = env.step(actions)
+        self.num_timesteps += 1
+        self._n_steps += 1
+        self._update_info_buffer(infos, dones)
+        self._store_transition(replay_buffer, buffer_actions, new_obs, rewards, dones, infos)  # type: ignore[arg-type]
+        self._update_current_progress_remaining(self.num_timesteps, self._total_timesteps)
+        self._record.add(infos, dones, self.num_timesteps)
+        if dones[0]:
+            self._end_episode(action_noise, log_interval)
+        seen = {"actions": actions, "buffer_actions": buffer_actions, "new_obs": new_obs}
+        return {**seen, "rewards": rewards, "dones": dones, "infos": infos, "env": env}
+
+    def _end_episode(self, action_noise: ActionNoise | None, log_interval: int | None) -> None:
+        self._n_episodes += 1
+        self._episode_num += 1
+        if action_noise is not None:
+            action_noise.reset()
+        if log_interval is not None and self._episode_num % log_interval == 0:
+            self.dump_logs()
+
+    def dump_logs(self) -> None:
+        """Write log data, coverage with it."""
+        for name, share in self._record.coverage.shares.items():
+            self.logger.record(f"coverage/{name}", share)
+        super().dump_logs()
+
+    # -- save and load --------------------------------------------------------------------------
+
+    def _episode_under_way(self) -> dict[str, Any] | None:
+        """What `_resume_episode` takes; None where the env cannot say where its episode stands."""
+        assert self.env is not None
+        states = environment_states(self.env)
+        if states is None:
+            return None
+        seen = {"last_obs": self._last_obs, "last_original_obs": self._last_original_obs}
+        return {"states": states, **seen}
+
+    def _resume_episode(self, states: list[Any], last_obs: Any, last_original_obs: Any) -> None:
+        assert self.env is not None
+        try:
+            load_environment_states(self.env, states)
+        except ValueError:
+            return  # another environment, in which an episode has just begun
+        self._last_obs, self._last_original_obs = last_obs, last_original_obs
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        # Named here or silently re-initialized by `load`: SB3 builds the model anew.
+        names, variables = super()._get_torch_save_params()
+        own = ["replay_buffer", "_generators", "_random_actions", "_record", *self._state_names()]
+        return [*names, *own], variables
+
+    def save(
+        self,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        exclude: Iterable[str] | None = None,
+        include: Iterable[str] | None = None,
+    ) -> None:
+        """Save everything that a run needs to go on bit for bit, the replay buffer too.
+
+        An episode that has not ended goes on after `load` where the env can say where it stands, as
+        those of `curiosity_gym` can; elsewhere a new one begins. The file takes the place of an
+        older one only once it is wholly on disk.
+
+        Args:
+            path: Of the file; `.zip` is added where it has no suffix.
+            exclude: Names to leave out; "buffer" leaves out the replay buffer's transitions.
+            include: Names to save although they are left out by default.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+        """
+        if self.env is not None and self._last_obs is not None:
+            self._interrupted = self._episode_under_way()
+        save_model(self, path, exclude, include)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        env: AnyEnv | None = None,
+        *args: Any,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a model.
+
+        Args:
+            path: Of the file; `.zip` may be left out.
+            env: As in the constructor; None: the model can predict, and learn after `set_env`.
+            *args: As in SB3 (`device`, `custom_objects`, ...).
+            **kwargs: Likewise; other names replace the model's attributes.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is truncated, or no model of this class.
+        """
+        path = check_is_checkpoint(path, cls.__name__)
+        env = open_env(env)
+        if env is not None:
+            _check_env(env)
+        model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
+        if model.env is not None:
+            model._match_env()
+        return model
+
+
+def _check_env(env: object) -> None:
+    action_space = describe(env)[1]
+    if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
+        raise ValueError(f"`env` must have a bounded Box of actions, got {action_space}.")
+    n_envs = getattr(env, "num_envs", 1)
+    if n_envs != 1:
+        raise ValueError(f"`env` must be one environment, got {n_envs}: rollouts are episodes.")

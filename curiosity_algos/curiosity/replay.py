@@ -1,0 +1,114 @@
+"""A replay buffer that adds an exploration bonus to the reward each time it samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.vec_env import VecNormalize
+
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.curiosity.bonus import Bonus
+
+COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
+
+
+class CuriosityReplayBuffer(ReplayBuffer):
+    """Keeps the rewards of the task, and gives `reward + weight * bonus` with the bonus of now.
+
+    A bonus stored with its transition would be that of a module long since trained on. Value
+    targets stop at terminations only: the last step of a truncated episode goes on.
+
+    Args:
+        capacity: Transitions kept, the newest.
+        observation_space: Of a single environment.
+        action_space: Box.
+        bonus: Scores the transitions that are sampled; who holds the buffer trains it.
+        weight: Of the bonus.
+        extrinsic: Whether the reward of the task counts.
+        seed: Of the draws.
+        device: Where samples go.
+    """
+
+    def __init__(
+        self,
+        capacity: int,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        bonus: Bonus,
+        weight: float,
+        extrinsic: bool,
+        seed: np.random.SeedSequence,
+        device: th.device,
+    ) -> None:
+        super().__init__(capacity, observation_space, action_space, device)
+        self.bonus = bonus
+        self.weight = weight
+        self.extrinsic = extrinsic
+        self._rng = np.random.default_rng(seed)
+
+    def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
+        """Transitions drawn uniformly with replacement; the bonus sees raw observations.
+
+        Args:
+            batch_size: How many.
+            env: Normalizes observations and the reward of the task.
+        """
+        rows = self._draw(batch_size)
+        observations, actions, next_observations = self._transitions(rows)
+        rewards = self.weight * self.bonus.score(observations, actions, next_observations)
+        if self.extrinsic:
+            rewards = rewards + self._normalize_reward(self.rewards[rows, 0], env)
+        ended = self.dones[rows] * (1.0 - self.timeouts[rows])
+        values: tuple[Any, ...] = (
+            self._normalize_obs(observations, env),
+            actions,
+            self._normalize_obs(next_observations, env),
+            ended,
+            rewards.astype(np.float32)[:, None],
+        )
+        return ReplayBufferSamples(*map(self.to_torch, values))
+
+    def sample_transitions(self, batch_size: int) -> tuple[th.Tensor, ...]:
+        """Observations, actions and next observations, as a bonus is trained on them."""
+        return tuple(map(th.from_numpy, self._transitions(self._draw(batch_size))))
+
+    def newest(self, n: int) -> tuple[npt.NDArray[Any], ...]:
+        """The last n transitions, in the order of their steps; fewer where fewer are held."""
+        n = min(n, self.size())
+        return self._transitions((self.pos - n + np.arange(n)) % self.buffer_size)
+
+    def _draw(self, n: int) -> npt.NDArray[np.int64]:
+        return self._rng.integers(self.size(), size=n)
+
+    def _transitions(self, rows: npt.NDArray[np.int64]) -> tuple[npt.NDArray[Any], ...]:
+        return self.observations[rows, 0], self.actions[rows, 0], self.next_observations[rows, 0]
+
+    def state_dict(self) -> dict[str, Any]:
+        """Transitions held, and the state of the draws."""
+        held = {name: getattr(self, name)[: self.size()] for name in COLUMNS}
+        buffer = {name: th.from_numpy(column.copy()) for name, column in held.items()}
+        return {"buffer": {**buffer, "pos": self.pos}, "rng": generator_state(self._rng)}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave; transitions left out of the file are none."""
+        load_generator_state(self._rng, state["rng"])
+        if "buffer" not in state:
+            return
+        held = dict(state["buffer"])
+        self.pos = held.pop("pos")
+        n = len(held["actions"])
+        self.full = n == self.buffer_size
+        for name, column in held.items():
+            getattr(self, name)[:n] = column.cpu().numpy()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle all but the bonus, which is its owner's."""
+        return {name: value for name, value in self.__dict__.items() if name != "bonus"}

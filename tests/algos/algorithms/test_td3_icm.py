@@ -1,0 +1,125 @@
+import json
+
+import numpy as np
+import pytest
+import torch as th
+from stable_baselines3.common.logger import configure
+
+from curiosity_algos import ICM, TD3ICM
+from curiosity_algos.algorithms import td3_icm
+
+
+@pytest.fixture
+def make(make_model):
+    return lambda env, **changes: make_model(TD3ICM, env, **changes)
+
+
+def test_defaults_are_the_papers():
+    model = TD3ICM("CuriosityMaze-US-v0", device="cpu")
+    widths = [layer.out_features for layer in model.actor.mu if isinstance(layer, th.nn.Linear)]
+    assert widths == [32, 32, 2]
+    assert model.critic.q_networks[0][0].out_features == 32
+    assert (model.learning_rate, model.gamma, model.batch_size, model.tau) == (
+        5e-5,
+        0.99,
+        128,
+        5e-3,
+    )
+    assert (model.learning_starts, model.buffer_size, model.gradient_steps) == (10_000, 10**6, -1)
+    assert (model.train_freq.frequency, model.train_freq.unit.value) == (1, "episode")
+    assert (model.n_updates, model.weight) == (64, 0.5)
+    assert model._bonus.optimizer.param_groups[0]["lr"] == 6e-6
+    noise = np.array([model.action_noise() for _ in range(4000)])
+    assert noise.std(axis=0) == pytest.approx([0.1, 0.1], rel=0.05)
+    assert noise.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.01)
+
+
+class TestTraining:
+    def test_is_after_each_episode_for_as_many_steps(self, make, make_maze):
+        model = make(make_maze(), gradient_steps=-1, learning_starts=60)
+        for n_steps, n_updates in [(50, 0), (100, 50), (150, 100)]:
+            model.learn(1, reset_num_timesteps=False)
+            assert (model.num_timesteps, model._n_updates) == (n_steps, n_updates)
+
+    def test_the_bonus_has_its_own_number_of_updates(self, make, make_easy_maze, monkeypatch):
+        calls = []
+        monkeypatch.setattr(
+            td3_icm, "train", lambda bonus, draw, **kwargs: calls.append(kwargs) or {}
+        )
+        make(make_easy_maze(), n_updates=5, batch_size=9).learn(120)
+        assert calls == [{"n_updates": 5, "batch_size": 9}] * 2
+
+    def test_the_reward_is_the_bonus_of_now(self, make, make_easy_maze):
+        model = make(make_easy_maze(), bonus_kwargs={"learning_rate": 0.1}).learn(64)
+        rows = model.replay_buffer.newest(64)
+        before = model._bonus.score(*rows).mean()
+        model.learn(64, reset_num_timesteps=False)
+        state = model.replay_buffer._rng.bit_generator.state
+        rewards = model.replay_buffer.sample(20).rewards
+        model.replay_buffer._rng.bit_generator.state = state
+        transitions = [x.numpy() for x in model.replay_buffer.sample_transitions(20)]
+        expected = 0.5 * model._bonus.score(*transitions)
+        np.testing.assert_allclose(rewards[:, 0], expected, rtol=1e-5)
+        assert abs(model._bonus.score(*rows).mean() - before) > 1e-3
+
+    def test_inputs_are_standardized_by_what_was_seen_once(self, make, make_maze):
+        model = make(make_maze()).learn(200)
+        seen = model.replay_buffer.observations[: model.replay_buffer.size(), 0]
+        assert model._bonus.normalizer.count == len(seen) == 200
+        np.testing.assert_allclose(model._bonus.normalizer.mean, seen.mean(axis=0), atol=1e-5)
+
+    def test_a_bonus_of_ones_own_is_taken_as_it_is(self, make, make_easy_maze):
+        env = make_easy_maze()
+        bonus = ICM(env.observation_space, env.action_space, seed=0, device="cpu")
+        model = make(env, bonus=bonus).learn(100)
+        assert model._bonus is bonus
+        assert bonus.normalizer.count == 128
+
+
+class TestSettings:
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("weight", 0.0),
+            ("weight", np.nan),
+            ("n_updates", 0),
+            ("batch_size", 0),
+            ("buffer_size", 0),
+            ("bonus", "novelty"),
+            ("bonus_kwargs", {"depth": 3}),
+        ],
+    )
+    def test_errors_name_the_argument(self, make, make_maze, name, value):
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            make(make_maze(), **{name: value})
+
+    def test_the_papers_learning_rate_is_no_more_than_a_default(self, make, make_maze):
+        model = make(make_maze(), bonus="rnd", bonus_kwargs={"learning_rate": 0.01})
+        assert model._bonus.name == "rnd"
+        assert model._bonus.optimizer.param_groups[0]["lr"] == 0.01
+        assert model.bonus_kwargs == {"learning_rate": 0.01}
+
+    def test_curiosity_alone(self, make, make_easy_maze):
+        model = make(make_easy_maze(), extrinsic=False, weight=1e-9)
+        model.learn(64)
+        model.replay_buffer.rewards[:] = 7.0
+        assert model.replay_buffer.sample(9).rewards.abs().max() < 1e-6
+
+
+def test_it_logs_as_every_algorithm(make, make_easy_maze, tmp_path):
+    model = make(make_easy_maze())
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    model.learn(300, log_interval=1)
+    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    names = ["coverage/reachable", "coverage/all", "intrinsic/mean", "intrinsic/max", "icm/loss"]
+    names += ["icm/forward_loss", "icm/inverse_loss", "rollout/ep_rew_mean", "rollout/ep_len_mean"]
+    names += ["rollout/success_rate", "time/total_timesteps", "train/critic_loss"]
+    assert set(names) <= set(rows[-1])
+    assert rows[-1]["coverage/reachable"] == model.coverage > 0.0
+    assert rows[-1]["intrinsic/max"] > rows[-1]["intrinsic/mean"] > 0.0
+
+
+def test_it_finds_a_goal_that_is_near(make, make_easy_maze):
+    model = make(make_easy_maze(), learning_starts=2000, gradient_steps=1).learn(2000)
+    assert 0 < model.first_success_timesteps <= model.num_timesteps
+    assert 0.0 < model.best_return < 1.0

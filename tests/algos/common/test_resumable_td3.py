@@ -1,0 +1,351 @@
+"""TD3's part of the contract: SB3's promises, exact resume, errors before anything changes."""
+
+import signal
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from gymnasium.vector import SyncVectorEnv
+from gymnasium.wrappers import TimeLimit
+from stable_baselines3 import TD3
+from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
+
+from curiosity_algos import TD3ICM
+
+
+class Save(BaseCallback):
+    """Saves once, after step `moment` or at the end of the rollout that it is in."""
+
+    def __init__(self, moment, path, at_rollout_end=False):
+        super().__init__()
+        self.moment, self.path, self.at_rollout_end = moment, path, at_rollout_end
+        self.is_done = False
+
+    def _save(self):
+        if not self.is_done and self.num_timesteps >= self.moment:
+            self.model.save(self.path)
+            self.is_done = True
+
+    def _on_step(self):
+        if not self.at_rollout_end:
+            self._save()
+        return True
+
+    def _on_rollout_end(self):
+        if self.at_rollout_end:
+            self._save()
+
+
+class Interrupt(BaseCallback):
+    """Presses Ctrl-C in a step."""
+
+    def __init__(self, moment):
+        super().__init__()
+        self.moment = moment
+
+    def _on_step(self):
+        if self.num_timesteps == self.moment:
+            signal.raise_signal(signal.SIGINT)
+        return True
+
+
+@pytest.fixture
+def make(make_model):
+    return lambda env, **changes: make_model(TD3ICM, env, **changes)
+
+
+class TestResume:
+    """Episodes have 64 steps, training begins after the first."""
+
+    # In mid-episode before and after training began, at an episode's last and first step.
+    @pytest.mark.parametrize("moment", [10, 64, 65, 100, 128, 191, 192])
+    @pytest.mark.parametrize("at_rollout_end", [False, True])
+    def test_a_checkpoint_of_any_moment_goes_on(
+        self, make, make_easy_maze, tmp_path, assert_same_run, moment, at_rollout_end
+    ):
+        whole = make(make_easy_maze())
+        whole.learn(320, callback=Save(moment, tmp_path / "model", at_rollout_end))
+        resumed = TD3ICM.load(tmp_path / "model", env=make_easy_maze())
+        assert resumed.num_timesteps >= moment
+        resumed.learn(320 - resumed.num_timesteps, reset_num_timesteps=False)
+        assert_same_run(whole, resumed)
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"train_freq": (7, "step"), "gradient_steps": 2},
+            {"train_freq": (2, "episode")},
+            {"bonus": "rnd", "extrinsic": False},
+            {"buffer_size": 50},
+            {"action_noise": NormalActionNoise(np.zeros(2), np.ones(2))},
+            {"policy_delay": 3, "gamma": 0.9, "tau": 0.1},
+        ],
+        ids=lambda changes: ",".join(changes),
+    )
+    def test_whatever_the_settings(self, make, make_easy_maze, tmp_path, assert_same_run, changes):
+        whole = make(make_easy_maze(), **changes)
+        whole.learn(300, callback=Save(150, tmp_path / "model"))
+        resumed = TD3ICM.load(tmp_path / "model", env=make_easy_maze())
+        resumed.learn(300 - 150, reset_num_timesteps=False)
+        assert_same_run(whole, resumed)
+
+    def test_control_tasks_go_on(self, make, tmp_path, assert_same_run):
+        def make_env():
+            return gym.make("CuriosityControl-BallInCup-v0", horizon=50)
+
+        whole = make(make_env())
+        whole.learn(150, callback=Save(70, tmp_path / "model"))
+        resumed = TD3ICM.load(tmp_path / "model", env=make_env())
+        resumed.learn(80, reset_num_timesteps=False)
+        assert_same_run(whole, resumed)
+
+    def test_the_env_may_be_set_later(self, make, make_easy_maze, tmp_path, assert_same_run):
+        whole = make(make_easy_maze())
+        whole.learn(300, callback=Save(150, tmp_path / "model"))
+        resumed = TD3ICM.load(tmp_path / "model")
+        resumed.save(tmp_path / "again")
+        again = TD3ICM.load(tmp_path / "again")
+        again.set_env(make_easy_maze())
+        again.save(tmp_path / "once more")
+        last = TD3ICM.load(tmp_path / "once more", env=make_easy_maze())
+        last.learn(150, reset_num_timesteps=False)
+        assert_same_run(whole, last)
+
+    def test_where_no_state_is_given_an_episode_begins(self, make, make_maze, tmp_path):
+        def make_env():
+            return TimeLimit(make_maze(), 40)
+
+        make(make_env()).learn(100, callback=Save(70, tmp_path / "model"))
+        resumed = TD3ICM.load(tmp_path / "model", env=make_env())
+        recorder = Lengths()
+        resumed.learn(40, reset_num_timesteps=False, callback=recorder)
+        assert recorder.lengths == [40]
+
+    def test_in_another_maze_an_episode_begins(self, make, make_maze, tmp_path):
+        make(make_maze()).learn(60, callback=Save(40, tmp_path / "model"))
+        resumed = TD3ICM.load(tmp_path / "model", env=make_maze(layout="snake", horizon=30))
+        recorder = Lengths()
+        resumed.learn(30, reset_num_timesteps=False, callback=recorder)
+        assert recorder.lengths == [30]
+        assert resumed._last_obs.tolist() == resumed.env.reset().tolist()
+
+    def test_resetting_the_timesteps_begins_an_episode(self, make, make_maze, tmp_path):
+        make(make_maze()).learn(60, callback=Save(40, tmp_path / "model"))
+        resumed, recorder = TD3ICM.load(tmp_path / "model", env=make_maze()), Lengths()
+        assert resumed.learn(50, callback=recorder).num_timesteps == 50
+        assert recorder.lengths == [50]
+
+    def test_ctrl_c_leaves_a_model_that_resumes(self, make, make_easy_maze, tmp_path, assert_same):
+        interrupted, uninterrupted = make(make_easy_maze()), make(make_easy_maze())
+        with pytest.raises(KeyboardInterrupt):
+            interrupted.learn(1e9, callback=Interrupt(100))
+        assert interrupted.num_timesteps == 100
+        interrupted.save(tmp_path / "model")
+        loaded = TD3ICM.load(tmp_path / "model", env=make_easy_maze())
+        uninterrupted.learn(300)
+        for model in (interrupted, loaded):
+            model.learn(200, reset_num_timesteps=False)
+            assert_same(model.get_parameters(), uninterrupted.get_parameters())
+
+    def test_a_callback_that_stops_leaves_one_too(self, make, make_easy_maze, assert_same_run):
+        stopped, whole = make(make_easy_maze()), make(make_easy_maze())
+        stopped.learn(1e9, callback=lambda locals_, globals_: stopped.num_timesteps < 128)
+        assert stopped.num_timesteps == 128
+        stopped.learn(100, reset_num_timesteps=False)
+        assert_same_run(stopped, whole.learn(228))
+
+
+class Lengths(BaseCallback):
+    """Of the episodes that end."""
+
+    def _init_callback(self):
+        self.lengths = []
+
+    def _on_step(self):
+        self.lengths += [info["episode"]["l"] for info in self.locals["infos"] if "episode" in info]
+        return True
+
+
+class TestRandomness:
+    def test_the_seed_decides(self, make, make_easy_maze, assert_same):
+        one, twin, other = (make(make_easy_maze(), seed=s).learn(200) for s in (1, 1, 2))
+        assert_same(one.get_parameters(), twin.get_parameters())
+        assert not th.equal(one.actor.mu[0].weight, other.actor.mu[0].weight)
+
+    def test_no_seed_is_fresh_entropy(self, make, make_maze):
+        one, other = (make(make_maze(), seed=None) for _ in range(2))
+        assert not th.equal(one.actor.mu[0].weight, other.actor.mu[0].weight)
+        assert one.action_noise().tolist() != other.action_noise().tolist()
+
+    def test_what_others_draw_changes_no_bit(self, make, make_easy_maze, assert_same):
+        alone, disturbed = make(make_easy_maze()), make(make_easy_maze())
+        alone.learn(100).learn(100, reset_num_timesteps=False)
+        disturbed.learn(100)
+        th.rand(7)
+        np.random.rand(7)  # noqa: NPY002
+        disturbed.learn(100, reset_num_timesteps=False)
+        assert_same(alone.get_parameters(), disturbed.get_parameters())
+
+    def test_global_generators_and_threads_stay(self, make, make_easy_maze):
+        before = th.get_rng_state(), np.random.get_state()[1].copy()  # noqa: NPY002
+        n_threads = th.get_num_threads()
+        make(make_easy_maze()).learn(200)
+        assert th.equal(th.get_rng_state(), before[0])
+        assert (np.random.get_state()[1] == before[1]).all()  # noqa: NPY002
+        assert th.get_num_threads() == n_threads
+
+
+class TestEnvironments:
+    @pytest.mark.parametrize("kind", ["id", "VectorEnv", "VecEnv"])
+    def test_any_kind_of_one(self, make, make_maze, kind):
+        env = {
+            "id": lambda: "CuriosityMaze-Hard-v0",
+            "VectorEnv": lambda: SyncVectorEnv([make_maze]),
+            "VecEnv": lambda: DummyVecEnv([make_maze]),
+        }[kind]()
+        model = make(env)
+        assert model.get_env().num_envs == 1
+        assert model.learn(1).num_timesteps == (2000 if kind == "id" else 50)
+
+    @pytest.mark.parametrize("make_env", [SyncVectorEnv, DummyVecEnv])
+    def test_several_are_refused(self, make, make_maze, make_env):
+        with pytest.raises(ValueError, match="`env` must be one environment, got 2"):
+            make(make_env([make_maze] * 2))
+        model = make(make_maze())
+        env = model.get_env()
+        with pytest.raises(ValueError, match="`env` must be one environment, got 2"):
+            model.set_env(make_env([make_maze] * 2))
+        assert model.get_env() is env
+
+    @pytest.mark.parametrize("env_id", ["CartPole-v1", "FrozenLake-v1"])
+    def test_actions_must_be_a_box(self, make, env_id):
+        with pytest.raises(ValueError, match="`env` must have a bounded Box of actions"):
+            make(gym.make(env_id))
+
+    def test_an_env_is_needed(self, make):
+        with pytest.raises(ValueError, match="`env` must be an environment"):
+            make(None)
+
+    def test_coverage_starts_anew_elsewhere(self, make, make_maze):
+        model = make(make_maze()).learn(60)
+        assert model.coverage > 0.0
+        model.set_env(make_maze())
+        assert model.coverage > 0.0
+        model.set_env(make_maze(layout="snake"))
+        assert (model.coverage, model.best_return) == (0.0, -np.inf)
+
+    def test_normalized_observations(self, make, make_maze):
+        env = VecNormalize(make_vec_env(make_maze))
+        model = make(env).learn(120)
+        stored = model.replay_buffer.newest(50)[0]
+        assert np.abs(stored[:, :2]).max() <= 1.0  # as the maze gave them
+        assert model._n_updates > 0
+
+    def test_stacked_observations(self, make, make_maze):
+        model = make(VecFrameStack(make_vec_env(make_maze), 2)).learn(120)
+        assert model.replay_buffer.newest(1)[0].shape == (1, 72)
+        assert model._n_updates > 0
+
+
+class TestErrors:
+    @pytest.mark.parametrize("arguments", [("MlpPolicy", "Pendulum-v1"), ("Pendulum-v1", 3)])
+    def test_stable_baselines_order_gets_one_sentence(self, arguments):
+        with pytest.raises(ValueError, match=r"TD3ICM\(env, policy="):
+            TD3ICM(*arguments)
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("n_steps", 3),
+            ("optimize_memory_usage", True),
+            ("replay_buffer_class", object),
+            ("replay_buffer_kwargs", {}),
+            ("seed", -1),
+            ("policy", gym.Env),
+        ],
+    )
+    def test_errors_name_the_argument(self, make, make_maze, name, value):
+        with pytest.raises(ValueError, match=f"`{name}` "):
+            make(make_maze(), **{name: value})
+
+    @pytest.mark.parametrize("budget", [-1, np.inf, np.nan, "1e6"])
+    def test_a_budget_is_finite(self, make, make_maze, budget):
+        with pytest.raises(ValueError, match="`total_timesteps` must be finite"):
+            make(make_maze()).learn(budget)
+
+    def test_a_loaded_model_needs_an_env(self, make, make_maze, tmp_path):
+        make(make_maze()).save(tmp_path / "model")
+        with pytest.raises(ValueError, match="`env` must be set"):
+            TD3ICM.load(tmp_path / "model").learn(1)
+
+
+class TestAsInStableBaselines:
+    def test_the_same_actions_lead_to_the_same_networks(self, make_easy_maze):
+        """Without a bonus to speak of, and SB3's own noise and draws, it is SB3's TD3."""
+        settings = {
+            "learning_starts": 30,
+            "batch_size": 8,
+            "policy_kwargs": {"net_arch": [4]},
+            "train_freq": (1, "episode"),
+            "gradient_steps": 0,
+            "seed": 3,
+            "device": "cpu",
+            "buffer_size": 300,
+        }
+        noise = NormalActionNoise(np.zeros(2), 0.1 * np.ones(2))
+        ours = TD3ICM(make_easy_maze(), action_noise=noise, **settings).learn(200)
+        theirs = TD3("MlpPolicy", make_easy_maze(), action_noise=noise, **settings).learn(200)
+        for name in ("observations", "actions", "next_observations", "rewards", "dones"):
+            np.testing.assert_array_equal(
+                getattr(ours.replay_buffer, name), getattr(theirs.replay_buffer, name)
+            )
+
+    def test_callbacks_see_each_step(self, make, make_easy_maze):
+        seen = []
+
+        def callback(locals_, globals_):
+            seen.append({"new_obs", "rewards", "dones", "infos", "actions"} <= set(locals_))
+            return True
+
+        model = make(make_easy_maze()).learn(100, callback=callback)
+        assert len(seen) == model.num_timesteps == 128
+        assert all(seen)
+
+    def test_checkpoints_count_steps(self, make, make_easy_maze, tmp_path):
+        make(make_easy_maze()).learn(128, callback=CheckpointCallback(50, str(tmp_path)))
+        names = {path.name for path in tmp_path.iterdir()}
+        assert names == {"rl_model_50_steps.zip", "rl_model_100_steps.zip"}
+        assert TD3ICM.load(tmp_path / "rl_model_50_steps").num_timesteps == 50
+
+    def test_a_replay_buffer_of_its_own_file(self, make, make_easy_maze, tmp_path):
+        model, other = make(make_easy_maze()).learn(100), make(make_easy_maze(), seed=1)
+        model.save_replay_buffer(tmp_path / "buffer")
+        other.load_replay_buffer(tmp_path / "buffer")
+        assert other.replay_buffer.size() == model.replay_buffer.size() == 128
+        assert other.replay_buffer.bonus is other._bonus
+        assert other.learn(100, reset_num_timesteps=False)._n_updates > 0
+
+
+def test_images(make, tmp_path):
+    class Camera(gym.Env):
+        observation_space = spaces.Box(0, 255, (36, 36, 1), np.uint8)
+        action_space = spaces.Box(-1, 1, (2,))
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            return self.observation_space.sample(), {}
+
+        def step(self, action):
+            return self.observation_space.sample(), 0.0, False, False, {}
+
+    model = make(TimeLimit(Camera(), 10), policy="CnnPolicy", learning_starts=5, buffer_size=30)
+    model.learn(30)
+    model.save(tmp_path / "model")
+    loaded = TD3ICM.load(tmp_path / "model", env=TimeLimit(Camera(), 10))
+    assert loaded.replay_buffer.newest(1)[0].dtype == np.uint8
+    assert loaded.learn(10, reset_num_timesteps=False).num_timesteps == 40

@@ -1,0 +1,163 @@
+import io
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
+
+OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
+
+
+class Constant:
+    """Every transition to x is worth x times a factor that tests change."""
+
+    name = "constant"
+    factor = 1.0
+
+    def score(self, observations, actions, next_observations):
+        return self.factor * next_observations[:, 0]
+
+
+def make_buffer(capacity=10, extrinsic=True, seed=0):
+    return CuriosityReplayBuffer(
+        capacity,
+        OBSERVATIONS,
+        ACTIONS,
+        bonus=Constant(),
+        weight=0.5,
+        extrinsic=extrinsic,
+        seed=np.random.SeedSequence(seed),
+        device=th.device("cpu"),
+    )
+
+
+def add(buffer, x, reward=0.0, done=False, truncated=False):
+    """A step from x to x + 1."""
+    row = np.full((1, 1), x, dtype=np.float32)
+    info = {"TimeLimit.truncated": truncated}
+    buffer.add(row, row + 1, row / 10, np.array([reward]), np.array([done]), [info])
+
+
+class TestSamples:
+    def test_rewards_are_of_now(self):
+        buffer = make_buffer()
+        add(buffer, 1, reward=10.0)
+        for buffer.bonus.factor in (1.0, 3.0, 0.0):
+            (reward,) = buffer.sample(1).rewards.numpy()
+            assert reward == 10.0 + 0.5 * 2 * buffer.bonus.factor
+
+    def test_the_reward_of_the_task_may_not_count(self):
+        buffer = make_buffer(extrinsic=False)
+        add(buffer, 1, reward=10.0)
+        assert buffer.sample(1).rewards.tolist() == [[1.0]]
+
+    def test_rows_belong_together(self):
+        buffer = make_buffer()
+        for x in range(7):
+            add(buffer, x, reward=100.0 * x)
+        sample = buffer.sample(50)
+        x = sample.observations
+        assert x.unique().tolist() == list(range(7))
+        assert th.equal(sample.next_observations, x + 1)
+        assert th.allclose(sample.actions, x / 10)
+        assert th.allclose(sample.rewards, 100 * x + 0.5 * (x + 1))
+
+    def test_values_stop_at_terminations_alone(self):
+        buffer = make_buffer()
+        add(buffer, 0)
+        add(buffer, 1, done=True, truncated=True)
+        add(buffer, 2, done=True)
+        sample = buffer.sample(50)
+        assert th.equal(sample.dones, (sample.observations == 2).float())
+
+    def test_the_oldest_go(self):
+        buffer = make_buffer(capacity=3)
+        for x in range(5):
+            add(buffer, x)
+        assert buffer.sample(50).observations.unique().tolist() == [2, 3, 4]
+
+    def test_normalizing_spares_what_the_bonus_sees(self):
+        buffer = make_buffer()
+        add(buffer, 1, reward=10.0)
+        venv = VecNormalize(DummyVecEnv([lambda: gym.make("Pendulum-v1")]))
+        venv.obs_rms.mean, venv.obs_rms.var = np.ones(1), np.ones(1)
+        venv.ret_rms.var = 4.0
+        sample = buffer.sample(1, venv)
+        assert sample.observations.item() == 0.0
+        assert sample.next_observations.item() == pytest.approx(1.0)
+        assert sample.rewards.item() == pytest.approx(10.0 / 2.0 + 0.5 * 2.0)
+
+
+def test_transitions_for_the_bonus_come_as_tensors():
+    buffer = make_buffer()
+    for x in range(3):
+        add(buffer, x)
+    observations, actions, next_observations = buffer.sample_transitions(20)
+    assert observations.shape == actions.shape == (20, 1)
+    assert th.equal(next_observations, observations + 1)
+
+
+@pytest.mark.parametrize(("n", "expected"), [(2, [3, 4]), (3, [2, 3, 4]), (9, [2, 3, 4])])
+def test_the_newest_come_in_order(n, expected):
+    buffer = make_buffer(capacity=3)
+    for x in range(5):
+        add(buffer, x)
+    assert buffer.newest(n)[0].ravel().tolist() == expected
+
+
+def test_the_newest_of_a_young_buffer():
+    buffer = make_buffer()
+    add(buffer, 4)
+    assert buffer.newest(3)[0].ravel().tolist() == [4]
+
+
+class TestState:
+    @pytest.mark.parametrize("n_added", [0, 2, 3, 5])
+    def test_draws_and_additions_go_on(self, n_added):
+        buffer, other, file = make_buffer(3), make_buffer(3, seed=1), io.BytesIO()
+        for x in range(n_added):
+            add(buffer, x, reward=x, done=x % 2, truncated=x % 3 == 0)
+        if n_added:
+            buffer.sample(5)
+        th.save(buffer.state_dict(), file)
+        file.seek(0)
+        other.load_state_dict(th.load(file, weights_only=True))
+        for each in (buffer, other):
+            for x in range(7, 9):
+                add(each, x)
+        for one, twin in zip(buffer.sample(20), other.sample(20), strict=True):
+            assert one is twin is None or th.equal(one, twin)
+        assert (buffer.pos, buffer.full) == (other.pos, other.full)
+
+    def test_only_what_is_held_is_saved(self):
+        buffer = make_buffer(capacity=1000)
+        add(buffer, 1)
+        state = buffer.state_dict()
+        assert state["buffer"]["observations"].shape == (1, 1, 1)
+        add(buffer, 2)
+        assert state["buffer"]["pos"] == 1
+
+    def test_transitions_may_stay_out(self):
+        buffer, other = make_buffer(), make_buffer(seed=1)
+        add(buffer, 1)
+        state = buffer.state_dict()
+        del state["buffer"]
+        other.load_state_dict(state)
+        assert other.size() == 0
+        add(other, 1)
+        buffer.sample(3)
+        other.sample(3)
+        assert buffer.state_dict()["rng"] == other.state_dict()["rng"]
+
+    def test_a_pickle_leaves_the_bonus_to_its_owner(self):
+        buffer = make_buffer()
+        add(buffer, 1)
+        copy = pickle.loads(pickle.dumps(buffer))
+        assert not hasattr(copy, "bonus")
+        copy.bonus = buffer.bonus
+        assert copy.sample(1).rewards.tolist() == buffer.sample(1).rewards.tolist()

@@ -30,14 +30,14 @@ STAGES = ("environment", "rewards of samples", "bonus updates", "actor and criti
 def make_td3(env: str, **changes: Any) -> TD3:
     """SB3's TD3 with the networks, the noise and the schedule that TD3ICM has."""
     made = gym.make(env)
-    n_actions = made.action_space.shape
+    shape = made.action_space.shape
     settings = {
         "learning_rate": 5e-5,
         "learning_starts": 10_000,
         "batch_size": 128,
         "train_freq": (1, "episode"),
         "gradient_steps": -1,
-        "action_noise": NormalActionNoise(np.zeros(n_actions), 0.1 * np.ones(n_actions)),
+        "action_noise": NormalActionNoise(np.zeros(shape), 0.1 * np.ones(shape)),
         "policy_kwargs": {"net_arch": td3_icm.NET_ARCH},
         "device": "cpu",
     }
@@ -54,21 +54,21 @@ def run(plan: Plan) -> list[Table]:
     runs: list[dict[str, float]] = []
     watch = watched(icm)
 
-    def learn(model: TD3) -> float:
+    def rate(model: TD3) -> float:
+        before = model.num_timesteps
         # As TD3ICM does: on busy cores torch's default makes small batches tens of times slower.
         with single_torch_thread():
-            return seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
-
-    def learn_icm() -> float:
+            elapsed = seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
+        if model is icm:
+            runs.append({**watch.seconds, "rest": elapsed - sum(watch.seconds.values())})
         watch.seconds.clear()
-        elapsed = learn(icm)
-        runs.append({**watch.seconds, "rest": elapsed - sum(watch.seconds.values())})
-        return n_steps / elapsed
+        return (model.num_timesteps - before) / elapsed
 
-    learn(icm)
-    learn(td3)
+    for model in (icm, td3):
+        rate(model)
+    runs.clear()
     names = "TD3ICM", "Stable-Baselines3's TD3"
-    tasks = {names[0]: learn_icm, names[1]: lambda: n_steps / learn(td3)}
+    tasks = {names[0]: lambda: rate(icm), names[1]: lambda: rate(td3)}
     figures = interleave(tasks, plan.repeats)
     rows = [
         *(Row(name, figures[name], "steps/s") for name in names),

@@ -14,8 +14,6 @@ import numpy as np
 import torch as th
 from stable_baselines3.td3.policies import TD3Policy
 
-from curiosity_algos.common.interrupt import deferred_interrupt
-from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.common.resumable_td3 import ResumableTD3
 from curiosity_algos.curiosity.bonus import Bonus, train
@@ -33,8 +31,9 @@ class TD3ICM(ResumableTD3):
     """Trains a deterministic policy on `reward + weight * bonus`, a whole episode at a time.
 
     The bonus is computed when a transition is sampled from the replay buffer, so that it is always
-    that of the module as it is. After each episode the module is trained for `n_updates` steps, and
-    actor and critic for as many as the episode had (section 4.4).
+    that of the module as it is; actions are shown to it scaled to [-1, 1]. After each episode from
+    `learning_starts` on the module is trained for `n_updates` steps, and actor and critic for as
+    many as the episode had (section 4.4).
 
     Args:
         env: See `ResumableTD3`, as for every argument not named here.
@@ -51,7 +50,7 @@ class TD3ICM(ResumableTD3):
         batch_size: Transitions a gradient step.
         train_freq: As in SB3: what a rollout is.
         gradient_steps: As in SB3; -1: as many as the rollout had steps.
-        policy_kwargs: As in SB3; None: `net_arch` 32, 32.
+        policy_kwargs: As in SB3; `net_arch` is 32, 32 where it is not said.
         **kwargs: Passed on to `ResumableTD3`, and to SB3's TD3 (`gamma`, `tau`, `device`, ...).
 
     Raises:
@@ -93,7 +92,7 @@ class TD3ICM(ResumableTD3):
             batch_size=batch_size,
             train_freq=train_freq,
             gradient_steps=gradient_steps,
-            policy_kwargs={"net_arch": NET_ARCH} if policy_kwargs is None else policy_kwargs,
+            policy_kwargs={"net_arch": NET_ARCH, **(policy_kwargs or {})},
             **kwargs,
         )
 
@@ -127,31 +126,32 @@ class TD3ICM(ResumableTD3):
 
     def _see_rollout(self, n_steps: int) -> None:
         observations, actions, next_observations = self.replay_buffer.newest(n_steps)
-        with single_torch_thread():
-            curiosity = self.weight * self._bonus.score(observations, actions, next_observations)
-            self._bonus.observe(th.from_numpy(observations))
+        curiosity = self.weight * self._bonus.score(observations, actions, next_observations)
+        self._bonus.observe(th.from_numpy(observations))
         self.logger.record("intrinsic/mean", float(curiosity.mean()))
         self.logger.record("intrinsic/max", float(curiosity.max()))
 
-    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Train the bonus, then actor and critic on what it makes of the replay buffer."""
-        with deferred_interrupt(), single_torch_thread():
-            losses = train(
-                self._bonus,
-                self.replay_buffer.sample_transitions,
-                n_updates=self.n_updates,
-                batch_size=batch_size,
-            )
-            super().train(gradient_steps, batch_size)
+    def _train_parts(self, batch_size: int) -> None:
+        draw, n_updates = self.replay_buffer.sample_transitions, self.n_updates
+        losses = train(self._bonus, draw, n_updates=n_updates, batch_size=batch_size)
         for name, loss in losses.items():
             self.logger.record(name, loss)
 
     def load_replay_buffer(
         self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True
     ) -> None:
-        """As in SB3; the bonus stays the model's own."""
+        """As in SB3; bonus and weight stay the model's own.
+
+        Raises:
+            ValueError: If the file holds no replay buffer of this class.
+        """
+        own = self.replay_buffer
         super().load_replay_buffer(path, truncate_last_traj)
-        self.replay_buffer.bonus = self._bonus
+        loaded, self.replay_buffer = self.replay_buffer, own
+        if not isinstance(loaded, CuriosityReplayBuffer):
+            raise ValueError("`path` must be a replay buffer that TD3ICM has saved.")
+        loaded.bonus, loaded.weight, loaded.extrinsic = own.bonus, own.weight, own.extrinsic
+        self.replay_buffer = loaded
 
     def _state_names(self) -> list[str]:
         return ["_bonus"]

@@ -10,9 +10,13 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BufferedWriter
+from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import save_to_zip_file
+
+TRANSITIONS = {"buffer", "replay_buffer"}
+"""Names to exclude what parts have collected, ours and Stable-Baselines3's."""
 
 
 @contextmanager
@@ -58,6 +62,7 @@ def save_model(
     path: str | os.PathLike[str] | io.BufferedIOBase,
     exclude: Iterable[str] | None,
     include: Iterable[str] | None,
+    **extra: Any,
 ) -> None:
     """Save a model as Stable-Baselines3 does, but in a file that appears only once it is whole.
 
@@ -66,29 +71,37 @@ def save_model(
         path: Of the file, or a file object; `.zip` is added where it has no suffix.
         exclude: Attributes to leave out; "buffer" leaves out the transitions of the parts.
         include: Attributes to save although they are left out by default.
+        **extra: Attributes that the file is to have, whatever the model has.
 
     Raises:
         OSError: If it cannot be written; an older file is then as it was.
     """
     names = set(exclude or ()), set(include or ())
     if isinstance(path, io.BufferedIOBase):
-        _write_model(model, path, *names)
+        _write_model(model, path, *names, extra)
         return
     with atomic_file(checkpoint_path(path)) as file:
-        _write_model(model, file, *names)
+        _write_model(model, file, *names, extra)
 
 
 def _write_model(
-    model: BaseAlgorithm, file: io.BufferedIOBase, exclude: set[str], include: set[str]
+    model: BaseAlgorithm,
+    file: io.BufferedIOBase,
+    exclude: set[str],
+    include: set[str],
+    extra: dict[str, Any],
 ) -> None:
     parameters = model.get_parameters()
     parts = {name.partition(".")[0] for name in parameters}
     left_out = (exclude | set(model._excluded_save_params()) | parts) - include
     data = {key: value for key, value in model.__dict__.items() if key not in left_out}
+    data |= extra
     data["algorithm"] = type(model).__name__  # tells a file's reader which class to load it with
-    if "buffer" in exclude:
+    if exclude & TRANSITIONS:
         for state in parameters.values():
-            state.pop("buffer", None)
+            # A user's bonus may have a tensor of that name.
+            if isinstance(state.get("buffer"), dict):
+                del state["buffer"]
     save_to_zip_file(file, data=data, params=parameters)
 
 

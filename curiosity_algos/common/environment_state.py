@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import gymnasium as gym
+from gymnasium.error import ResetNeeded
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecTransposeImage
@@ -21,8 +22,9 @@ State = dict[str, Any]
 def environment_states(venv: VecEnv) -> list[State] | None:
     """The state of each environment; None where one cannot give it.
 
-    An environment can if it has `state_dict` and `load_state_dict`, as those of `curiosity_gym`
-    have, no wrapper around it counts steps of its own, and it is not in another process.
+    An environment can once it was reset, if it has `state_dict` and `load_state_dict`, as those of
+    `curiosity_gym` have, no wrappers are around it but Monitor and `STATELESS`, and it is in this
+    process.
     """
     states = [_state(env) for env in _single_envs(venv)]
     known = [state for state in states if state is not None]
@@ -52,17 +54,24 @@ def _single_envs(venv: VecEnv) -> list[gym.Env[Any, Any]]:
 def _state(env: gym.Env[Any, Any]) -> State | None:
     wrappers = list(_wrappers(env))
     is_known = all(isinstance(each, (Monitor, *STATELESS)) for each in wrappers)
-    if not is_known or not hasattr(env.unwrapped, "load_state_dict"):
+    if not is_known or not _gives_state(env):
         return None
     rewards = [list(each.rewards) for each in wrappers if isinstance(each, Monitor)]
-    return {"env": env.unwrapped.state_dict(), "rewards": rewards}  # type: ignore[attr-defined]
+    try:
+        return {"env": env.unwrapped.state_dict(), "rewards": rewards}  # type: ignore[attr-defined]
+    except ResetNeeded:
+        return None
+
+
+def _gives_state(env: gym.Env[Any, Any]) -> bool:
+    return all(hasattr(env.unwrapped, name) for name in ("state_dict", "load_state_dict"))
 
 
 def _load_state(env: gym.Env[Any, Any], state: State) -> None:
     monitors = [each for each in _wrappers(env) if isinstance(each, Monitor)]
-    if len(monitors) != len(state["rewards"]) or not hasattr(env.unwrapped, "load_state_dict"):
+    if len(monitors) != len(state["rewards"]) or not _gives_state(env):
         raise ValueError("`env` must be wrapped as the environment whose state was taken.")
-    env.unwrapped.load_state_dict(state["env"])
+    env.unwrapped.load_state_dict(state["env"])  # type: ignore[attr-defined]
     for monitor, rewards in zip(monitors, state["rewards"], strict=True):
         monitor.rewards = list(rewards)
 

@@ -31,8 +31,8 @@ def is_plain(value: Any) -> bool:
 
 
 def as_tensors(value: Any) -> Any:
-    """The same, nested lists and dicts, with tensors for numpy's arrays."""
-    return _mapped(value, np.ndarray, th.from_numpy)
+    """The same, nested lists and dicts, without numpy's types: tensors for arrays."""
+    return _mapped(value, np.ndarray | np.generic, _as_tensor)
 
 
 def as_arrays(value: Any) -> Any:
@@ -40,7 +40,11 @@ def as_arrays(value: Any) -> Any:
     return _mapped(value, th.Tensor, lambda tensor: tensor.numpy())
 
 
-def _mapped(value: Any, kind: type, function: Any) -> Any:
+def _as_tensor(value: Any) -> Any:
+    return th.from_numpy(value) if isinstance(value, np.ndarray) else value.item()
+
+
+def _mapped(value: Any, kind: Any, function: Any) -> Any:
     if isinstance(value, kind):
         return function(value)
     if isinstance(value, dict):

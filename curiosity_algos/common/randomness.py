@@ -83,7 +83,7 @@ class GlobalGenerators:
     """torch's and numpy's global generators, as one run of Stable-Baselines3 sees them.
 
     A run that draws within `lent` goes on from where it left them, whatever others drew from them
-    in the meantime, and leaves them as it found them.
+    in the meantime, and leaves them as it found them. Two at once in threads would mix their draws.
 
     Args:
         seed: Where the run's draws begin.
@@ -93,11 +93,20 @@ class GlobalGenerators:
     def __init__(self, seed: np.random.SeedSequence, device: th.device) -> None:
         self._device = device
         self._is_lent = False
-        outside = self._capture()
-        th.manual_seed(integer_seed(seed))
-        np.random.seed(integer_seed(seed))  # noqa: NPY002
         self._own = self._capture()
-        self._restore(outside)
+        self.seed(seed)
+
+    def seed(self, seed: np.random.SeedSequence) -> None:
+        """Begin the run's draws anew."""
+        if not self._is_lent:
+            with self.lent():
+                self.seed(seed)
+            return
+        np.random.seed(integer_seed(seed))  # noqa: NPY002
+        th.default_generator.manual_seed(integer_seed(seed))
+        if self._device.type == "cuda":
+            with th.cuda.device(self._device):
+                th.cuda.manual_seed(integer_seed(seed))
 
     @contextmanager
     def lent(self) -> Iterator[None]:
@@ -117,8 +126,10 @@ class GlobalGenerators:
         return self._capture() if self._is_lent else dict(self._own)
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave; draws on another kind of device begin anew."""
+        """Take over what `state_dict` gave; draws on another kind of device go on as they were."""
         self._own = {**self._own, **state}
+        if self._is_lent:
+            self._restore(self._own)
 
     def _capture(self) -> dict[str, Any]:
         numbers = np.random.get_state(legacy=False)  # noqa: NPY002

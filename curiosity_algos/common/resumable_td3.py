@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import os
 from abc import abstractmethod
@@ -24,15 +25,16 @@ from stable_baselines3.td3 import CnnPolicy, MlpPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.common.arguments import check_learning, check_order, open_env, wrap_env
-from curiosity_algos.common.checkpoint import check_is_checkpoint, save_model
+from curiosity_algos.common.checkpoint import TRANSITIONS, check_is_checkpoint, save_model
 from curiosity_algos.common.coverage import coverage_grid
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
 from curiosity_algos.common.episodes import EpisodeRecord
 from curiosity_algos.common.interrupt import deferred_interrupt
+from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
 from curiosity_algos.evaluation.batches import describe
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_gym.validation import check_seed
+from curiosity_gym.validation import check_at_least_one, check_seed
 
 NOISE = 0.1
 """Standard deviation of the action noise, in halves of the action space."""
@@ -61,8 +63,9 @@ class GaussianActionNoise(ActionNoise):
 class ResumableTD3(TD3):
     """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
 
-    A subclass makes the replay buffer (`_make_parts`), and may learn from a rollout
-    (`_see_rollout`).
+    A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout
+    (`_see_rollout`), and trains its parts after it (`_train_parts`). Training goes on one torch
+    thread, on which small batches are no slower and bits do not depend on the machine's number.
 
     Args:
         env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
@@ -108,6 +111,7 @@ class ResumableTD3(TD3):
             **kwargs,
         )
         self._n_steps = self._n_episodes = 0  # of the rollout under way
+        self._is_seen = False
         self._interrupted: dict[str, Any] | None = None
         self._coverage_grid = None if self.env is None else coverage_grid(self.env)
         if _init_setup_model:
@@ -128,6 +132,10 @@ class ResumableTD3(TD3):
         """Take in a rollout, the newest `n_steps` of the replay buffer, before training on it."""
 
     @abstractmethod
+    def _train_parts(self, batch_size: int) -> None:
+        """Train what the algorithm holds, before actor and critics."""
+
+    @abstractmethod
     def _state_names(self) -> list[str]:
         """Attributes with `state_dict` and `load_state_dict` that a resumed run needs."""
 
@@ -144,6 +152,25 @@ class ResumableTD3(TD3):
         self._random_actions = SpaceGenerator(self.action_space)
         with self._generators.lent():
             super()._setup_model()
+        assert isinstance(self.train_freq, TrainFreq)
+        check_at_least_one(train_freq=self.train_freq.frequency)
+        if self.gradient_steps not in (-1, 0):
+            check_at_least_one(gradient_steps=self.gradient_steps)
+
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """Seed the run's generators, the environment and its actions.
+
+        Unlike in SB3 the global generators of the process stay as they are.
+
+        Args:
+            seed: None: nothing is seeded.
+        """
+        if seed is None:
+            return
+        self._generators.seed(np.random.SeedSequence(seed))
+        self.action_space.seed(seed)
+        if self.env is not None:
+            self.env.seed(seed)
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
@@ -220,7 +247,7 @@ class ResumableTD3(TD3):
         """
         check_learning(self.env, total_timesteps, log_interval)
         name = tb_log_name or type(self).__name__
-        with self._generators.lent():
+        with self._generators.lent(), single_torch_thread():
             return super().learn(
                 int(total_timesteps),
                 callback,
@@ -239,9 +266,14 @@ class ResumableTD3(TD3):
         progress_bar: bool = False,
     ) -> tuple[int, BaseCallback]:
         is_resumed = self._last_obs is None and not reset_num_timesteps
+        noise = copy.deepcopy(vars(self.action_noise))
         begun = super()._setup_learn(
             total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
         )
+        if reset_num_timesteps:
+            self._begin_rollout()
+        else:
+            vars(self.action_noise).update(noise)  # SB3 has reset it, as if an episode began
         if is_resumed and self._interrupted is not None:
             self._resume_episode(**self._interrupted)
         self._interrupted = None
@@ -266,15 +298,16 @@ class ResumableTD3(TD3):
         goes_on = True
         while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
             with deferred_interrupt():
-                step = self._step(env, replay_buffer, action_noise, learning_starts, log_interval)
-                callback.update_locals(step)
+                step = self._step(env, replay_buffer, action_noise, learning_starts)
+                callback.update_locals({**step, "train_freq": train_freq})
                 goes_on = callback.on_step()
-        if not goes_on:
-            return RolloutReturn(self._n_steps, self._n_episodes, continue_training=False)
-        callback.on_rollout_end()
-        rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=True)
-        self._see_rollout(self._n_steps)
-        self._n_steps = self._n_episodes = 0
+                self._log(step["dones"], log_interval)
+        if goes_on:
+            callback.on_rollout_end()
+        rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
+        with deferred_interrupt():
+            if goes_on:
+                self._end_rollout()
         return rollout
 
     def _step(
@@ -283,7 +316,6 @@ class ResumableTD3(TD3):
         replay_buffer: ReplayBuffer,
         action_noise: ActionNoise | None,
         learning_starts: int,
-        log_interval: int | None,
     ) -> dict[str, Any]:
         """Act once; what SB3's callbacks find in their `locals`."""
         actions, buffer_actions = self._sample_action(learning_starts, action_noise)
@@ -295,17 +327,47 @@ class ResumableTD3(TD3):
         self._update_current_progress_remaining(self.num_timesteps, self._total_timesteps)
         self._record.add(infos, dones, self.num_timesteps)
         if dones[0]:
-            self._end_episode(action_noise, log_interval)
-        seen = {"actions": actions, "buffer_actions": buffer_actions, "new_obs": new_obs}
-        return {**seen, "rewards": rewards, "dones": dones, "infos": infos, "env": env}
+            self._n_episodes += 1
+            self._episode_num += 1
+            if action_noise is not None:
+                action_noise.reset()
+        return {
+            "env": env,
+            "replay_buffer": replay_buffer,
+            "action_noise": action_noise,
+            "learning_starts": learning_starts,
+            "actions": actions,
+            "buffer_actions": buffer_actions,
+            "new_obs": new_obs,
+            "rewards": rewards,
+            "dones": dones,
+            "infos": infos,
+            "num_collected_steps": self._n_steps,
+            "num_collected_episodes": self._n_episodes,
+        }
 
-    def _end_episode(self, action_noise: ActionNoise | None, log_interval: int | None) -> None:
-        self._n_episodes += 1
-        self._episode_num += 1
-        if action_noise is not None:
-            action_noise.reset()
-        if log_interval is not None and self._episode_num % log_interval == 0:
+    def _log(self, dones: npt.NDArray[np.bool_], log_interval: int | None) -> None:
+        if dones[0] and log_interval is not None and self._episode_num % log_interval == 0:
             self.dump_logs()
+
+    def _end_rollout(self) -> None:
+        """Take the rollout in once; its counts stay until it was trained on, or will not be."""
+        if not self._is_seen:
+            self._see_rollout(self._n_steps)
+            self._is_seen = True
+        if self.num_timesteps <= self.learning_starts or self.gradient_steps == 0:
+            self._begin_rollout()
+
+    def _begin_rollout(self) -> None:
+        self._n_steps = self._n_episodes = 0
+        self._is_seen = False
+
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """As in SB3, but not to be interrupted in the midst of it."""
+        with deferred_interrupt():
+            self._train_parts(batch_size)
+            super().train(gradient_steps, batch_size)
+            self._begin_rollout()
 
     def dump_logs(self) -> None:
         """Write log data, coverage with it."""
@@ -317,20 +379,18 @@ class ResumableTD3(TD3):
 
     def _episode_under_way(self) -> dict[str, Any] | None:
         """What `_resume_episode` takes; None where the env cannot say where its episode stands."""
-        assert self.env is not None
+        if self.env is None or self._last_obs is None:
+            return self._interrupted
         states = environment_states(self.env)
-        if states is None:
-            return None
-        seen = {"last_obs": self._last_obs, "last_original_obs": self._last_original_obs}
-        return {"states": states, **seen}
+        return None if states is None else {"states": states, "last_obs": self._last_obs}
 
-    def _resume_episode(self, states: list[Any], last_obs: Any, last_original_obs: Any) -> None:
+    def _resume_episode(self, states: list[Any], last_obs: Any) -> None:
         assert self.env is not None
         try:
             load_environment_states(self.env, states)
         except ValueError:
             return  # another environment, in which an episode has just begun
-        self._last_obs, self._last_original_obs = last_obs, last_original_obs
+        self._last_obs = last_obs
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         # Named here or silently re-initialized by `load`: SB3 builds the model anew.
@@ -358,9 +418,11 @@ class ResumableTD3(TD3):
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
         """
-        if self.env is not None and self._last_obs is not None:
-            self._interrupted = self._episode_under_way()
-        save_model(self, path, exclude, include)
+        exclude = set(exclude or ())
+        extra: dict[str, Any] = {"_interrupted": self._episode_under_way()}
+        if exclude & TRANSITIONS:  # none are left to train on
+            extra |= {"_n_steps": 0, "_n_episodes": 0, "_is_seen": False}
+        save_model(self, path, exclude, include, **extra)
 
     @classmethod
     def load(
@@ -393,9 +455,14 @@ class ResumableTD3(TD3):
 
 
 def _check_env(env: object) -> None:
-    action_space = describe(env)[1]
-    if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
-        raise ValueError(f"`env` must have a bounded Box of actions, got {action_space}.")
+    observation_space, action_space = describe(env)
+    is_box = isinstance(action_space, spaces.Box) and len(action_space.shape) == 1
+    if not is_box or not action_space.is_bounded():  # type: ignore[attr-defined]
+        raise ValueError(
+            f"`env` must have a bounded one-dimensional Box of actions, got {action_space}."
+        )
+    if not isinstance(observation_space, spaces.Box):
+        raise ValueError(f"`env` must have a Box of observations, got {observation_space}.")
     n_envs = getattr(env, "num_envs", 1)
     if n_envs != 1:
         raise ValueError(f"`env` must be one environment, got {n_envs}: rollouts are episodes.")

@@ -6,10 +6,12 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.curiosity.bonus import Bonus, action_size
+from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
 from curiosity_gym.validation import check_choice
@@ -48,10 +50,35 @@ def make_bonus(
     seed: int,
     device: th.device | str,
 ) -> Bonus:
-    """The bonus of a name for these spaces; one that is given as an object is taken as it is."""
+    """The bonus of a name for these spaces; one that is given as an object is taken as it is.
+
+    Raises:
+        ValueError: If an object does not score transitions of these spaces.
+    """
     if not isinstance(bonus, str):
+        _check_fits(bonus, observation_space, action_space)
         return bonus
     return BONUSES[bonus](observation_space, action_space, seed=seed, device=device, **bonus_kwargs)
+
+
+def _check_fits(
+    bonus: Bonus, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
+) -> None:
+    is_image = ImageInputs.of(observation_space) is not None
+    assert isinstance(observation_space, spaces.Box)
+    shape = (2, *observation_space.shape)
+    observations = np.zeros(shape, dtype=np.uint8 if is_image else np.float32)
+    is_discrete = isinstance(action_space, spaces.Discrete)
+    size = stored_action_size(action_space)
+    actions = np.zeros(2, np.int64) if is_discrete else np.zeros((2, size), np.float32)
+    try:
+        scores = bonus.score(observations, actions, observations)
+    except Exception as error:
+        raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
+    if np.shape(scores) != (2,):
+        raise ValueError(
+            f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."
+        )
 
 
 def stored_action_size(action_space: spaces.Space[Any]) -> int:

@@ -103,12 +103,11 @@ class CuriosityReplayBuffer(ReplayBuffer):
         if "buffer" not in state:
             return
         held = dict(state["buffer"])
-        self.pos = held.pop("pos")
-        n = len(held["actions"])
-        self.full = n == self.buffer_size
+        position, n = held.pop("pos"), len(held["actions"])
+        rows = np.arange(n)
+        if n not in (position, self.buffer_size) or n > self.buffer_size:
+            rows = ((position + rows) % n)[-self.buffer_size :]  # the newest of another capacity
+            position = len(rows)
+        self.pos, self.full = position % self.buffer_size, len(rows) == self.buffer_size
         for name, column in held.items():
-            getattr(self, name)[:n] = column.cpu().numpy()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Pickle all but the bonus, which is its owner's."""
-        return {name: value for name, value in self.__dict__.items() if name != "bonus"}
+            getattr(self, name)[: len(rows)] = column.cpu().numpy()[rows]

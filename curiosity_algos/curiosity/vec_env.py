@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Any, Self
 
 import numpy as np
@@ -34,6 +33,8 @@ from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share
 
 FORMAT = "curiosity bonus wrapper 1"
+DEFAULTS = {"icm": {"learning_rate": 1e-4}}
+"""Keywords of bonuses where users give none: faster, the module outruns a policy on its own."""
 SETTINGS = (
     "bonus_kwargs",
     "weight",
@@ -63,7 +64,8 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     Args:
         venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
         bonus: "icm", "rnd", or a `Bonus` made for the spaces of `venv`, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`.
+        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`. The `learning_rate` of an ICM
+            is 1e-4 here.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
@@ -137,8 +139,10 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     ) -> None:
         networks_seed, buffer_seed = (integer_seed(each) for each in seed.spawn(2))
         space, action_space = self.observation_space, self.action_space
+        defaults = DEFAULTS.get(bonus, {}) if isinstance(bonus, str) else {}
+        keywords = {**defaults, **self.bonus_kwargs}
         self.bonus = make_bonus(
-            bonus, self.bonus_kwargs, space, action_space, seed=networks_seed, device=device
+            bonus, keywords, space, action_space, seed=networks_seed, device=device
         )
         self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
@@ -256,8 +260,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         settings |= {"buffer_size": self.buffer.capacity, "bonus": self._name}
         saved: dict[str, Any] = {"spaces": self._spaces(), "settings": settings}
         saved["state"] = self.state_dict()
-        has_begun = len(self._observations) > 0
-        saved["environments"] = as_tensors(environment_states(self.venv)) if has_begun else None
+        saved["environments"] = as_tensors(environment_states(self.venv))
         if not is_plain(saved):
             raise ValueError("`bonus` must have a state of tensors and plain values.")
         write_plain(path, saved, FORMAT)
@@ -315,5 +318,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         if states is None:
             return
         self.venv.reset()
-        with suppress(ValueError):  # others of the same spaces: their episodes have just begun
+        try:
             load_environment_states(self.venv, states)
+        except ValueError:  # others of the same spaces: all of them begin an episode
+            self.venv.reset()

@@ -187,7 +187,7 @@ class TestSaveAndLoad:
 
     def test_other_spaces_are_refused(self, algorithm, make_model, make_maze, tmp_path):
         make_model(algorithm, make_maze()).save(tmp_path / "model")
-        with pytest.raises(ValueError, match=r"spaces do not match|bounded Box of actions"):
+        with pytest.raises(ValueError, match=r"spaces do not match|Box of actions"):
             algorithm.load(tmp_path / "model", env=gym.make("CartPole-v1"))
 
     def test_the_buffer_may_stay_out(self, make_model, make_maze, tmp_path):

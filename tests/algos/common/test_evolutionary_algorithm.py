@@ -149,7 +149,7 @@ class TestLearn:
             model.learn(budget)
         assert model.num_timesteps == 0
 
-    @pytest.mark.parametrize("log_interval", [0, 1.5, None])
+    @pytest.mark.parametrize("log_interval", [0, 1.5, "1"])
     def test_log_intervals_count(self, algorithm, make_model, make_maze, log_interval):
         with pytest.raises(ValueError, match="`log_interval` must be"):
             make_model(algorithm, make_maze()).learn(10, log_interval=log_interval)

@@ -20,7 +20,7 @@ from curiosity_algos.common.plain_files import (
         ({"a": [np.zeros(2)]}, False),
         ({"a": object()}, False),
     ],
-    ids=str,
+    ids=["plain", "number of numpy", "array", "object"],
 )
 def test_what_a_file_may_hold(value, expected):
     assert is_plain(value) == expected

@@ -1,5 +1,8 @@
 """TD3's part of the contract: SB3's promises, exact resume, errors before anything changes."""
 
+import copy
+import json
+import random
 import signal
 
 import gymnasium as gym
@@ -10,12 +13,16 @@ from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 from stable_baselines3 import TD3
+from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
 from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
 from curiosity_algos import TD3ICM
+from curiosity_algos.algorithms import td3_icm
+from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
 
 
 class Save(BaseCallback):
@@ -83,9 +90,12 @@ class TestResume:
             {"bonus": "rnd", "extrinsic": False},
             {"buffer_size": 50},
             {"action_noise": NormalActionNoise(np.zeros(2), np.ones(2))},
+            {"action_noise": OrnsteinUhlenbeckActionNoise(np.zeros(2), np.ones(2))},
+            {"learning_starts": 1000},
+            {"gradient_steps": 0},
             {"policy_delay": 3, "gamma": 0.9, "tau": 0.1},
         ],
-        ids=lambda changes: ",".join(changes),
+        ids=lambda changes: ",".join(map(str, changes)),
     )
     def test_whatever_the_settings(self, make, make_easy_maze, tmp_path, assert_same_run, changes):
         whole = make(make_easy_maze(), **changes)
@@ -115,6 +125,42 @@ class TestResume:
         last = TD3ICM.load(tmp_path / "once more", env=make_easy_maze())
         last.learn(150, reset_num_timesteps=False)
         assert_same_run(whole, last)
+
+    def test_setting_an_env_after_a_checkpoint_begins_an_episode(self, make, make_maze, tmp_path):
+        model, recorder = make(make_maze()), Lengths()
+        model.learn(50, callback=Save(30, tmp_path / "model"))
+        model.set_env(make_maze())
+        model.learn(50, reset_num_timesteps=False, callback=recorder)
+        assert recorder.lengths == [50]
+        assert model.num_timesteps == 100
+
+    @pytest.mark.parametrize("moment", [80, 100])
+    def test_a_file_without_transitions_goes_on(self, make, make_maze, tmp_path, moment):
+        model = make(make_maze())
+        model.learn(1e9, callback=lambda locals_, globals_: model.num_timesteps < moment)
+        model.save(tmp_path / "one", exclude=["buffer"])
+        model.save(tmp_path / "other", exclude=["replay_buffer"])
+        for name in ("one", "other"):
+            loaded = TD3ICM.load(tmp_path / name, env=make_maze())
+            assert loaded.replay_buffer.size() == 0
+            assert loaded.learn(70, reset_num_timesteps=False)._n_updates > model._n_updates
+
+    def test_a_smaller_replay_buffer_keeps_the_newest(self, make, make_maze, tmp_path):
+        model = make(make_maze(), buffer_size=100).learn(250)
+        model.save(tmp_path / "model")
+        newest = model.replay_buffer.newest(100)[0]
+        for capacity, n in [(40, 40), (100, 100), (500, 100)]:
+            loaded = TD3ICM.load(tmp_path / "model", env=make_maze(), buffer_size=capacity)
+            assert loaded.replay_buffer.size() == n
+            np.testing.assert_array_equal(loaded.replay_buffer.newest(n)[0], newest[-n:])
+            loaded.learn(50, reset_num_timesteps=False)
+            assert loaded.replay_buffer.size() == min(capacity, n + 50)
+
+    def test_an_abandoned_rollout_is_not_counted(self, make, make_maze):
+        model = make(make_maze(), gradient_steps=-1, learning_starts=1)
+        model.learn(1e9, callback=lambda locals_, globals_: model.num_timesteps < 30)
+        model.learn(50)
+        assert model._n_updates == 50
 
     def test_where_no_state_is_given_an_episode_begins(self, make, make_maze, tmp_path):
         def make_env():
@@ -151,6 +197,26 @@ class TestResume:
         for model in (interrupted, loaded):
             model.learn(200, reset_num_timesteps=False)
             assert_same(model.get_parameters(), uninterrupted.get_parameters())
+
+    @pytest.mark.parametrize("method", ["_see_rollout", "_train_parts"])
+    def test_ctrl_c_between_rollout_and_training_loses_neither(
+        self, make, make_maze, monkeypatch, assert_same, method
+    ):
+        interrupted, uninterrupted = make(make_maze()), make(make_maze())
+        function = getattr(interrupted, method)
+
+        def press(*arguments):
+            function(*arguments)
+            if interrupted.num_timesteps == 100:
+                signal.raise_signal(signal.SIGINT)
+
+        monkeypatch.setattr(interrupted, method, press)
+        with pytest.raises(KeyboardInterrupt):
+            interrupted.learn(1e9)
+        assert interrupted.num_timesteps == 100
+        interrupted.learn(100, reset_num_timesteps=False)
+        uninterrupted.learn(200)
+        assert_same(interrupted.get_parameters(), uninterrupted.get_parameters())
 
     def test_a_callback_that_stops_leaves_one_too(self, make, make_easy_maze, assert_same_run):
         stopped, whole = make(make_easy_maze()), make(make_easy_maze())
@@ -192,12 +258,31 @@ class TestRandomness:
         assert_same(alone.get_parameters(), disturbed.get_parameters())
 
     def test_global_generators_and_threads_stay(self, make, make_easy_maze):
+        th.set_num_threads(2)
         before = th.get_rng_state(), np.random.get_state()[1].copy()  # noqa: NPY002
-        n_threads = th.get_num_threads()
-        make(make_easy_maze()).learn(200)
+        python = random.getstate()
+        model = make(make_easy_maze()).learn(200)
+        model.set_random_seed(7)
         assert th.equal(th.get_rng_state(), before[0])
         assert (np.random.get_state()[1] == before[1]).all()  # noqa: NPY002
-        assert th.get_num_threads() == n_threads
+        assert random.getstate() == python
+        assert th.get_num_threads() == 2
+
+    def test_threads_change_no_bit(self, make, make_easy_maze, assert_same):
+        parameters = []
+        for n_threads in (1, 2):
+            th.set_num_threads(n_threads)
+            model = make(make_easy_maze(), policy_kwargs={"net_arch": [400, 300]})
+            parameters.append(model.learn(100).get_parameters())
+        assert_same(*parameters)
+
+    def test_a_run_may_be_seeded_anew(self, make, make_easy_maze, assert_same):
+        one, other = make(make_easy_maze()), make(make_easy_maze())
+        one.learn(100)
+        for model in (one, other):
+            model.set_random_seed(5)
+        assert_same(one._generators.state_dict(), other._generators.state_dict())
+        assert one.action_space.sample().tolist() == other.action_space.sample().tolist()
 
 
 class TestEnvironments:
@@ -224,8 +309,15 @@ class TestEnvironments:
 
     @pytest.mark.parametrize("env_id", ["CartPole-v1", "FrozenLake-v1"])
     def test_actions_must_be_a_box(self, make, env_id):
-        with pytest.raises(ValueError, match="`env` must have a bounded Box of actions"):
+        with pytest.raises(ValueError, match="`env` must have a bounded one-dimensional Box"):
             make(gym.make(env_id))
+
+    def test_observations_must_be_a_box(self, make, make_maze):
+        env = make_maze()
+        space = spaces.Dict({"x": env.observation_space})
+        env = gym.wrappers.TransformObservation(env, lambda x: {"x": x}, space)
+        with pytest.raises(ValueError, match="`env` must have a Box of observations"):
+            make(env)
 
     def test_an_env_is_needed(self, make):
         with pytest.raises(ValueError, match="`env` must be an environment"):
@@ -267,6 +359,9 @@ class TestErrors:
             ("replay_buffer_kwargs", {}),
             ("seed", -1),
             ("policy", gym.Env),
+            ("train_freq", (0, "episode")),
+            ("gradient_steps", 1.5),
+            ("gradient_steps", -2),
         ],
     )
     def test_errors_name_the_argument(self, make, make_maze, name, value):
@@ -285,36 +380,63 @@ class TestErrors:
 
 
 class TestAsInStableBaselines:
-    def test_the_same_actions_lead_to_the_same_networks(self, make_easy_maze):
-        """Without a bonus to speak of, and SB3's own noise and draws, it is SB3's TD3."""
-        settings = {
-            "learning_starts": 30,
-            "batch_size": 8,
-            "policy_kwargs": {"net_arch": [4]},
-            "train_freq": (1, "episode"),
-            "gradient_steps": 0,
-            "seed": 3,
-            "device": "cpu",
-            "buffer_size": 300,
-        }
-        noise = NormalActionNoise(np.zeros(2), 0.1 * np.ones(2))
-        ours = TD3ICM(make_easy_maze(), action_noise=noise, **settings).learn(200)
-        theirs = TD3("MlpPolicy", make_easy_maze(), action_noise=noise, **settings).learn(200)
-        for name in ("observations", "actions", "next_observations", "rewards", "dones"):
-            np.testing.assert_array_equal(
-                getattr(ours.replay_buffer, name), getattr(theirs.replay_buffer, name)
-            )
+    SETTINGS = {  # noqa: RUF012
+        "learning_starts": 30,
+        "batch_size": 8,
+        "policy_kwargs": {"net_arch": [4]},
+        "train_freq": (1, "episode"),
+        "gradient_steps": 20,
+        "learning_rate": lambda progress: 0.01 * progress,
+        "seed": 3,
+        "device": "cpu",
+        "buffer_size": 300,
+    }
 
-    def test_callbacks_see_each_step(self, make, make_easy_maze):
+    def test_without_a_bonus_it_is_sb3s_td3(self, make_easy_maze, monkeypatch, assert_same):
+        """Given SB3's own way to sample, and the same states of the global generators."""
+
+        def make_noise():
+            return OrnsteinUhlenbeckActionNoise(np.zeros(2), 0.3 * np.ones(2))
+
+        monkeypatch.setattr(CuriosityReplayBuffer, "sample", ReplayBuffer.sample)
+        monkeypatch.setattr(td3_icm, "train", lambda *arguments, **kwargs: {})
+        ours = TD3ICM(make_easy_maze(), action_noise=make_noise(), **self.SETTINGS)
+        theirs = TD3("MlpPolicy", make_easy_maze(), action_noise=make_noise(), **self.SETTINGS)
+        own = theirs.get_parameters()
+        theirs.set_parameters({name: ours.get_parameters()[name] for name in own})
+        with copy.deepcopy(ours._generators).lent():
+            theirs.learn(300)
+        ours.learn(300)
+        assert_same(ours.policy.state_dict(), theirs.policy.state_dict())
+        assert ours._n_updates == theirs._n_updates > 0
+        rates = [model.actor.optimizer.param_groups[0]["lr"] for model in (ours, theirs)]
+        assert rates[0] == rates[1] < 0.01
+
+    def test_values_that_callbacks_log_are_of_the_same_row(self, make, make_maze, tmp_path):
+        class Logs(BaseCallback):
+            def _on_step(self):
+                self.logger.record("own/timesteps", self.num_timesteps)
+                return True
+
+        model = make(make_maze())
+        model.set_logger(configure(str(tmp_path), ["json"]))
+        model.learn(150, callback=Logs(), log_interval=1)
+        rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+        assert [row["own/timesteps"] for row in rows] == [50, 100, 150]
+
+    def test_callbacks_see_each_step(self, make, make_maze):
         seen = []
 
         def callback(locals_, globals_):
-            seen.append({"new_obs", "rewards", "dones", "infos", "actions"} <= set(locals_))
+            seen.append(set(locals_))
             return True
 
-        model = make(make_easy_maze()).learn(100, callback=callback)
-        assert len(seen) == model.num_timesteps == 128
-        assert all(seen)
+        model = make(make_maze()).learn(100, callback=callback)
+        assert len(seen) == model.num_timesteps == 100
+        names = {"env", "actions", "buffer_actions", "new_obs", "rewards", "dones", "infos"}
+        names |= {"replay_buffer", "action_noise", "train_freq", "learning_starts"}
+        names |= {"num_collected_steps", "num_collected_episodes"}
+        assert all(names <= each for each in seen)
 
     def test_checkpoints_count_steps(self, make, make_easy_maze, tmp_path):
         make(make_easy_maze()).learn(128, callback=CheckpointCallback(50, str(tmp_path)))
@@ -322,13 +444,33 @@ class TestAsInStableBaselines:
         assert names == {"rl_model_50_steps.zip", "rl_model_100_steps.zip"}
         assert TD3ICM.load(tmp_path / "rl_model_50_steps").num_timesteps == 50
 
-    def test_a_replay_buffer_of_its_own_file(self, make, make_easy_maze, tmp_path):
-        model, other = make(make_easy_maze()).learn(100), make(make_easy_maze(), seed=1)
+    def test_a_replay_buffer_of_its_own_file(self, make, make_maze, tmp_path):
+        model, other = make(make_maze()).learn(100), make(make_maze(), seed=1)
         model.save_replay_buffer(tmp_path / "buffer")
         other.load_replay_buffer(tmp_path / "buffer")
-        assert other.replay_buffer.size() == model.replay_buffer.size() == 128
+        assert other.replay_buffer.size() == model.replay_buffer.size() == 100
         assert other.replay_buffer.bonus is other._bonus
         assert other.learn(100, reset_num_timesteps=False)._n_updates > 0
+
+    def test_a_replay_buffer_takes_on_the_models_weights(self, make, make_maze, tmp_path):
+        make(make_maze()).save_replay_buffer(tmp_path / "buffer")
+        other = make(make_maze(), weight=3.0, extrinsic=False)
+        other.load_replay_buffer(tmp_path / "buffer")
+        assert (other.replay_buffer.weight, other.replay_buffer.extrinsic) == (3.0, False)
+        theirs = TD3("MlpPolicy", make_maze(), buffer_size=9, device="cpu")
+        theirs.save_replay_buffer(tmp_path / "theirs")
+        own = other.replay_buffer
+        with pytest.raises(ValueError, match="`path` must be a replay buffer that TD3ICM"):
+            other.load_replay_buffer(tmp_path / "theirs")
+        assert other.replay_buffer is own
+
+    def test_a_copy_trains_on_its_own(self, make, make_easy_maze, assert_same):
+        model = make(make_easy_maze()).learn(100)
+        twin = copy.deepcopy(model)
+        assert twin.replay_buffer.bonus is twin._bonus is not model._bonus
+        for each in (model, twin):
+            each.learn(100, reset_num_timesteps=False)
+        assert_same(model.get_parameters(), twin.get_parameters())
 
 
 def test_images(make, tmp_path):

@@ -46,6 +46,24 @@ def test_an_object_is_taken_as_it_is():
     assert make_bonus(bonus, {}, *SPACES, seed=2, device="cpu") is bonus
 
 
+@pytest.mark.parametrize(
+    "others",
+    [(spaces.Box(-1, 1, (5,)), SPACES[1]), (SPACES[0], spaces.Box(-1, 1, (3,)))],
+    ids=["observations", "actions"],
+)
+def test_an_object_for_other_spaces_is_refused(others):
+    bonus = make_bonus("icm", {}, *others, seed=1, device="cpu")
+    with pytest.raises(ValueError, match="`bonus` must score transitions of the env"):
+        make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
+
+
+def test_an_object_gives_each_transition_one_score():
+    bonus = make_bonus("icm", {}, *SPACES, seed=1, device="cpu")
+    bonus.score = lambda observations, actions, next_observations: np.zeros((2, 1))
+    with pytest.raises(ValueError, match=r"`bonus` must give one score .*, got \(2, 1\) of 2"):
+        make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
+
+
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
     with pytest.raises(ValueError, match="`bonus` must be one of icm, rnd"):

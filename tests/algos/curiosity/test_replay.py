@@ -1,5 +1,4 @@
 import io
-import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -153,11 +152,3 @@ class TestState:
         buffer.sample(3)
         other.sample(3)
         assert buffer.state_dict()["rng"] == other.state_dict()["rng"]
-
-    def test_a_pickle_leaves_the_bonus_to_its_owner(self):
-        buffer = make_buffer()
-        add(buffer, 1)
-        copy = pickle.loads(pickle.dumps(buffer))
-        assert not hasattr(copy, "bonus")
-        copy.bonus = buffer.bonus
-        assert copy.sample(1).rewards.tolist() == buffer.sample(1).rewards.tolist()

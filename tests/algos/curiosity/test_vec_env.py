@@ -161,6 +161,7 @@ class TestRewards:
 
     def test_there_is_none_before_the_first_training(self):
         venv = wrap(bonus=(bonus := Recorder()), train_interval=10)
+        bonus.asked.clear()
         steps = play(venv, 7)
         assert len(bonus.asked) == 2
         is_paid = [info[0]["reward_intrinsic"] > 0 for *_, info in steps]

@@ -134,6 +134,15 @@ class TestResume:
         assert recorder.lengths == [50]
         assert model.num_timesteps == 100
 
+    def test_a_file_is_gone_on_with_once(self, make, make_maze, tmp_path):
+        make(make_maze()).learn(50, callback=Save(30, tmp_path / "model"))
+        model, recorder = TD3ICM.load(tmp_path / "model", env=make_maze()), Lengths()
+        model.learn(20, reset_num_timesteps=False)
+        model.set_env(make_maze())
+        model.learn(50, reset_num_timesteps=False, callback=recorder)
+        assert recorder.lengths == [50]
+        assert model.num_timesteps == 100
+
     @pytest.mark.parametrize("moment", [80, 100])
     def test_a_file_without_transitions_goes_on(self, make, make_maze, tmp_path, moment):
         model = make(make_maze())

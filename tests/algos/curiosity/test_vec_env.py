@@ -345,11 +345,11 @@ class TestFiles:
         assert_same(model.get_parameters(), loaded.get_parameters())
 
     def test_episodes_begin_in_another_maze(self, tmp_path, make_maze):
-        venv = wrap(make_vec_env(make_maze, n_envs=2))
+        venv = wrap(DummyVecEnv([make_maze] * 2))
         PPO("MlpPolicy", venv, n_steps=20, batch_size=10, device="cpu").learn(40)
         venv.save(tmp_path / "wrapper.pt")
-        snake = make_vec_env(lambda: make_maze(layout="snake"), n_envs=2)
-        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", snake, device="cpu")
+        others = DummyVecEnv([make_maze, lambda: make_maze(layout="snake")])
+        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", others, device="cpu")
         steps = [state["env"]["steps"] for state in environment_states(loaded.venv)]
         assert steps == [0, 0]
 
@@ -411,6 +411,15 @@ class TestFiles:
             path.write_bytes(damaged)
             with pytest.raises(ValueError, match="`path` must be a saved ICMVecEnvWrapper"):
                 ICMVecEnvWrapper.load(path, make_venv())
+
+
+def test_an_icm_learns_slower_than_a_populations_unless_told():
+    def rate(**changes):
+        return wrap(**changes).bonus.optimizer.param_groups[0]["lr"]
+
+    assert rate() == 1e-4
+    assert rate(bonus_kwargs={"learning_rate": 0.1}) == 0.1
+    assert rate(bonus="rnd") == 1e-3
 
 
 @pytest.mark.parametrize(

@@ -302,11 +302,10 @@ class ResumableTD3(TD3):
                 callback.update_locals({**step, "train_freq": train_freq})
                 goes_on = callback.on_step()
                 self._log(step["dones"], log_interval)
+        rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
         if goes_on:
             callback.on_rollout_end()
-        rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
-        with deferred_interrupt():
-            if goes_on:
+            with deferred_interrupt():
                 self._end_rollout()
         return rollout
 

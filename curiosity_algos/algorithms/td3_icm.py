@@ -104,10 +104,9 @@ class TD3ICM(ResumableTD3):
 
     def _make_parts(self, seed: np.random.SeedSequence) -> CuriosityReplayBuffer:
         networks_seed, buffer_seed = seed.spawn(2)
-        slow = {"learning_rate": BONUS_LEARNING_RATE} if isinstance(self.bonus, str) else {}
         self._bonus = make_bonus(
             self.bonus,
-            {**slow, **self.bonus_kwargs},
+            {"learning_rate": BONUS_LEARNING_RATE, **self.bonus_kwargs},
             self.observation_space,
             self.action_space,
             seed=integer_seed(networks_seed),

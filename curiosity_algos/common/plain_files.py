@@ -41,7 +41,7 @@ def as_arrays(value: Any) -> Any:
 
 
 def _as_tensor(value: Any) -> Any:
-    return th.from_numpy(value) if isinstance(value, np.ndarray) else value.item()
+    return th.from_numpy(value) if isinstance(value, np.ndarray) else plain(value)
 
 
 def _mapped(value: Any, kind: Any, function: Any) -> Any:

@@ -50,7 +50,7 @@ def make_bonus(
     seed: int,
     device: th.device | str,
 ) -> Bonus:
-    """The bonus of a name for these spaces; one that is given as an object is taken as it is.
+    """The bonus of a name for these spaces; an object is taken as it is, whatever the keywords.
 
     Raises:
         ValueError: If an object does not score transitions of these spaces.

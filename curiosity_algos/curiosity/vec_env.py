@@ -139,8 +139,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     ) -> None:
         networks_seed, buffer_seed = (integer_seed(each) for each in seed.spawn(2))
         space, action_space = self.observation_space, self.action_space
-        defaults = DEFAULTS.get(bonus, {}) if isinstance(bonus, str) else {}
-        keywords = {**defaults, **self.bonus_kwargs}
+        keywords = {**DEFAULTS.get(self._name or "", {}), **self.bonus_kwargs}
         self.bonus = make_bonus(
             bonus, keywords, space, action_space, seed=networks_seed, device=device
         )

@@ -186,6 +186,13 @@ class TestSaveAndLoad:
         with pytest.raises(ValueError, match=f"`{name}` must be"):
             algorithm.load(tmp_path / "model", env=make_maze(), **{name: 0})
 
+    def test_learning_rates_are_kept_from_rl_zoo3(self, make_model, make_maze, tmp_path):
+        model = make_model(CuriosityES, make_maze(), learning_rate=0.5)
+        model.save(tmp_path / "model")
+        custom = {"learning_rate": 0.0, "lr_schedule": lambda _: 0.0, "clip_range": lambda _: 0.0}
+        loaded = CuriosityES.load(tmp_path / "model", env=make_maze(), custom_objects=custom)
+        assert loaded.learning_rate == 0.5
+
     def test_other_spaces_are_refused(self, algorithm, make_model, make_maze, tmp_path):
         make_model(algorithm, make_maze()).save(tmp_path / "model")
         with pytest.raises(ValueError, match=r"spaces do not match|Box of actions"):

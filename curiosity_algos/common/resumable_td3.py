@@ -442,6 +442,7 @@ class ResumableTD3(TD3):
         Raises:
             FileNotFoundError: If there is no such file.
             ValueError: If the file is truncated, or no model of this class.
+            RuntimeError: If a `bonus` given here is made in another way than the one saved.
         """
         path = check_is_checkpoint(path, cls.__name__)
         env = open_env(env)

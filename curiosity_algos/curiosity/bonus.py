@@ -138,10 +138,20 @@ class NetworkBonus(th.nn.Module):
         return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()})
 
     def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
-        """Take over what `state_dict` gave."""
-        super().load_state_dict(state["modules"], *args, **kwargs)
+        """Take over what `state_dict` gave; the learning rate stays the constructor's.
+
+        Raises:
+            RuntimeError: If it is that of another bonus, or of other networks, as torch has it.
+        """
+        try:
+            super().load_state_dict(state["modules"], *args, **kwargs)
+        except (KeyError, RuntimeError) as error:
+            raise RuntimeError("`bonus` must be made as the one that was saved.") from error
         # Torch would keep the given tensors as the optimizer's own, and train on in them.
-        self.optimizer.load_state_dict(copy.deepcopy(state["optimizer"]))
+        optimizer = copy.deepcopy(state["optimizer"])
+        for given, own in zip(optimizer["param_groups"], self.optimizer.param_groups, strict=True):
+            given["lr"] = own["lr"]
+        self.optimizer.load_state_dict(optimizer)
 
 
 def train(

@@ -53,6 +53,14 @@ def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
     assert not np.array_equal(plain._search.center, changed._search.center)
 
 
+def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
+    make_model(CuriosityES, make_maze()).learn(300).save(tmp_path / "model")
+    loaded = CuriosityES.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
+    assert loaded._motivation.bonus.optimizer.param_groups[0]["lr"] == 0.01
+    with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+        CuriosityES.load(tmp_path / "model", bonus="rnd")
+
+
 @pytest.mark.parametrize("env", ["CartPole-v1", "Pendulum-v1"])
 def test_discrete_and_continuous_actions_train_the_icm(make_model, env):
     model = make_model(CuriosityES, env)

@@ -99,6 +99,13 @@ class TestSettings:
         assert model._bonus.optimizer.param_groups[0]["lr"] == 0.01
         assert model.bonus_kwargs == {"learning_rate": 0.01}
 
+    def test_a_loaded_model_may_learn_otherwise(self, make, make_maze, tmp_path):
+        make(make_maze()).learn(100).save(tmp_path / "model")
+        loaded = TD3ICM.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
+        assert loaded._bonus.optimizer.param_groups[0]["lr"] == 0.01
+        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+            TD3ICM.load(tmp_path / "model", bonus="rnd")
+
     def test_curiosity_alone(self, make, make_easy_maze):
         model = make(make_easy_maze(), extrinsic=False, weight=1e-9)
         model.learn(64)

@@ -16,7 +16,7 @@ from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.common.resumable_td3 import ResumableTD3
-from curiosity_algos.curiosity.bonus import Bonus, train
+from curiosity_algos.curiosity.bonus import Bonus, record_bonus, train
 from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus
 from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
 from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -127,8 +127,7 @@ class TD3ICM(ResumableTD3):
         observations, actions, next_observations = self.replay_buffer.newest(n_steps)
         curiosity = self.weight * self._bonus.score(observations, actions, next_observations)
         self._bonus.observe(th.from_numpy(observations))
-        self.logger.record("intrinsic/mean", float(curiosity.mean()))
-        self.logger.record("intrinsic/max", float(curiosity.max()))
+        record_bonus(self.logger, curiosity)
 
     def _train_parts(self, batch_size: int) -> None:
         draw, n_updates = self.replay_buffer.sample_transitions, self.n_updates

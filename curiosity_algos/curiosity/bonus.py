@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.utils import get_device
 
 from curiosity_algos.common.networks import RunningNormalizer
@@ -170,6 +171,13 @@ def train(
         f"{bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
         for name in steps[0]
     }
+
+
+def record_bonus(logger: Logger, values: npt.NDArray[Any]) -> None:
+    """Log the mean and the largest of bonuses, together with what came since the last dump."""
+    logger.record_mean("intrinsic/mean", float(np.mean(values)))
+    largest = logger.name_to_value.get("intrinsic/max", -np.inf)
+    logger.record("intrinsic/max", max(largest, float(np.max(values))))
 
 
 def action_size(action_space: spaces.Space[Any]) -> int:

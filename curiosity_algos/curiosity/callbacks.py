@@ -8,6 +8,7 @@ from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.common.coverage import Coverage, coverage_grid
 from curiosity_algos.common.episodes import EpisodeRecord
+from curiosity_algos.curiosity.bonus import record_bonus
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
 
 
@@ -16,7 +17,7 @@ class ExplorationCallback(BaseCallback):
 
     With each rollout it logs `coverage/...`, the cells that episodes have ended in, where
     environments give `info["behavior"]` as those of `curiosity_gym` do; `intrinsic/mean` and
-    `intrinsic/max` of the rollout's steps; and the losses of the wrapper's last training.
+    `intrinsic/max` of the steps since the last log; and the losses of the wrapper's last training.
 
     Args:
         verbose: As in SB3.
@@ -64,8 +65,7 @@ class ExplorationCallback(BaseCallback):
         for name, share in self.coverage.shares.items():
             self.logger.record(f"coverage/{name}", share)
         if self._intrinsic:
-            self.logger.record("intrinsic/mean", np.mean(self._intrinsic))
-            self.logger.record("intrinsic/max", np.max(self._intrinsic))
+            record_bonus(self.logger, np.array(self._intrinsic))
             self._intrinsic.clear()
         wrapper = unwrap_vec_wrapper(self.training_env, ICMVecEnvWrapper)
         for name, loss in ({} if wrapper is None else wrapper.metrics).items():

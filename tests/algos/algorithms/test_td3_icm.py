@@ -126,6 +126,19 @@ def test_it_logs_as_every_algorithm(make, make_easy_maze, tmp_path):
     assert rows[-1]["intrinsic/max"] > rows[-1]["intrinsic/mean"] > 0.0
 
 
+def test_a_log_holds_the_bonus_of_all_episodes_since_the_last(make, make_maze, monkeypatch):
+    seen, model = [], make(make_maze(), learning_starts=1000)
+    score = model._bonus.score
+    monkeypatch.setattr(
+        model._bonus, "score", lambda *batch: seen.append(score(*batch)) or seen[-1]
+    )
+    model.learn(200, log_interval=None)
+    logged = model.logger.name_to_value
+    assert len(seen) == 4
+    assert logged["intrinsic/mean"] == pytest.approx(0.5 * np.mean(seen), rel=1e-5)
+    assert logged["intrinsic/max"] == pytest.approx(0.5 * np.max(seen), rel=1e-5)
+
+
 def test_it_finds_a_goal_that_is_near(make, make_easy_maze):
     model = make(make_easy_maze(), learning_starts=2000, gradient_steps=1).learn(2000)
     assert 0 < model.first_success_timesteps <= model.num_timesteps

@@ -4,7 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.callbacks import ConvertCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor
@@ -83,3 +84,22 @@ def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
     logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
     assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
     assert logged["rnd/loss"] == venv.metrics["rnd/loss"]
+
+
+def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_last_log(tmp_path):
+    venv = make_vec_env("Pendulum-v1")
+    venv = ICMVecEnvWrapper(venv, bonus="rnd", train_interval=50, seed=0, device="cpu")
+    model = SAC("MlpPolicy", venv, learning_starts=500, seed=0, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    paid = []
+
+    def keep(local, _):
+        paid.append(local["infos"][0]["reward_intrinsic"])
+        return True
+
+    model.learn(400, [ConvertCallback(keep), ExplorationCallback()], log_interval=1)
+    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    # Episodes have 200 steps; SB3 logs in the last of them, before its rollout has ended.
+    for row, part in zip(rows, (paid[:199], paid[199:399]), strict=True):
+        assert row["intrinsic/mean"] == pytest.approx(np.mean(part))
+        assert row["intrinsic/max"] == np.max(part) > row["intrinsic/mean"]

@@ -7,11 +7,13 @@ import json
 import os
 import pathlib
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import BufferedWriter
 from typing import Any
 
+import numpy as np
+import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import save_to_zip_file
 
@@ -75,6 +77,7 @@ def save_model(
 
     Raises:
         OSError: If it cannot be written; an older file is then as it was.
+        ValueError: If the state of a user's bonus could not be read back; likewise.
     """
     names = set(exclude or ()), set(include or ())
     if isinstance(path, io.BufferedIOBase):
@@ -92,6 +95,7 @@ def _write_model(
     extra: dict[str, Any],
 ) -> None:
     parameters = model.get_parameters()
+    check_plain(parameters, "bonus")  # all else that has a state is ours, or torch's
     parts = {name.partition(".")[0] for name in parameters}
     left_out = (exclude | set(model._excluded_save_params()) | parts) - include
     data = {key: value for key, value in model.__dict__.items() if key not in left_out}
@@ -103,6 +107,26 @@ def _write_model(
             if isinstance(state.get("buffer"), dict):
                 del state["buffer"]
     save_to_zip_file(file, data=data, params=parameters)
+
+
+def is_plain(value: Any) -> bool:
+    """Whether torch reads it back without running code: tensors and plain values."""
+    if isinstance(value, Mapping):
+        return all(map(is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(is_plain, value))
+    is_number = isinstance(value, bool | int | float | str | th.Tensor) or value is None
+    return is_number and not isinstance(value, np.generic)
+
+
+def check_plain(state: Any, name: str) -> None:
+    """Check that a file can hold the state of the argument `name`.
+
+    Raises:
+        ValueError: If it cannot.
+    """
+    if not is_plain(state):
+        raise ValueError(f"`{name}` must have a state of tensors and plain values.")
 
 
 def check_is_checkpoint(

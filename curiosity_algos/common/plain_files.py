@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import pickle
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +19,8 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def is_plain(value: Any) -> bool:
-    """Whether a file can hold it."""
-    if isinstance(value, Mapping):
-        return all(map(is_plain, value.values()))
-    if isinstance(value, list | tuple):
-        return all(map(is_plain, value))
-    is_number = isinstance(value, bool | int | float | str | th.Tensor) or value is None
-    return is_number and not isinstance(value, np.generic)
-
-
 def as_tensors(value: Any) -> Any:
-    """The same, nested lists and dicts, without numpy's types: tensors for arrays."""
+    """The same, nested, without numpy's types: tensors for arrays."""
     return _mapped(value, np.ndarray | np.generic, _as_tensor)
 
 
@@ -49,8 +38,9 @@ def _mapped(value: Any, kind: Any, function: Any) -> Any:
         return function(value)
     if isinstance(value, dict):
         return {key: _mapped(each, kind, function) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_mapped(each, kind, function) for each in value]
+    if isinstance(value, list | tuple):
+        mapped = [_mapped(each, kind, function) for each in value]
+        return mapped if isinstance(value, list) else tuple(mapped)
     return value
 
 

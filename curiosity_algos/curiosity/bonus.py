@@ -24,7 +24,10 @@ FloatArray = npt.NDArray[np.float32]
 
 @runtime_checkable
 class Bonus(Protocol):
-    """Scores transitions, high where few like them were seen, and learns from them."""
+    """Scores transitions, high where few like them were seen, and learns from them.
+
+    Several threads may score at once: scoring changes nothing.
+    """
 
     @property
     def name(self) -> str:
@@ -86,7 +89,8 @@ class NetworkBonus(th.nn.Module):
     def __init__(self, observation_space: spaces.Space[Any], *, normalize: bool) -> None:
         super().__init__()
         self.images = ImageInputs.of(observation_space)
-        n_entries = math.prod(observation_space.shape or ())
+        self.shape = tuple(observation_space.shape or ())
+        n_entries = math.prod(self.shape)
         self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
 
     def _begin(self, learning_rate: float, device: th.device | str) -> None:
@@ -109,6 +113,10 @@ class NetworkBonus(th.nn.Module):
         return standardized if self.images is None else self.images.unflatten(standardized)
 
     def _flat(self, observations: th.Tensor) -> th.Tensor:
+        if observations.shape[1:] != self.shape:  # images could be told apart by nothing else
+            raise ValueError(
+                f"`observations` must have shape {('n', *self.shape)}, got {observations.shape}."
+            )
         if self.images is not None:
             return self.images.flat(observations)
         return observations.flatten(1).float()

@@ -7,9 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
+from curiosity_algos.common.checkpoint import check_plain
 from curiosity_algos.curiosity.bonus import Bonus, action_size
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_algos.curiosity.icm import ICM
@@ -53,7 +55,7 @@ def make_bonus(
     """The bonus of a name for these spaces; an object is taken as it is, whatever the keywords.
 
     Raises:
-        ValueError: If an object does not score transitions of these spaces.
+        ValueError: If an object does not score transitions of these spaces, or could not be saved.
     """
     if not isinstance(bonus, str):
         _check_fits(bonus, observation_space, action_space)
@@ -64,21 +66,28 @@ def make_bonus(
 def _check_fits(
     bonus: Bonus, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> None:
+    action_size(action_space)  # raises where no bonus takes such actions
     is_image = ImageInputs.of(observation_space) is not None
     assert isinstance(observation_space, spaces.Box)
     shape = (2, *observation_space.shape)
     observations = np.zeros(shape, dtype=np.uint8 if is_image else np.float32)
-    is_discrete = isinstance(action_space, spaces.Discrete)
-    size = stored_action_size(action_space)
-    actions = np.zeros(2, np.int64) if is_discrete else np.zeros((2, size), np.float32)
     try:
-        scores = bonus.score(observations, actions, observations)
+        scores = bonus.score(observations, _extreme_actions(action_space), observations)
     except Exception as error:
         raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
     if np.shape(scores) != (2,):
         raise ValueError(
             f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."
         )
+    check_plain(bonus.state_dict(), "bonus")
+
+
+def _extreme_actions(action_space: spaces.Space[Any]) -> npt.NDArray[Any]:
+    """Two actions as a bonus gets them: the lowest and the highest."""
+    if isinstance(action_space, spaces.Discrete):
+        return np.array([0, action_space.n - 1])
+    assert isinstance(action_space, spaces.Box)
+    return np.clip([action_space.low, action_space.high], -1.0, 1.0).astype(np.float32)
 
 
 def stored_action_size(action_space: spaces.Space[Any]) -> int:

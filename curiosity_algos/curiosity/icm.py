@@ -75,7 +75,7 @@ class ICM(NetworkBonus):
         """Actions as the networks take them, (n, A): a Discrete's as one-hot vectors."""
         if self.is_discrete:
             return functional.one_hot(actions.long().reshape(-1), self.n_actions).float()
-        return actions.reshape(len(actions), -1)
+        return actions.flatten(1)
 
     def prediction_error(
         self, features: th.Tensor, actions: th.Tensor, next_features: th.Tensor
@@ -98,7 +98,7 @@ class ICM(NetworkBonus):
     def losses(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, th.Tensor]:
-        """Mean losses of a batch: the paper's L_F and L_I, and what is minimized."""
+        """Mean losses of a batch: L_F and L_I, and what is minimized."""
         both = self.encoder(self.inputs(th.cat([observations, next_observations])))
         features, next_features = both.chunk(2)
         encoded = self.encode_actions(actions)

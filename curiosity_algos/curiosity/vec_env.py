@@ -10,15 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
+from curiosity_algos.common.checkpoint import check_plain, is_plain
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.plain_files import (
     as_arrays,
     as_tensors,
-    is_plain,
     plain,
     read_plain,
     write_plain,

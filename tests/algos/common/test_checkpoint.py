@@ -5,10 +5,11 @@ import os
 import zipfile
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from curiosity_algos import TD3ICM, CanonicalES, CuriosityES
+from curiosity_algos import ICM, TD3ICM, CanonicalES, CuriosityES
 from curiosity_algos.common import checkpoint
 from curiosity_algos.common.checkpoint import atomic_file, check_is_checkpoint, checkpoint_path
 
@@ -83,6 +84,20 @@ class TestFullDisk:
     def test_while_it_is_renamed(self, saved, monkeypatch):
         monkeypatch.setattr(os, "replace", no_space)
         self.assert_survives(saved)
+
+
+class TestWhatCouldNotBeRead:
+    @pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
+    def test_the_old_file_survives(self, algorithm, make_model, make_maze, tmp_path):
+        env = make_maze()
+        bonus = ICM(env.observation_space, env.action_space, device="cpu")
+        model, path = make_model(algorithm, env, bonus=bonus), tmp_path / "model.zip"
+        model.save(path)
+        before, bonus.state_dict = path.read_bytes(), lambda: {"counts": np.zeros(3)}
+        with pytest.raises(ValueError, match="`bonus` must have a state of tensors and plain"):
+            model.save(path)
+        assert path.read_bytes() == before
+        assert list(tmp_path.iterdir()) == [path]
 
 
 class TestWrongFiles:

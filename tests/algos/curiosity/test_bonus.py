@@ -109,6 +109,27 @@ def test_a_state_resumes_training(name, kind):
     np.testing.assert_array_equal(*scores)
 
 
+def test_the_learning_rate_is_the_constructors(name, kind):
+    one, other = (make_bonus(name, kind, learning_rate=rate) for rate in (0.1, 0.2))
+    one.update(*tensors(make_batch(kind)))
+    other.load_state_dict(one.state_dict())
+    assert [each.optimizer.param_groups[0]["lr"] for each in (one, other)] == [0.1, 0.2]
+
+
+def test_a_state_of_another_bonus_is_refused(name, kind):
+    bonus = make_bonus(name, kind)
+    others = [make_bonus(other, kind) for other in BONUSES if other != name]
+    for other in [*others, make_bonus(name, kind, n_features=5)]:
+        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+            bonus.load_state_dict(other.state_dict())
+
+
+def test_observations_of_another_shape_are_refused(name, kind):
+    bonus, (before, actions, after) = make_bonus(name, kind), make_batch(kind)
+    with pytest.raises(ValueError, match="`observations` must have shape"):
+        bonus.score(before[..., None], actions, after[..., None])
+
+
 def test_a_state_belongs_to_nobody(name, kind, assert_same):
     one, other = make_bonus(name, kind, seed=0), make_bonus(name, kind, seed=1)
     batch = tensors(make_batch(kind))

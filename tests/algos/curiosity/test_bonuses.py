@@ -57,6 +57,37 @@ def test_an_object_for_other_spaces_is_refused(others):
         make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
 
 
+@pytest.mark.parametrize("bonus", ["icm", "rnd"])
+def test_an_object_for_images_of_another_layout_is_refused(bonus):
+    last, first = (spaces.Box(0, 255, shape, np.uint8) for shape in ((36, 40, 3), (3, 36, 40)))
+    bonus = make_bonus(bonus, {}, last, SPACES[1], seed=1, device="cpu")
+    assert make_bonus(bonus, {}, last, SPACES[1], seed=1, device="cpu") is bonus
+    with pytest.raises(ValueError, match="`bonus` must score transitions of the env"):
+        make_bonus(bonus, {}, first, SPACES[1], seed=1, device="cpu")
+
+
+@pytest.mark.parametrize(
+    ("made", "asked"),
+    [
+        (spaces.Discrete(2), spaces.Discrete(3)),
+        (spaces.Box(-1, 1, (1,)), spaces.Discrete(2)),
+        (spaces.Discrete(2), spaces.Box(-1, 1, (1,))),
+    ],
+)
+def test_an_object_for_actions_of_another_kind_is_refused(made, asked):
+    bonus = make_bonus("icm", {}, SPACES[0], made, seed=1, device="cpu")
+    assert make_bonus(bonus, {}, SPACES[0], made, seed=1, device="cpu") is bonus
+    with pytest.raises(ValueError, match="`bonus` must score transitions of the env"):
+        make_bonus(bonus, {}, SPACES[0], asked, seed=1, device="cpu")
+
+
+def test_an_object_that_could_not_be_saved_is_refused():
+    bonus = make_bonus("icm", {}, *SPACES, seed=1, device="cpu")
+    bonus.state_dict = lambda: {"counts": np.zeros(3)}
+    with pytest.raises(ValueError, match="`bonus` must have a state of tensors and plain values"):
+        make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
+
+
 def test_an_object_gives_each_transition_one_score():
     bonus = make_bonus("icm", {}, *SPACES, seed=1, device="cpu")
     bonus.score = lambda observations, actions, next_observations: np.zeros((2, 1))

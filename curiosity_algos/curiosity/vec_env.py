@@ -59,7 +59,8 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     The replay buffer of an off-policy algorithm keeps rewards as they were when collected; the
     bonus of an old transition is then that of long ago.
 
-    Put a VecMonitor or Monitor below this wrapper, and it records the rewards of the task.
+    Put a VecMonitor or Monitor below this wrapper, and it records the rewards of the task; put a
+    VecNormalize above it.
 
     Args:
         venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
@@ -105,6 +106,9 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     ) -> None:
         if not isinstance(venv, VecEnv):
             raise ValueError(f"`venv` must be a VecEnv of Stable-Baselines3, got {venv!r}.")
+        if unwrap_vec_normalize(venv) is not None:
+            # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
+            raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
         check_bonus_choice(bonus, bonus_kwargs or {})
         check_positive(weight=weight)
         check_share(gamma=gamma)
@@ -200,6 +204,8 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             bonus = np.zeros(len(before))
             if self._has_trained:
                 score = self.bonus.score(before, self._actions, after)
+                if not np.isfinite(score).all():
+                    raise ValueError("`bonus` must give finite scores, it gave others.")
                 bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
             if self.training:
                 self._learn(before, after)
@@ -247,9 +253,9 @@ class ICMVecEnvWrapper(VecEnvWrapper):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
 
-        Where episodes stand is part of it if the environments below can tell, as those of
-        `curiosity_gym` can. The file takes the place of an older one only once it is wholly on
-        disk.
+        Where episodes stand is part of it if the environments below can tell it in arrays and plain
+        values, as those of `curiosity_gym` do. The file takes the place of an older one only once
+        it is wholly on disk.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
@@ -257,15 +263,14 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         """
         settings = {name: getattr(self, name) for name in SETTINGS}
         settings |= {"buffer_size": self.buffer.capacity, "bonus": self._name}
-        saved: dict[str, Any] = {"spaces": self._spaces(), "settings": settings}
-        saved["state"] = self.state_dict()
-        saved["environments"] = as_tensors(environment_states(self.venv))
-        if not is_plain(saved):
-            raise ValueError("`bonus` must have a state of tensors and plain values.")
+        state, environments = self.state_dict(), as_tensors(environment_states(self.venv))
+        check_plain(state, "bonus")
+        saved: dict[str, Any] = {"spaces": self._spaces(), "settings": settings, "state": state}
+        saved["environments"] = environments if is_plain(environments) else None
         write_plain(path, saved, FORMAT)
 
-    def _spaces(self) -> list[str]:
-        return [repr(self.observation_space), repr(self.action_space)]
+    def _spaces(self) -> list[dict[str, Any]]:
+        return [_described(space) for space in (self.observation_space, self.action_space)]
 
     @classmethod
     def load(
@@ -302,8 +307,8 @@ class ICMVecEnvWrapper(VecEnvWrapper):
         n_envs = len(saved["state"]["scale"]["sums"])
         if n_envs != venv.num_envs or wrapper._spaces() != saved["spaces"]:
             raise ValueError(
-                f"`venv` must have {n_envs} environments with the spaces {saved['spaces']}, got "
-                f"{venv.num_envs} with {wrapper._spaces()}."
+                f"`venv` must have {n_envs} environments with the spaces that were saved, got "
+                f"{venv.num_envs} with {venv.observation_space} and {venv.action_space}."
             )
         try:
             wrapper.load_state_dict(saved["state"])
@@ -321,3 +326,11 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             load_environment_states(self.venv, states)
         except ValueError:  # others of the same spaces: all of them begin an episode
             self.venv.reset()
+
+
+def _described(space: spaces.Space[Any]) -> dict[str, Any]:
+    """All of a Discrete or a Box, in plain values, to be compared."""
+    if isinstance(space, spaces.Discrete):
+        return {"n": int(space.n)}
+    assert isinstance(space, spaces.Box)
+    return {"dtype": str(space.dtype), "low": space.low.tolist(), "high": space.high.tolist()}

@@ -185,13 +185,6 @@ class TestRewards:
         infos = play(venv, 4)[-1][3]
         assert [info["episode"]["r"] for info in infos] == [1.0, 1.0]
 
-    def test_normalized_below_the_last_observation_is_too(self):
-        below = VecNormalize(make_venv(), norm_reward=False, training=False)
-        below.obs_rms.mean, below.obs_rms.var = np.full(1, 2.0), np.full(1, 4.0)
-        play(wrap_trained(below, bonus=(bonus := Recorder())), 5)
-        led_to = [after[0, 0] for *_, after in bonus.asked]
-        np.testing.assert_allclose(led_to, [-0.5, 0.0, 0.5, 1.0, -0.5], atol=1e-5)
-
     def test_stacked_below_the_last_observation_is_too(self):
         play(wrap_trained(VecFrameStack(make_venv(), 2), bonus=(bonus := Recorder())), 5)
         led_to = [after[0].tolist() for *_, after in bonus.asked]
@@ -202,6 +195,34 @@ class TestRewards:
         _, rewards, _, infos = play(venv, 8)[-1]
         sums = [info["reward_extrinsic"] + info["reward_intrinsic"] for info in infos]
         np.testing.assert_allclose(rewards, venv.normalize_reward(np.array(sums)), rtol=1e-5)
+
+    def test_normalized_above_a_replay_buffer_has_the_bonus(self):
+        venv = VecNormalize(wrap_trained(make_venv(1), bonus=Recorder()))
+        model = SAC("MlpPolicy", venv, learning_starts=50, device="cpu")
+        paid = []
+
+        def keep(local, _):
+            paid.append(local["infos"][0]["reward_intrinsic"])
+            return True
+
+        model.learn(20, keep)
+        expected = np.array(paid) + np.tile([0, 0, 0, 1], 5)
+        np.testing.assert_allclose(model.replay_buffer.rewards[:20, 0], expected, rtol=1e-5)
+        assert min(paid) > 0
+
+    @pytest.mark.parametrize("around", [lambda venv: venv, lambda venv: VecFrameStack(venv, 2)])
+    def test_normalized_below_replay_buffers_would_lack_it(self, around):
+        with pytest.raises(ValueError, match="`venv` must hold no VecNormalize"):
+            wrap(around(VecNormalize(make_venv())))
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_a_bonus_that_is_not_finite_is_named(self, value):
+        venv = wrap_trained(bonus=(bonus := Recorder()))
+        before = venv.state_dict()["scale"]["statistics"]
+        bonus.score = lambda observations, actions, after: np.array([1.0, value])
+        with pytest.raises(ValueError, match="`bonus` must give finite scores"):
+            play(venv, 1)
+        assert venv.state_dict()["scale"]["statistics"] == before
 
     @pytest.mark.parametrize("value", [np.nan, np.inf])
     @pytest.mark.parametrize("n", [0, 2, 4])
@@ -352,6 +373,39 @@ class TestFiles:
         loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", others, device="cpu")
         steps = [state["env"]["steps"] for state in environment_states(loaded.venv)]
         assert steps == [0, 0]
+
+    def test_how_numpy_prints_is_nothing_to_a_file(self, tmp_path):
+        class Wide(Count):
+            observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
+
+        class Wider(Count):
+            observation_space = spaces.Box(
+                -np.arange(30.0), np.arange(30.0) + 1e-9, (30,), np.float64
+            )
+
+        wrap(make_venv(env=Wide)).save(tmp_path / "wrapper.pt")
+        with np.printoptions(linewidth=300, precision=2):
+            Wide.observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
+            ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wide))
+        with pytest.raises(ValueError, match="with the spaces that were saved"):
+            ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wider))
+
+    @pytest.mark.parametrize(("state", "is_kept"), [((np.zeros(2), 3), True), (object(), False)])
+    def test_environments_of_ones_own_may_have_any_state(self, tmp_path, state, is_kept):
+        class Stateful(Count):
+            loaded = None
+
+            def state_dict(self):
+                return {"x": state}
+
+            def load_state_dict(self, state):
+                self.loaded = state
+
+        venv = wrap(make_venv(env=Stateful))
+        play(venv, 2)
+        venv.save(tmp_path / "wrapper.pt")
+        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Stateful))
+        assert (loaded.venv.envs[0].loaded is not None) == is_kept
 
     def test_a_bonus_of_ones_own_is_given_again(self, tmp_path):
         path, one = tmp_path / "wrapper.pt", wrap(bonus=Recorder())

@@ -293,7 +293,7 @@ def check_wrapper(
     if not returns[-1] > 0.0:
         raise AssertionError(
             "The last transition of an episode must have the bonus of its true last observation, "
-            "it has that of the observation after the reset."
+            f"it has that of the observation after the reset, or none within {2 * n} transitions."
         )
     expected = GAMMA ** (HORIZON - 1) * returns[-1]
     if not np.isclose(returns[0], expected, rtol=1e-3):

@@ -89,8 +89,8 @@ def maker(bonus, **settings):
     return functools.partial(bonus, seed=0, device="cpu", **settings)
 
 
-def wrap(venv, bonus, wrapper=ICMVecEnvWrapper):
-    return wrapper(venv, bonus=bonus, device="cpu")
+def wrap(venv, bonus, wrapper=ICMVecEnvWrapper, **changes):
+    return wrapper(venv, bonus=bonus, device="cpu", **changes)
 
 
 class TestTinyMdp:
@@ -181,6 +181,10 @@ class TestWrappers:
         assert random.getstate() == before[0]
         np.testing.assert_array_equal(np.random.get_state()[1], before[1])  # noqa: NPY002
         assert th.equal(th.get_rng_state(), before[2])
+
+    def test_one_that_pays_nothing_is_told_so(self):
+        with pytest.raises(AssertionError, match="or none within 4096 transitions"):
+            check_wrapper(functools.partial(wrap, train_interval=10_000))
 
     def test_the_observation_after_the_reset_is_found_out(self):
         with pytest.raises(AssertionError, match="true last observation"):

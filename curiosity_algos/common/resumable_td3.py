@@ -209,7 +209,7 @@ class ResumableTD3(TD3):
 
     @property
     def best_return(self) -> float:
-        """Highest return of an episode so far; -inf before the first."""
+        """Highest return of an episode so far; -inf before the first, or if no Monitor sees any."""
         return self._record.best_return
 
     @property

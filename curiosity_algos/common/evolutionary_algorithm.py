@@ -95,7 +95,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             build_mlp(*describe(env), net_arch)
         super().__init__(
             policy,
-            env,  # type: ignore[arg-type]
+            env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
             learning_rate=_learning_rate,
             policy_kwargs={"net_arch": net_arch},
             tensorboard_log=tensorboard_log,
@@ -146,6 +146,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
 
     def _setup_model(self) -> None:
         self._check_settings()
+        # SB3 knows the class as that of any policy.
         self.policy = self.policy_class(
             self.observation_space, self.action_space, **self.policy_kwargs
         )  # type: ignore[assignment]
@@ -379,6 +380,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
             kept = {k: v for k, v in kwargs["custom_objects"].items() if k != "learning_rate"}
             kwargs["custom_objects"] = kept
+        # `_wrap_env` takes a VectorEnv too.
         model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
         if model.env is not None:
             model._match_env(model.env)

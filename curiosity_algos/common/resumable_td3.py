@@ -104,7 +104,7 @@ class ResumableTD3(TD3):
             _check_env(env)
         super().__init__(
             policy,
-            env,  # type: ignore[arg-type]
+            env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
             action_noise=action_noise,
             seed=seed,
             _init_setup_model=False,
@@ -251,7 +251,7 @@ class ResumableTD3(TD3):
             return super().learn(
                 int(total_timesteps),
                 callback,
-                log_interval,  # type: ignore[arg-type]
+                log_interval,  # type: ignore[arg-type]  # SB3's own loop takes None, its hint does not
                 name,
                 reset_num_timesteps,
                 progress_bar,
@@ -322,6 +322,7 @@ class ResumableTD3(TD3):
         self.num_timesteps += 1
         self._n_steps += 1
         self._update_info_buffer(infos, dones)
+        # A VecEnv's hint allows for tuples of observations, which SB3 has none of.
         self._store_transition(replay_buffer, buffer_actions, new_obs, rewards, dones, infos)  # type: ignore[arg-type]
         self._update_current_progress_remaining(self.num_timesteps, self._total_timesteps)
         self._record.add(infos, dones, self.num_timesteps)
@@ -448,6 +449,7 @@ class ResumableTD3(TD3):
         env = open_env(env)
         if env is not None:
             _check_env(env)
+        # `_wrap_env` takes a VectorEnv too.
         model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
         if model.env is not None:
             model._match_env()
@@ -457,6 +459,7 @@ class ResumableTD3(TD3):
 def _check_env(env: object) -> None:
     observation_space, action_space = describe(env)
     is_box = isinstance(action_space, spaces.Box) and len(action_space.shape) == 1
+    # Mypy does not see that it is a Box here.
     if not is_box or not action_space.is_bounded():  # type: ignore[attr-defined]
         raise ValueError(
             f"`env` must have a bounded one-dimensional Box of actions, got {action_space}."

@@ -137,15 +137,17 @@ class NetworkBonus(th.nn.Module):
         batch = (x.to(self.device) for x in (observations, actions, next_observations))
         losses = self.losses(*batch)
         self.optimizer.zero_grad(set_to_none=True)
-        losses["loss"].backward()  # type: ignore[no-untyped-call]
+        losses["loss"].backward()  # type: ignore[no-untyped-call]  # torch has no hints there
         self.optimizer.step()
         return {name: loss.item() for name, loss in losses.items()}
 
+    # Torch's hints are of its overloads and of a plain module's tensors: the optimizer is in here.
     def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]
         """Weights, statistics and the optimizer's state."""
         state: dict[str, Any] = super().state_dict(*args, **kwargs)
         return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()})
 
+    # As above.
     def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
         """Take over what `state_dict` gave; the learning rate stays the constructor's.
 

@@ -305,7 +305,7 @@ def check_wrapper(
 
 @contextmanager
 def _global_randomness_kept() -> Iterator[None]:
-    """SB3 draws from the generators of Python, numpy and torch, which are the user's."""
+    """SB3 draws from the old global generators of Python, numpy and torch, which are the user's."""
     python, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002
     with th.random.fork_rng(devices=[]):
         yield

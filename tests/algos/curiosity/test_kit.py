@@ -176,6 +176,7 @@ class TestNoisyTv:
 
 class TestWrappers:
     def test_ours_is_right(self):
+        # SB3 draws from numpy's old global generator.
         before = random.getstate(), np.random.get_state()[1].copy(), th.get_rng_state()  # noqa: NPY002
         check_wrapper(wrap)
         assert random.getstate() == before[0]

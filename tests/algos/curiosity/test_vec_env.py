@@ -354,6 +354,7 @@ class TestFiles:
         model = PPO("MlpPolicy", venv, seed=0, **settings).learn(2 * n_steps)
         model.save(tmp_path / "model")
         venv.save(tmp_path / "wrapper.pt")
+        # SB3 draws from numpy's old global generator.
         generators = th.get_rng_state(), np.random.get_state()  # noqa: NPY002
         model.learn(4 * n_steps, reset_num_timesteps=False)
 

@@ -9,13 +9,13 @@ from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.nslc import NSLC
 from curiosity_algos.algorithms.td3_icm import TD3ICM
-from curiosity_algos.common.presets import load_preset
 from curiosity_algos.curiosity.callbacks import ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
 from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.presets import load_preset
 
 __all__ = [
     "AURORA",

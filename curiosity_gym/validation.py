@@ -44,15 +44,6 @@ def check_choice(choices: tuple[str, ...], **values: object) -> None:
             raise ValueError(f"`{name}` must be one of {', '.join(choices)}, got {value!r}.")
 
 
-def check_parents(n_parents: int, population_size: int) -> None:
-    """Raise ValueError unless 1 to `population_size` individuals are parents."""
-    check_at_least_one(population_size=population_size, n_parents=n_parents)
-    if n_parents > population_size:
-        raise ValueError(
-            f"`n_parents` must be at most `population_size` = {population_size}, got {n_parents}."
-        )
-
-
 def check_seed(seed: object) -> None:
     """Raise ValueError unless `seed` is None or a whole number of at least 0."""
     try:

@@ -13,7 +13,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from curiosity_algos import ICM, RND
-from curiosity_algos.curiosity.kit import (
+from curiosity_algos.curiosity.checks import (
     Learned,
     StatePrediction,
     Watched,

@@ -16,7 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos import AURORA, CMAME, NSLC, CuriosityMAPElites, MAPElites
 from curiosity_algos.archives.plots import plot_archive
-from curiosity_algos.common.quality_diversity import QualityDiversity
+from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_gym.maze.plots import plot_density
 
 matplotlib.use("Agg")

@@ -11,23 +11,27 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("curiosity_gym", "curiosity_algos")
 
-ABOVE = ["algorithms", "cli", "experiments"]
+FLOORS = [
+    {"common"},
+    {"evaluation"},
+    {"archives", "curiosity", "novelty", "search"},
+    {"loops"},
+    {"algorithms"},
+    {"experiments"},
+    {"cli"},
+]
+"""Folders of the algorithms from the ground up: each imports those of lower floors alone."""
 ALGOS_FORBIDDEN = {
-    "algorithms": ["cli", "experiments"],
-    "archives": [*ABOVE, "curiosity", "novelty", "search"],
-    "common": ABOVE,
-    "curiosity": [*ABOVE, "archives", "novelty", "search"],
-    "evaluation": [*ABOVE, "archives", "curiosity", "novelty", "search"],
-    "experiments": ["cli"],
-    "novelty": [*ABOVE, "archives", "curiosity", "search"],
-    "search": [*ABOVE, "archives", "curiosity", "evaluation", "novelty"],
+    name: set().union(*FLOORS[floor:]) - {name}
+    for floor, names in enumerate(FLOORS)
+    for name in names
 }
 FORBIDDEN = {
     "curiosity_gym": ["curiosity_algos", "stable_baselines3", "torch"],
     "curiosity_gym.maze": ["curiosity_gym.control", "curiosity_gym.registration"],
     "curiosity_gym.control": ["curiosity_gym.maze", "curiosity_gym.registration"],
     **{
-        f"curiosity_algos.{part}": [f"curiosity_algos.{name}" for name in names]
+        f"curiosity_algos.{part}": [f"curiosity_algos.{name}" for name in sorted(names)]
         for part, names in ALGOS_FORBIDDEN.items()
     },
 }
@@ -71,6 +75,21 @@ def test_no_module_imports_what_is_above_it(package):
 def test_every_folder_of_the_algorithms_has_a_rule():
     folders = {path.parent.name for path in (ROOT / "curiosity_algos").glob("*/__init__.py")}
     assert folders <= set(ALGOS_FORBIDDEN)
+
+
+def test_folders_do_not_import_each_other_in_a_circle():
+    graph = {}
+    for module, path in modules():
+        folder = ".".join(module.split(".")[:2])
+        found = {".".join(name.split(".")[:2]) for name in imports(path) if is_ours(name)}
+        if module.count(".") > 1:
+            graph.setdefault(folder, set()).update(found - {folder, "curiosity_gym"})
+    order = list(TopologicalSorter(graph).static_order())
+    assert order.index("curiosity_algos.common") < order.index("curiosity_algos.algorithms")
+
+
+def is_ours(name):
+    return any(is_within(name, package) for package in PACKAGES)
 
 
 def test_modules_do_not_import_each_other_in_a_circle():

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.common.policies import Float32Array, MlpPolicy
-from curiosity_algos.common.quality_diversity import Fields, QualityDiversity
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.novelty.autoencoder import TrajectoryEncoder
+from curiosity_algos.loops.quality_diversity import Fields, QualityDiversity
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 

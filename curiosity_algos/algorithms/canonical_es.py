@@ -6,7 +6,7 @@ section 4.2. The baseline that the motivations are measured against.
 
 from __future__ import annotations
 
-from curiosity_algos.common.evolution_strategy import EvolutionStrategy
+from curiosity_algos.loops.evolution_strategy import EvolutionStrategy
 
 
 class CanonicalES(EvolutionStrategy):

@@ -11,8 +11,8 @@ from typing import Any
 from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
 
 from curiosity_algos.algorithms.map_elites import MAPElites
-from curiosity_algos.common.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es")

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
-from curiosity_algos.common.policies import MlpPolicy
-from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.motivation import CuriosityMotivation
 from curiosity_algos.curiosity.settings import CuriositySettings
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.loops.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_gym.validation import check_choice, check_share
 
 

@@ -13,14 +13,14 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.algorithms.map_elites import MAPElites
-from curiosity_algos.common.policies import Float32Array, MlpPolicy
-from curiosity_algos.common.quality_diversity import Fields
-from curiosity_algos.curiosity.bonus import Bonus
-from curiosity_algos.curiosity.bonuses import stored_action_size
+from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.elites import EliteCuriosity
+from curiosity_algos.curiosity.make import stored_action_size
 from curiosity_algos.curiosity.settings import CuriositySettings
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.quality_diversity import Fields
 from curiosity_algos.search.emitters import TournamentEmitter
 from curiosity_gym.validation import check_at_least_one
 

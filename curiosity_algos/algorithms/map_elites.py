@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium import spaces
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_algos.common.policies import MlpPolicy
-from curiosity_algos.common.quality_diversity import QualityDiversity
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_gym.validation import check_at_least_one
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.common.evolution_strategy import NO_REWARD, EvolutionStrategy
-from curiosity_algos.common.policies import MlpPolicy
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.loops.evolution_strategy import NO_REWARD, EvolutionStrategy
 from curiosity_algos.novelty.motivation import NoveltyMotivation, behavior_size
 from curiosity_gym.validation import check_at_least_one, check_choice, check_share
 

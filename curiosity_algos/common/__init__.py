@@ -1,1 +1,1 @@
-"""What the algorithms share."""
+"""The ground floor: files, checkpoints, randomness, networks. It imports no sibling."""

@@ -115,8 +115,8 @@ def is_plain(value: Any) -> bool:
         return all(map(is_plain, value.values()))
     if isinstance(value, list | tuple):
         return all(map(is_plain, value))
-    is_number = isinstance(value, bool | int | float | str | th.Tensor) or value is None
-    return is_number and not isinstance(value, np.generic)
+    is_leaf = isinstance(value, bool | int | float | str | th.Tensor) or value is None
+    return is_leaf and not isinstance(value, np.generic)
 
 
 def check_plain(state: Any, name: str) -> None:

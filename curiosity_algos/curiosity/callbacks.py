@@ -6,10 +6,10 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
-from curiosity_algos.common.coverage import Coverage, coverage_grid
-from curiosity_algos.common.episodes import EpisodeRecord
-from curiosity_algos.curiosity.bonus import record_bonus
+from curiosity_algos.curiosity.base import record_bonus
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
+from curiosity_algos.evaluation.episodes import EpisodeRecord
 
 
 class ExplorationCallback(BaseCallback):

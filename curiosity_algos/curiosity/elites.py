@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.motivation import flat, sample_transitions
 from curiosity_algos.evaluation.rollouts import Rollouts
 

@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_algos.curiosity.bonus import FloatArray, NetworkBonus, action_size
+from curiosity_algos.curiosity.base import FloatArray, NetworkBonus, action_size
 from curiosity_algos.curiosity.encoders import make_encoder
 from curiosity_gym.validation import check_at_least_one, check_share
 

@@ -11,7 +11,7 @@ import torch as th
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.bonus import Bonus, train
+from curiosity_algos.curiosity.base import Bonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool

@@ -14,7 +14,7 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.base import Bonus
 
 COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
 

@@ -10,9 +10,9 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.curiosity.bonus import Bonus
-from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.buffer import TransitionBuffer
+from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.motivation import CuriosityMotivation
 from curiosity_gym.validation import check_at_least_one, check_share
 

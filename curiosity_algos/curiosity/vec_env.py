@@ -24,10 +24,10 @@ from curiosity_algos.common.plain_files import (
     write_plain,
 )
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.curiosity.bonus import Bonus, train
-from curiosity_algos.curiosity.bonuses import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.curiosity.base import Bonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
+from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.scale import BonusScale
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share

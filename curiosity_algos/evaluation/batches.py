@@ -1,4 +1,4 @@
-"""The kinds of environment that users pass, seen as one.
+"""Batches: episodes side by side in any kind of environment, seen as one.
 
 `SingleEnvBatch`, `GymnasiumBatch` and `Sb3Batch` step a batch of episodes that begin together; each
 shows the true last observation of an episode, whatever the kind's way to reset. What they return
@@ -7,28 +7,15 @@ for an episode after its end is undefined.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
-
-from curiosity_gym.vector import SparseVectorEnv
-
-_VECTOR_KEYWORDS = {
-    "autoreset_mode",
-    "num_envs",
-    "vector_kwargs",
-    "vectorization_mode",
-    "wrappers",
-}
-"""Keywords in the spec of a vector environment that a single one does not take."""
+from stable_baselines3.common.vec_env import VecEnv
 
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
@@ -141,60 +128,3 @@ class Sb3Batch:
         for i, info in last.items():
             observations[i] = info["terminal_observation"]
         return Step(observations, rewards.astype(np.float64), ended, last)
-
-
-class GymnasiumView(DummyVecEnv):
-    """What SB3 sees of a Gymnasium VectorEnv, which it does not take: one env of the same kind.
-
-    The VectorEnv itself, `vector_env`, is what evaluates populations.
-    """
-
-    def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
-        self.vector_env = vector_env
-        env = _single_env_maker(vector_env)()
-        super().__init__([lambda: Monitor(env)])
-
-
-def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any, Any]]:
-    """How to make one env like those of `env`."""
-    inner = env.unwrapped
-    if hasattr(inner, "env_fns"):
-        maker: Callable[[], gym.Env[Any, Any]] = inner.env_fns[0]
-        return maker
-    if isinstance(inner, SparseVectorEnv):
-        return inner.make_single_env
-    spec = inner.spec
-    if spec is None:
-        raise ValueError(
-            "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, so "
-            "that a single env like its own can be made."
-        )
-    kwargs = {key: value for key, value in spec.kwargs.items() if key not in _VECTOR_KEYWORDS}
-    return lambda: gym.make(spec.id, **kwargs)
-
-
-def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-    """Observation and action space of a single env of `env`.
-
-    Raises:
-        ValueError: If `env` is no environment.
-    """
-    if isinstance(env, VectorEnv):
-        return env.single_observation_space, env.single_action_space
-    if isinstance(env, gym.Env | VecEnv):
-        return env.observation_space, env.action_space
-    raise ValueError(
-        "`env` must be an environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv, "
-        f"got {type(env).__name__}."
-    )
-
-
-def env_id(env: object) -> str | None:
-    """The id that an environment was made by, or None where it has none."""
-    if isinstance(env, str):
-        return env.rpartition(":")[2]
-    if isinstance(env, VecEnv):
-        spec = env.get_attr("spec", indices=0)[0] if env.has_attr("spec") else None
-    else:
-        spec = getattr(env, "spec", None)
-    return None if spec is None else str(spec.id)

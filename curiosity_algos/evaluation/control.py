@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curiosity_algos.common.policies import Float32Array, Mlp, forward_each, scratch
+from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward_each, scratch
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,

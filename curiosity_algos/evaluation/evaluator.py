@@ -10,10 +10,10 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.common.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
-from curiosity_algos.evaluation.batches import GymnasiumView, describe
 from curiosity_algos.evaluation.control import ControlEvaluator
+from curiosity_algos.evaluation.environments import GymnasiumView, describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
+from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.control_env import ControlEnv

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.common.policies import Float32Array, Mlp, forward, scratch
+from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, sparse_rollouts
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step

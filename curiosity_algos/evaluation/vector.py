@@ -11,8 +11,8 @@ import numpy.typing as npt
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
+from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
 
 N_COPIES = 16

@@ -7,7 +7,7 @@ from typing import Any
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.core import Float32Array, Float64Array, Frame
-from curiosity_gym.single import SparseSingleEnv
+from curiosity_gym.sparse_env import SparseSingleEnv
 
 
 class ControlEnv(SparseSingleEnv):

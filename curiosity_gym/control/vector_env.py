@@ -11,7 +11,7 @@ from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
-from curiosity_gym.vector import SparseVectorEnv
+from curiosity_gym.sparse_vector_env import SparseVectorEnv
 
 
 class ControlVectorEnv(SparseVectorEnv):

@@ -9,7 +9,7 @@ from curiosity_gym.core import Float32Array, Float64Array, Frame
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
 from curiosity_gym.maze.layouts import MazeLayout
-from curiosity_gym.single import SparseSingleEnv
+from curiosity_gym.sparse_env import SparseSingleEnv
 
 
 class MazeEnv(SparseSingleEnv):

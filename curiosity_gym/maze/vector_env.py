@@ -14,7 +14,7 @@ from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.vector import SparseVectorEnv
+from curiosity_gym.sparse_vector_env import SparseVectorEnv
 
 ENVS_PER_THREAD = 128
 """Fewer envs than this a thread: handing them over costs more than stepping them."""

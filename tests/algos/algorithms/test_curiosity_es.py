@@ -6,7 +6,7 @@ import torch as th
 from stable_baselines3.common.logger import configure
 
 from curiosity_algos import ICM, RND, CanonicalES, CuriosityES, CuriosityMAPElites
-from curiosity_algos.common.evolution_strategy import standardize
+from curiosity_algos.loops.evolution_strategy import standardize
 
 
 def test_one_generation_of_algorithm_1(make_model, make_easy_maze, assert_same):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from curiosity_algos import NSES, CanonicalES
-from curiosity_algos.common.evolution_strategy import standardize
+from curiosity_algos.loops.evolution_strategy import standardize
 
 FINAL = {"behavior": "final"}
 

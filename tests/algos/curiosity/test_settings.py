@@ -6,8 +6,8 @@ import pytest
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.curiosity.bonuses import stored_action_size
 from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.make import stored_action_size
 from curiosity_algos.curiosity.settings import CuriositySettings
 
 GIVEN = {

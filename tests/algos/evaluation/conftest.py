@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from curiosity_algos.common.policies import act
+from curiosity_algos.evaluation.policies import act
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 

@@ -9,9 +9,9 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import CanonicalES, make_evaluator
-from curiosity_algos.common.policies import build_mlp
 from curiosity_algos.evaluation import control
 from curiosity_algos.evaluation.control import ControlEvaluator
+from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.core import SimulationError
 

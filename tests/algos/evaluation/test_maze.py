@@ -4,8 +4,8 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from curiosity_algos import make_evaluator
-from curiosity_algos.common.policies import build_mlp
 from curiosity_algos.evaluation.maze import MazeEvaluator
+from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
 MAZES = ["Snake", "US", "Hard", "Labyrinth"]

@@ -11,7 +11,7 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos.common.coverage import coverage_grid
+from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_gym.registration import SPECS
 from curiosity_gym.wrappers.behavior import BehaviorWrapper

@@ -5,7 +5,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from curiosity_algos.common.policies import build_mlp
+from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
 IDS = {"CartPole-v1": 500, "Pendulum-v1": 30, "MountainCarContinuous-v0": 30, "maze": 64}

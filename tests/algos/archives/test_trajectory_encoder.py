@@ -8,8 +8,8 @@ import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder, sample_states
 from curiosity_algos.evaluation.rollouts import sparse_rollouts
-from curiosity_algos.novelty.autoencoder import TrajectoryEncoder, sample_states
 
 N_OBSERVATIONS = 3
 

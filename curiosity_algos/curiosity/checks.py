@@ -23,7 +23,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.curiosity.bonus import Bonus
+from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.icm import ICM
 
 FloatArray = npt.NDArray[np.float64]

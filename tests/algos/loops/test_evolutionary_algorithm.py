@@ -38,8 +38,8 @@ from curiosity_algos import (
     CuriosityMAPElites,
     MAPElites,
 )
-from curiosity_algos.common.coverage import env_attribute
-from curiosity_algos.common.policies import act
+from curiosity_algos.evaluation.coverage import env_attribute
+from curiosity_algos.evaluation.policies import act
 
 HARD = "CuriosityMaze-Hard-v0"
 GENERATION = 6 * 50

@@ -12,7 +12,7 @@ from curiosity_algos import (
     MAPElites,
     load_preset,
 )
-from curiosity_algos.common.presets import PRESETS
+from curiosity_algos.loops.presets import PRESETS
 
 HARD = "CuriosityMaze-Hard-v0"
 MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]

@@ -8,9 +8,7 @@ import torch as th
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
-from curiosity_algos.curiosity.bonuses import BONUSES
-from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.curiosity.kit import (
+from curiosity_algos.curiosity.checks import (
     StatePrediction,
     check_bonus,
     check_wrapper,
@@ -19,6 +17,8 @@ from curiosity_algos.curiosity.kit import (
     tiny_mdp,
     watch_noisy_tv,
 )
+from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.make import BONUSES
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
 
 

@@ -12,15 +12,16 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.common.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.common.policies import Float32Array, MlpPolicy
-from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.evaluation.batches import env_id
+from curiosity_algos.evaluation.environments import env_id
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.arguments import check_parents
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.presets import load_preset
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_gym.validation import check_choice, check_parents, check_positive
+from curiosity_gym.validation import check_choice, check_positive
 
 Float64Array = npt.NDArray[np.float64]
 

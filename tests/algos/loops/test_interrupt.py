@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from curiosity_algos.common.interrupt import deferred_interrupt
+from curiosity_algos.loops.interrupt import deferred_interrupt
 
 
 def interrupt(reached, n_times):

@@ -5,8 +5,8 @@ import pytest
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.curiosity.bonus import Bonus
-from curiosity_algos.curiosity.bonuses import BONUSES
+from curiosity_algos.curiosity.base import Bonus
+from curiosity_algos.curiosity.make import BONUSES
 
 FLAT = spaces.Box(-1, 1, (6,))
 CHANNELS_FIRST, CHANNELS_LAST = (

@@ -4,7 +4,7 @@ import pytest
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from curiosity_algos.common.coverage import Coverage, coverage_grid
+from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
 from curiosity_gym.core import CoverageGrid
 
 REACHABLE = np.array([[True, True, False], [False, False, False], [False, False, True]])

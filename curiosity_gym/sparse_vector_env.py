@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame, Mask
 from curiosity_gym.episode_state import check_steps, checked_state
 from curiosity_gym.lazy_viewer import LazyViewer
-from curiosity_gym.single import SparseSingleEnv
+from curiosity_gym.sparse_env import SparseSingleEnv
 from curiosity_gym.validation import check_at_least_one
 
 

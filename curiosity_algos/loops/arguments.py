@@ -12,7 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
-from curiosity_algos.evaluation.batches import GymnasiumView
+from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -49,3 +49,12 @@ def check_learning(env: VecEnv | None, total_timesteps: object, log_interval: ob
         )
     if env is None:
         raise ValueError("`env` must be set before learning: call set_env(env).")
+
+
+def check_parents(n_parents: int, population_size: int) -> None:
+    """Raise ValueError unless 1 to `population_size` individuals are parents."""
+    check_at_least_one(population_size=population_size, n_parents=n_parents)
+    if n_parents > population_size:
+        raise ValueError(
+            f"`n_parents` must be at most `population_size` = {population_size}, got {n_parents}."
+        )

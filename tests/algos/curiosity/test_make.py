@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from curiosity_algos.curiosity.bonus import action_size
-from curiosity_algos.curiosity.bonuses import (
+from curiosity_algos.curiosity.base import action_size
+from curiosity_algos.curiosity.make import (
     BONUSES,
     check_bonus_choice,
     make_bonus,

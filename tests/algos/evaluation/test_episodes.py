@@ -1,6 +1,6 @@
 import numpy as np
 
-from curiosity_algos.common.episodes import EpisodeRecord
+from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_gym.core import CoverageGrid
 
 GRID = CoverageGrid((0,), np.zeros(1), np.full(1, 50.0))

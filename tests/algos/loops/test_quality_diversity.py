@@ -6,7 +6,7 @@ import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos import AURORA, CMAME, NSLC, CuriosityMAPElites, MAPElites
-from curiosity_algos.common.policies import act
+from curiosity_algos.evaluation.policies import act
 
 WITH_ARCHIVES = [NSLC, MAPElites, CMAME, AURORA, CuriosityMAPElites]
 

@@ -12,7 +12,7 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.common.checkpoint import check_plain
-from curiosity_algos.curiosity.bonus import Bonus, action_size
+from curiosity_algos.curiosity.base import Bonus, action_size
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND

@@ -19,21 +19,21 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.arguments import check_learning, check_order, open_env, wrap_env
 from curiosity_algos.common.checkpoint import check_is_checkpoint, save_model
-from curiosity_algos.common.coverage import Coverage, behavior_space, coverage_grid
-from curiosity_algos.common.interrupt import deferred_interrupt
-from curiosity_algos.common.policies import Float32Array, MlpPolicy, build_mlp
-from curiosity_algos.common.progress_bar import ProgressBar
 from curiosity_algos.common.randomness import EpisodeSeeds
-from curiosity_algos.evaluation.batches import describe
+from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
+from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
     Evaluator,
     check_policy_kwargs,
     make_evaluator,
 )
+from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.loops.interrupt import deferred_interrupt
+from curiosity_algos.loops.progress_bar import ProgressBar
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 

@@ -24,16 +24,16 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3 import CnnPolicy, MlpPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
-from curiosity_algos.common.arguments import check_learning, check_order, open_env, wrap_env
 from curiosity_algos.common.checkpoint import TRANSITIONS, check_is_checkpoint, save_model
-from curiosity_algos.common.coverage import coverage_grid
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
-from curiosity_algos.common.episodes import EpisodeRecord
-from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
-from curiosity_algos.evaluation.batches import describe
+from curiosity_algos.evaluation.coverage import coverage_grid
+from curiosity_algos.evaluation.environments import describe
+from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 NOISE = 0.1

@@ -17,12 +17,12 @@ from ribs.schedulers import Scheduler
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.common.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.common.foreign_state import ForeignPart
-from curiosity_algos.common.policies import Float32Array, MlpPolicy
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_gym.validation import check_at_least_one, check_positive
 

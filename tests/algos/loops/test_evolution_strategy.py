@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from curiosity_algos.common.evolution_strategy import Fitness, standardize
+from curiosity_algos.loops.evolution_strategy import Fitness, standardize
 
 SEED = np.random.SeedSequence(0)
 POPULATIONS = hnp.arrays(

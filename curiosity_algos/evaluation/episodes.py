@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.common.coverage import Coverage
+from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_gym.core import CoverageGrid
 
 

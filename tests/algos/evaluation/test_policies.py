@@ -8,7 +8,7 @@ from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.common.policies import MlpPolicy, act, build_mlp
+from curiosity_algos.evaluation.policies import MlpPolicy, act, build_mlp
 
 NET_ARCHS = [[], [32, 16], [5], [7, 3, 2], [33, 1, 17, 4]]
 

@@ -1,0 +1,1 @@
+"""The loops that algorithms run in, and what only they need."""

@@ -12,17 +12,17 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("curiosity_gym", "curiosity_algos")
 
 FLOORS = [
-    {"common"},
-    {"evaluation"},
-    {"archives", "curiosity", "novelty", "search"},
-    {"loops"},
-    {"algorithms"},
-    {"experiments"},
-    {"cli"},
+    ["common"],
+    ["evaluation"],
+    ["archives", "curiosity", "novelty", "search"],
+    ["loops"],
+    ["algorithms"],
+    ["experiments"],
+    ["cli"],
 ]
 """Folders of the algorithms from the ground up: each imports those of lower floors alone."""
 ALGOS_FORBIDDEN = {
-    name: set().union(*FLOORS[floor:]) - {name}
+    name: [other for higher in FLOORS[floor:] for other in higher if other != name]
     for floor, names in enumerate(FLOORS)
     for name in names
 }
@@ -31,7 +31,7 @@ FORBIDDEN = {
     "curiosity_gym.maze": ["curiosity_gym.control", "curiosity_gym.registration"],
     "curiosity_gym.control": ["curiosity_gym.maze", "curiosity_gym.registration"],
     **{
-        f"curiosity_algos.{part}": [f"curiosity_algos.{name}" for name in sorted(names)]
+        f"curiosity_algos.{part}": [f"curiosity_algos.{name}" for name in names]
         for part, names in ALGOS_FORBIDDEN.items()
     },
 }

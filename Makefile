@@ -7,7 +7,7 @@ help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-6s %s\n", $$1, $$2}' Makefile
 
 demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
-	.venv/bin/python examples/train_curiosity_es.py --seed 0 --out runs/demo
+	.venv/bin/python examples/train_curiosity_es.py --preset tuned --seed 0 --out runs/demo
 
 test: .venv/.installed  ## run the tests, on up to four cores
 	.venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal

@@ -57,7 +57,7 @@ def run(algorithm: str, name: str, seed: int, timesteps: float, settings: dict[s
         seed,
         model.first_success_timesteps,
         model.best_return,
-        model._coverage.shares,
+        model.coverage_shares,
         time.process_time() - began,
     )
 

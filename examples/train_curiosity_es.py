@@ -83,12 +83,13 @@ def main(
     env_id: Annotated[str, typer.Option("--env")] = "CuriosityMaze-Hard-v0",
     timesteps: float = 2e7,
     seed: int = 0,
+    preset: str | None = None,
     out: Path = Path("runs/demo"),
 ) -> None:
     """Train CuriosityES and write a report."""
     out.mkdir(parents=True, exist_ok=True)
     print(f"CuriosityES on {env_id}, seed {seed}, {timesteps:,.0f} environment steps")
-    model = CuriosityES(env_id, seed=seed)
+    model = CuriosityES(env_id, preset=preset, seed=seed)
     model.set_logger(configure(str(out), ["csv"]))
     history = History()
     model.learn(timesteps, callback=history, progress_bar=True)

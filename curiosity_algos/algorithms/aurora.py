@@ -29,8 +29,6 @@ class AURORA(QualityDiversity):
     training all elites are encoded anew.
 
     Args:
-        env: See `QualityDiversity`, as for every argument not named here.
-        policy: Likewise.
         latent_size: Dimensions of the learned behavior space.
         trajectory_share: Share of a trajectory's states, evenly spaced, that the autoencoder sees;
             the number is that of the first generation's longest episode.
@@ -40,7 +38,6 @@ class AURORA(QualityDiversity):
         n_epochs: Passes over the data in a training.
         ae_learning_rate: Adam's, in the autoencoder.
         batch_size: Trajectories a gradient step.
-        **kwargs: Passed on to `QualityDiversity`.
     """
 
     archive: UnstructuredArchive
@@ -134,6 +131,3 @@ class AURORA(QualityDiversity):
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         metrics = super()._tell(rollouts)
         return {**metrics, "autoencoder/loss": self._encoder.loss}
-
-    def _state_names(self) -> list[str]:
-        return [*super()._state_names(), "_encoder"]

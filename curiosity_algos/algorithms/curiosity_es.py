@@ -14,11 +14,10 @@ from curiosity_algos.curiosity.motivation import CuriosityMotivation
 from curiosity_algos.curiosity.settings import CuriositySettings
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.evolution_strategy import NO_REWARD, EvolutionStrategy
-from curiosity_gym.validation import check_choice, check_share
+from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
 
 
-class CuriosityES(EvolutionStrategy):
+class CuriosityES(MotivatedStrategy):
     """Evolves policies that visit transitions which an Intrinsic Curiosity Module cannot predict.
 
     Each generation samples lambda policies around the center, scores them by
@@ -26,9 +25,6 @@ class CuriosityES(EvolutionStrategy):
     ICM on transitions of all of them, so that what is known stops being curious.
 
     Args:
-        env: See `EvolutionStrategy`, as for every argument not named here.
-        policy: Likewise.
-        phi: Weight of the extrinsic fitness, in [0, 1].
         gamma: In [0, 1]: curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10). The mazes find
             their goals sooner and more surely with whole trajectories than with the paper's .99.
         bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
@@ -37,9 +33,6 @@ class CuriosityES(EvolutionStrategy):
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.
         buffer_size: Transitions kept in all, the newest.
-        no_reward: "ignore" or "random": what stands for the extrinsic fitness while a generation
-            has no reward (the paper draws it at random).
-        **kwargs: Passed on to `EvolutionStrategy`.
     """
 
     def __init__(
@@ -47,7 +40,6 @@ class CuriosityES(EvolutionStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        phi: float = 0.8,
         gamma: float = 1.0,
         bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
@@ -55,10 +47,8 @@ class CuriosityES(EvolutionStrategy):
         n_updates: int = 64,
         batch_size: int = 1024,
         buffer_size: int = 500_000,
-        no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
-        self.phi = phi
         self.gamma = gamma
         self.bonus = bonus
         self.bonus_kwargs = dict(bonus_kwargs or {})
@@ -66,13 +56,10 @@ class CuriosityES(EvolutionStrategy):
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.buffer_size = buffer_size
-        self.no_reward = no_reward
         super().__init__(env, policy, **kwargs)
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_share(phi=self.phi)
-        check_choice(NO_REWARD, no_reward=self.no_reward)
         CuriositySettings.of(self)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:

@@ -33,18 +33,15 @@ class CuriosityMAPElites(MAPElites):
     generation, as in `CuriosityES`, so that what is known stops having offspring.
 
     Args:
-        env: See `MAPElites`, as for every argument not named here.
-        policy: Likewise.
         sigma: Standard deviation of mutations, above 0.
         tournament_size: Elites drawn for each parent; with 1 all are as likely, as in MAP-Elites.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
-        bonus: See `CuriosityES`, as the next five.
-        bonus_kwargs: Likewise.
-        n_transitions: Likewise.
-        n_updates: Likewise.
-        batch_size: Likewise.
-        buffer_size: Likewise.
-        **kwargs: Passed on to `MAPElites`.
+        bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
+        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND` (`learning_rate`, ...).
+        n_transitions: m, transitions of each individual kept for training.
+        n_updates: p, the bonus' gradient steps a generation.
+        batch_size: Transitions a gradient step.
+        buffer_size: Transitions kept in all, the newest.
     """
 
     gamma: ClassVar[float] = 1.0  # samples of a trajectory have no order to weigh
@@ -124,6 +121,3 @@ class CuriosityMAPElites(MAPElites):
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         metrics = super()._tell(rollouts)
         return {**metrics, **self._motivation.update(rollouts)}
-
-    def _state_names(self) -> list[str]:
-        return [*super()._state_names(), "_motivation", "_curiosity"]

@@ -24,11 +24,8 @@ class MAPElites(QualityDiversity):
     The grid spans the environment's `behavior_space`; memory is for the elites alone.
 
     Args:
-        env: With a bounded `behavior_space`; see `QualityDiversity`, as for every argument not
-            named here.
-        policy: Likewise.
+        env: As of every algorithm, with a bounded `behavior_space`.
         n_cells: Cells along each dimension of the behavior.
-        **kwargs: Passed on to `QualityDiversity`.
 
     Raises:
         ValueError: If the env has no bounded `behavior_space`, or one of too many cells.

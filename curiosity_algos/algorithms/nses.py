@@ -14,12 +14,12 @@ from gymnasium import spaces
 
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.evolution_strategy import NO_REWARD, EvolutionStrategy
+from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
 from curiosity_algos.novelty.motivation import NoveltyMotivation, behavior_size
-from curiosity_gym.validation import check_at_least_one, check_choice, check_share
+from curiosity_gym.validation import check_at_least_one
 
 
-class NSES(EvolutionStrategy):
+class NSES(MotivatedStrategy):
     """Evolves policies whose episodes end where few ended before.
 
     Each generation samples lambda policies around the center, scores them by
@@ -27,14 +27,10 @@ class NSES(EvolutionStrategy):
     mean Euclidean distance to the k nearest behaviors of all individuals so far.
 
     Args:
-        env: See `EvolutionStrategy`, as for every argument not named here.
-        policy: Likewise.
         phi: Weight of the extrinsic fitness, in [0, 1]; 0 is NS-ES, above it NSR-ES.
         k: Neighbors that count.
         behavior: "final": the environment's behavior, in its own units; "state": the whole final
             observation (the paper's BD_s), which any environment has.
-        no_reward: "ignore" or "random", see `CuriosityES`.
-        **kwargs: Passed on to `EvolutionStrategy`.
     """
 
     def __init__(
@@ -42,23 +38,17 @@ class NSES(EvolutionStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        phi: float = 0.8,
         k: int = 10,
         behavior: str = "final",
-        no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
-        self.phi = phi
         self.k = k
         self.behavior = behavior
-        self.no_reward = no_reward
         super().__init__(env, policy, **kwargs)
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_share(phi=self.phi)
         check_at_least_one(k=self.k)
-        check_choice(NO_REWARD, no_reward=self.no_reward)
         self._check_behaviors(self._behavior_space)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:

@@ -32,14 +32,11 @@ class NSLC(QualityDiversity):
     weighs the two.
 
     Args:
-        env: See `QualityDiversity`, as for every argument not named here.
-        policy: Likewise.
         n_parents: mu, at most `population_size`, lambda.
         k: Neighbors that count.
         behavior: "final": the environment's behavior; "state": the whole final observation (the
             paper's BD_s).
         archive_size: Elites held, within 10 %: a distance between them adapts.
-        **kwargs: Passed on to `QualityDiversity`.
     """
 
     def __init__(

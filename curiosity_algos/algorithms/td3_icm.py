@@ -36,22 +36,13 @@ class TD3ICM(ResumableTD3):
     many as the episode had (section 4.4).
 
     Args:
-        env: See `ResumableTD3`, as for every argument not named here.
-        policy: Likewise.
         bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
         bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`; their `learning_rate` is 6e-6
             here.
         weight: Of the bonus, above 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.
-        learning_rate: Adam's, of actor and critic, or a schedule as in SB3.
-        buffer_size: Transitions kept.
-        learning_starts: Steps of random actions before the first training.
-        batch_size: Transitions a gradient step.
-        train_freq: As in SB3: what a rollout is.
-        gradient_steps: As in SB3; -1: as many as the rollout had steps.
         policy_kwargs: As in SB3; `net_arch` is 32, 32 where it is not said.
-        **kwargs: Passed on to `ResumableTD3`, and to SB3's TD3 (`gamma`, `tau`, `device`, ...).
 
     Raises:
         ValueError: If an argument is out of its range, or the env's spaces are not supported.
@@ -150,6 +141,3 @@ class TD3ICM(ResumableTD3):
             raise ValueError("`path` must be a replay buffer that TD3ICM has saved.")
         loaded.bonus, loaded.weight, loaded.extrinsic = own.bonus, own.weight, own.extrinsic
         self.replay_buffer = loaded
-
-    def _state_names(self) -> list[str]:
-        return ["_bonus"]

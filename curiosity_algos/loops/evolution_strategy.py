@@ -1,11 +1,12 @@
-"""The canonical evolution strategy, with or without a motivation beside the reward.
+"""Evolution strategies: a search that asks and is told, ranked by reward and by a motivation.
 
-CanonicalES, CuriosityES and the novelty-search strategies are this class with another `Motivation`:
-the paper compares nothing else.
+CanonicalES is the search alone; CuriosityES and NSES are `MotivatedStrategy` with another
+`Motivation`: the paper compares nothing else.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, Protocol
 
@@ -13,22 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.evaluation.environments import env_id
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.arguments import check_parents
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.loops.presets import load_preset
+from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_gym.validation import check_choice, check_positive
+from curiosity_gym.validation import check_choice, check_positive, check_share
 
 Float64Array = npt.NDArray[np.float64]
 
 STEPS = ("canonical", "paper")
 NO_REWARD = ("ignore", "random")
-LEARNING_RATE = 0.5
-"""Where the tuned preset has none for the environment."""
 
 
 class Motivation(Protocol):
@@ -93,24 +91,23 @@ class Fitness:
 
 
 class EvolutionStrategy(EvolutionaryAlgorithm):
-    """Samples around one center and recombines the best (Chrabaszcz et al. 2018).
+    """Asks a search for policies around its center, and tells it their fitness.
 
     Args:
-        env: See `EvolutionaryAlgorithm`, as for every argument not named here.
-        policy: Likewise.
         population_size: lambda, individuals a generation.
         n_parents: mu, the best of them that recombine, at most lambda.
         sigma: Standard deviation of the samples around the center, above 0.
-        learning_rate: alpha, above 0: scales the center's step. None: that of the tuned preset for
-            this environment, or 0.5.
+        learning_rate: alpha, above 0: scales the center's step.
         step: "canonical" or "paper" (divided by `sigma n_parents`).
         mirrored_sampling: Draw half of the population opposite to the other half.
-        **kwargs: Passed on to `EvolutionaryAlgorithm`.
+        search: None: the canonical search (Chrabaszcz et al. 2018), made of the five above. A
+            `Search` for as many parameters as the policy has, or a function of that number and of a
+            `numpy.random.SeedSequence` that makes one: it takes the place of the canonical search,
+            and what the five above say.
     """
 
     learning_rate: float
-    phi: float = 1.0
-    no_reward: str = "ignore"
+    _search: Search
 
     def __init__(
         self,
@@ -120,9 +117,10 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         population_size: int = 56,
         n_parents: int = 28,
         sigma: float = 0.3,
-        learning_rate: float | None = None,
+        learning_rate: float = 0.5,
         step: str = "canonical",
         mirrored_sampling: bool = False,
+        search: Search | MakeSearch | None = None,
         **kwargs: Any,
     ) -> None:
         self.population_size = population_size
@@ -130,9 +128,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         self.sigma = sigma
         self.step = step
         self.mirrored_sampling = mirrored_sampling
-        if learning_rate is None:
-            tuned = load_preset("tuned", type(self).__name__, env_id(env))
-            learning_rate = tuned.get("learning_rate", LEARNING_RATE)
+        self.search = search
         super().__init__(env, policy, _learning_rate=learning_rate, **kwargs)
 
     def _check_settings(self) -> None:
@@ -140,14 +136,34 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         check_parents(self.n_parents, self.population_size)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(STEPS, step=self.step)
-
-    def _make_motivation(self, seed: np.random.SeedSequence) -> Motivation | None:
-        """What the strategy is motivated by beside reward; None: nothing."""
-        return None
+        if not (self.search is None or isinstance(self.search, Search) or callable(self.search)):
+            raise ValueError(
+                "`search` must be None, a Search, or a function that makes one, got "
+                f"{self.search!r}."
+            )
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
-        search_seed, fitness_seed, motivation_seed = seed.spawn(3)
-        self._search = CanonicalSearch(
+        search_seed, *own_seeds = seed.spawn(3)
+        given = self.search
+        if given is None:
+            self._search = self._canonical_search(search_seed)
+        elif isinstance(given, Search):
+            self._search = given
+        else:
+            self._search = given(self.policy.mlp.n_parameters, search_seed)
+        self._check_search(self._search)
+        self._make_parts(*own_seeds)
+
+    def _check_search(self, search: Search) -> None:
+        n_parameters = self.policy.mlp.n_parameters
+        if np.shape(search.center) != (n_parameters,):
+            raise ValueError(
+                f"`search` must have a center of the policy's {n_parameters} parameters, got one "
+                f"of shape {np.shape(search.center)}."
+            )
+
+    def _canonical_search(self, seed: np.random.SeedSequence) -> Search:
+        return CanonicalSearch(
             self.policy.mlp.n_parameters,
             population_size=self.population_size,
             n_parents=self.n_parents,
@@ -155,28 +171,72 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
             learning_rate=self.learning_rate,
             step=self.step,
             mirrored=self.mirrored_sampling,
-            seed=search_seed,
+            seed=seed,
         )
-        self._fitness = Fitness(self.phi, self.no_reward, fitness_seed)
-        self._motivation = self._make_motivation(motivation_seed)
+
+    def _make_parts(
+        self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence
+    ) -> None:
+        """Create what is held beside the search; a strategy that has nothing draws nothing."""
+
+    def _assess(self, rollouts: Rollouts) -> tuple[Float64Array, Mapping[str, float]]:
+        """Fitness of each individual, shape (P,), and metrics to log."""
+        return standardize(rollouts.returns), {}
 
     def _ask(self) -> Float32Array:
         return self._search.ask()
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
-        metrics: dict[str, float] = {}
-        intrinsic = np.zeros(len(rollouts))
-        if self._motivation is not None:
-            intrinsic = self._motivation.score(rollouts)
-            metrics = {"intrinsic/mean": intrinsic.mean(), "intrinsic/max": intrinsic.max()}
-            metrics |= self._motivation.update(rollouts)
-        self._search.tell(self._fitness.combine(rollouts.returns, intrinsic))
-        norm = float(np.linalg.norm(self._search.center))
-        return {**metrics, "search/sigma": self.sigma, "search/norm": norm}
+        fitness, metrics = self._assess(rollouts)
+        self._search.tell(fitness)
+        own = {"search/sigma": self.sigma} if self.search is None else {}
+        return {**metrics, **own, "search/norm": float(np.linalg.norm(self._search.center))}
 
     def _center(self) -> Float32Array:
-        return self._search.center.astype(np.float32)
+        return np.asarray(self._search.center, dtype=np.float32)
 
-    def _state_names(self) -> list[str]:
-        motivation = [] if self._motivation is None else ["_motivation"]
-        return ["_search", "_fitness", *motivation]
+
+class MotivatedStrategy(EvolutionStrategy):
+    """Ranks individuals by `phi z(return) + (1 - phi) z(intrinsic fitness)`.
+
+    A subclass says what the intrinsic fitness is: `_make_motivation`.
+
+    Args:
+        phi: Weight of the extrinsic fitness, in [0, 1].
+        no_reward: "ignore" or "random": what stands for the extrinsic fitness while a generation
+            has no reward (the paper draws it at random).
+    """
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[MlpPolicy] = "MlpPolicy",
+        *,
+        phi: float = 0.8,
+        no_reward: str = "ignore",
+        **kwargs: Any,
+    ) -> None:
+        self.phi = phi
+        self.no_reward = no_reward
+        super().__init__(env, policy, **kwargs)
+
+    @abstractmethod
+    def _make_motivation(self, seed: np.random.SeedSequence) -> Motivation:
+        """What the strategy is motivated by beside reward; everything random grows from `seed`."""
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_share(phi=self.phi)
+        check_choice(NO_REWARD, no_reward=self.no_reward)
+
+    def _make_parts(
+        self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence
+    ) -> None:
+        self._fitness = Fitness(self.phi, self.no_reward, fitness_seed)
+        self._motivation = self._make_motivation(motivation_seed)
+
+    def _assess(self, rollouts: Rollouts) -> tuple[Float64Array, Mapping[str, float]]:
+        intrinsic = self._motivation.score(rollouts)
+        metrics = {"intrinsic/mean": intrinsic.mean(), "intrinsic/max": intrinsic.max()}
+        learned = self._motivation.update(rollouts)
+        return self._fitness.combine(rollouts.returns, intrinsic), {**metrics, **learned}

@@ -32,13 +32,15 @@ from curiosity_algos.evaluation.evaluator import (
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.loops.constructors import AlgorithmType
 from curiosity_algos.loops.interrupt import deferred_interrupt
+from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.progress_bar import ProgressBar
-from curiosity_gym.validation import check_at_least_one, check_seed
+from curiosity_gym.validation import check_at_least_one, check_choice, check_seed
 
 
-class EvolutionaryAlgorithm(BaseAlgorithm):
-    """Asks for parameters, evaluates them, tells what came of it, until the budget is spent.
+class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
+    """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
 
     A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is
     here: the budget, callbacks, logging, coverage, the best policy, save and load.
@@ -51,14 +53,17 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             a 1-D Box, actions a bounded 1-D Box or Discrete.
         policy: "MlpPolicy", or a subclass of it.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
+        preset: "paper" or "tuned": settings that replace the defaults of what is not given here,
+            see `load_preset`; None: none.
+        evaluator: What evaluates populations: "auto", the fastest that fits `env`, or an
+            `Evaluator` for as many parameters as the policy has. `set_env` keeps one that was
+            given; a file does not hold it, `load(path, env, evaluator=...)` takes it again.
         n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
             not depend on it.
         seed: Seed of everything random; None: fresh entropy.
         device: Where the bonus' networks are, as in SB3; policies are evaluated on the CPU.
         verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
         tensorboard_log: Folder of TensorBoard's files; None: none.
-        _learning_rate: What SB3 is to call so, of algorithms that have one.
-        _init_setup_model: As in SB3: `load` builds the model later.
 
     Attributes:
         generation: Generations finished.
@@ -78,14 +83,16 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
+        preset: str | None = None,
+        evaluator: Evaluator | str = "auto",
         policy_kwargs: dict[str, Any] | None = None,
         n_threads: int | None = None,
         seed: int | None = None,
         device: th.device | str = "auto",
         verbose: int = 0,
         tensorboard_log: str | None = None,
-        _learning_rate: float = 0.0,
-        _init_setup_model: bool = True,
+        _learning_rate: float = 0.0,  # what SB3 keeps under that name
+        _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
     ) -> None:
         check_order(self, env, policy)
         check_seed(seed)
@@ -104,6 +111,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             support_multi_env=True,
             seed=seed,
         )
+        self.preset = preset
+        self._evaluator_choice = evaluator
         self.n_threads = n_threads
         self.generation = 0
         self.best_return: float
@@ -133,10 +142,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
     def _center(self) -> Float32Array:
         """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
 
-    @abstractmethod
-    def _state_names(self) -> list[str]:
-        """Attributes with `state_dict` and `load_state_dict` that a resumed run needs."""
-
     # -- the model ------------------------------------------------------------------------------
 
     def _check_settings(self) -> None:
@@ -154,13 +159,22 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
         self._episodes = EpisodeSeeds(episode_seed)
         self._make_search(search_seed)
-        self._make_evaluator()
+        self.evaluator = None if self.env is None else self._choose_evaluator(self.env)
         self._show_best()
 
-    def _make_evaluator(self) -> None:
-        self.evaluator = None
-        if self.env is not None:
-            self.evaluator = make_evaluator(self.env, self.policy_kwargs, self.n_threads)
+    def _choose_evaluator(self, env: VecEnv) -> Evaluator:
+        """What evaluates populations on `env`: what the user gave, or the fastest that fits."""
+        choice = self._evaluator_choice
+        if isinstance(choice, str):
+            check_choice(("auto",), evaluator=choice)
+            return make_evaluator(env, self.policy_kwargs, self.n_threads)
+        wanted, own = self.policy.mlp.n_parameters, getattr(choice, "n_parameters", None)
+        if own != wanted or not hasattr(choice, "evaluate"):
+            raise ValueError(
+                f'`evaluator` must be "auto" or an Evaluator of the policy\'s {wanted} parameters, '
+                f"got {choice!r} of {own}."
+            )
+        return choice
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
@@ -184,7 +198,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         wrapped = self._wrap_env(env, self.verbose)
         check_for_correct_spaces(wrapped, self.observation_space, self.action_space)
         self._check_behaviors(behavior_space(wrapped))
-        evaluator = make_evaluator(wrapped, self.policy_kwargs, self.n_threads)
+        evaluator = self._choose_evaluator(wrapped)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
         self.evaluator = evaluator
@@ -217,6 +231,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
     def coverage(self) -> float | None:
         """Share of the reachable cells that final states visited; None: nothing to count."""
         return self._coverage.reachable
+
+    @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self._coverage.shares
 
     # -- the loop -------------------------------------------------------------------------------
 
@@ -319,7 +338,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             "time/generations": self.generation,
             "time/total_timesteps": self.num_timesteps,
         }
-        values |= {f"coverage/{name}": share for name, share in self._coverage.shares.items()}
+        values |= {f"coverage/{name}": share for name, share in self.coverage_shares.items()}
         for key, value in values.items():
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)
@@ -327,11 +346,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
     # -- save and load --------------------------------------------------------------------------
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        # Named here or silently re-initialized by `load`: SB3 builds the model anew.
-        return ["policy", "_coverage", "_episodes", *self._state_names()], []
+        # What is not named here, `load` would leave as it was made anew.
+        return ["policy", *stateful_parts(self)], []
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "evaluator"]
+        return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice"]
 
     def save(
         self,
@@ -367,7 +386,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
             path: Of the file; `.zip` may be left out.
             env: As in the constructor; None: the model can predict, and learn after `set_env`.
             *args: As in SB3 (`device`, `custom_objects`, ...).
-            **kwargs: Likewise; other names replace the model's attributes.
+            **kwargs: As in SB3; other names replace the model's attributes, `evaluator` among them.
 
         Raises:
             FileNotFoundError: If there is no such file.
@@ -376,6 +395,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm):
         """
         path = check_is_checkpoint(path, cls.__name__)
         env = open_env(env)
+        if "evaluator" in kwargs:
+            kwargs["_evaluator_choice"] = kwargs.pop("evaluator")
         if kwargs.get("custom_objects"):
             # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
             kept = {k: v for k, v in kwargs["custom_objects"].items() if k != "learning_rate"}

@@ -16,18 +16,27 @@ PRESETS = tuple(sorted(path.stem for path in _FOLDER.glob("*.yml")))
 def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, Any]:
     """Keywords for `CuriosityES(env, **load_preset("paper", "CuriosityES", env_id))`.
 
+    `CuriosityES(env, preset="paper")` is the same, for the id that `env` was made by.
+
     Args:
         preset: "paper" (its table 1) or "tuned".
         algorithm: Name of the class.
         env_id: Id of the environment.
 
     Returns:
-        What differs from the defaults; empty where the preset says nothing.
+        What differs from the defaults; empty where the defaults are the preset's settings.
 
     Raises:
-        ValueError: If there is no such preset.
+        ValueError: If there is no such preset, or it has no settings of the algorithm for the
+            environment.
     """
     check_choice(PRESETS, preset=preset)
-    table = yaml.safe_load((_FOLDER / f"{preset}.yml").read_text())
-    keywords: dict[str, Any] = table.get(algorithm, {}).get(env_id, {})
-    return dict(keywords)
+    table: dict[str, Any] = yaml.safe_load((_FOLDER / f"{preset}.yml").read_text())
+    if algorithm not in table:
+        known = ", ".join(table)
+        raise ValueError(f'`preset` "{preset}" is of {known}, not of {algorithm}.')
+    settings = table[algorithm]
+    if env_id not in settings:
+        known = ", ".join(settings)
+        raise ValueError(f'`preset` "{preset}" of {algorithm} is for {known}, not for {env_id}.')
+    return dict(settings[env_id])

@@ -37,11 +37,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
     (`_fields`).
 
     Args:
-        env: See `EvolutionaryAlgorithm`, as for every argument not named here.
-        policy: Likewise.
         population_size: Policies a generation.
         sigma: Standard deviation of mutations, above 0.
-        **kwargs: Passed on to `EvolutionaryAlgorithm`.
 
     Attributes:
         archive: The elites; of each is kept the parameters, the return, what places it, and the
@@ -150,9 +147,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _forget_behaviors(self) -> None:
         self._begin_archive(np.random.SeedSequence(self._episodes.draw()))
-
-    def _state_names(self) -> list[str]:
-        return ["archive", "history", "_emitter"]
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "_scheduler"]

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+import torch as th
 from gymnasium import spaces
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
@@ -18,7 +19,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_action_dim
-from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, RolloutReturn, TrainFreq
+from stable_baselines3.common.type_aliases import (
+    GymEnv,
+    MaybeCallback,
+    RolloutReturn,
+    Schedule,
+    TrainFreq,
+)
 from stable_baselines3.common.utils import should_collect_more_steps
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3 import CnnPolicy, MlpPolicy
@@ -33,13 +40,13 @@ from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.loops.constructors import AlgorithmType
 from curiosity_algos.loops.interrupt import deferred_interrupt
+from curiosity_algos.loops.parts import stateful_parts
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 NOISE = 0.1
 """Standard deviation of the action noise, in halves of the action space."""
-OWN = ("replay_buffer_class", "replay_buffer_kwargs", "optimize_memory_usage", "n_steps")
-"""Keywords of TD3 that say which replay buffer: a subclass brings its own."""
 
 
 class GaussianActionNoise(ActionNoise):
@@ -60,7 +67,7 @@ class GaussianActionNoise(ActionNoise):
         return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)
 
 
-class ResumableTD3(TD3):
+class ResumableTD3(TD3, metaclass=AlgorithmType):
     """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
 
     A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout
@@ -71,10 +78,24 @@ class ResumableTD3(TD3):
         env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
             Actions must be a bounded Box.
         policy: "MlpPolicy", "CnnPolicy", or a subclass of either.
+        learning_rate: Adam's, of actor and critics, or a schedule as in SB3.
+        buffer_size: Transitions kept.
+        learning_starts: Steps of random actions before the first training.
+        batch_size: Transitions a gradient step.
+        tau: Share of the networks that moves into the target networks at each update, in [0, 1].
+        gamma: Discount of future rewards, in [0, 1].
+        train_freq: As in SB3: what a rollout is, in steps, or a pair such as (1, "episode").
+        gradient_steps: After each rollout; -1: as many as it had steps.
         action_noise: As in SB3; None: normal with standard deviation .1, seeded.
+        policy_delay: Gradient steps of the critics for each of the actor.
+        target_policy_noise: Standard deviation of the noise on target actions.
+        target_noise_clip: Largest absolute value of that noise.
+        policy_kwargs: As in SB3.
         seed: Seed of everything random; None: fresh entropy.
-        _init_setup_model: As in SB3: `load` builds the model later.
-        **kwargs: Passed on to SB3's TD3.
+        device: Where the networks are, as in SB3.
+        verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
+        tensorboard_log: Folder of TensorBoard's files; None: none.
+        stats_window_size: Episodes that logged means are over.
 
     Raises:
         ValueError: If an argument is out of its range, or the env's spaces are not supported.
@@ -90,25 +111,53 @@ class ResumableTD3(TD3):
         env: AnyEnv | None,
         policy: str | type[TD3Policy] = "MlpPolicy",
         *,
+        learning_rate: float | Schedule = 1e-3,
+        buffer_size: int = 1_000_000,
+        learning_starts: int = 100,
+        batch_size: int = 256,
+        tau: float = 0.005,
+        gamma: float = 0.99,
+        train_freq: int | tuple[int, str] = 1,
+        gradient_steps: int = 1,
         action_noise: ActionNoise | None = None,
+        policy_delay: int = 2,
+        target_policy_noise: float = 0.2,
+        target_noise_clip: float = 0.5,
+        policy_kwargs: dict[str, Any] | None = None,
         seed: int | None = None,
-        _init_setup_model: bool = True,
-        **kwargs: Any,
+        device: th.device | str = "auto",
+        verbose: int = 0,
+        tensorboard_log: str | None = None,
+        stats_window_size: int = 100,
+        _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
     ) -> None:
         check_order(self, env, policy)
         check_seed(seed)
-        for name in set(OWN) & set(kwargs):
-            raise ValueError(f"`{name}` cannot be set: this algorithm has its own replay buffer.")
         env = open_env(env)
         if env is not None or _init_setup_model:
             _check_env(env)
         super().__init__(
             policy,
             env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
+            learning_rate=learning_rate,
+            buffer_size=buffer_size,
+            learning_starts=learning_starts,
+            batch_size=batch_size,
+            tau=tau,
+            gamma=gamma,
+            train_freq=train_freq,
+            gradient_steps=gradient_steps,
             action_noise=action_noise,
+            policy_delay=policy_delay,
+            target_policy_noise=target_policy_noise,
+            target_noise_clip=target_noise_clip,
+            policy_kwargs=policy_kwargs,
             seed=seed,
+            device=device,
+            verbose=verbose,
+            tensorboard_log=tensorboard_log,
+            stats_window_size=stats_window_size,
             _init_setup_model=False,
-            **kwargs,
         )
         self._n_steps = self._n_episodes = 0  # of the rollout under way
         self._is_seen = False
@@ -134,10 +183,6 @@ class ResumableTD3(TD3):
     @abstractmethod
     def _train_parts(self, batch_size: int) -> None:
         """Train what the algorithm holds, before actor and critics."""
-
-    @abstractmethod
-    def _state_names(self) -> list[str]:
-        """Attributes with `state_dict` and `load_state_dict` that a resumed run needs."""
 
     # -- the model ------------------------------------------------------------------------------
 
@@ -206,6 +251,11 @@ class ResumableTD3(TD3):
     def coverage(self) -> float | None:
         """Share of the reachable cells that final states visited; None: nothing to count."""
         return self._record.coverage.reachable
+
+    @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self._record.coverage.shares
 
     @property
     def best_return(self) -> float:
@@ -371,7 +421,7 @@ class ResumableTD3(TD3):
 
     def dump_logs(self) -> None:
         """Write log data, coverage with it."""
-        for name, share in self._record.coverage.shares.items():
+        for name, share in self.coverage_shares.items():
             self.logger.record(f"coverage/{name}", share)
         super().dump_logs()
 
@@ -393,10 +443,9 @@ class ResumableTD3(TD3):
         self._last_obs = last_obs
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        # Named here or silently re-initialized by `load`: SB3 builds the model anew.
+        # What is not named here, `load` would leave as it was made anew.
         names, variables = super()._get_torch_save_params()
-        own = ["replay_buffer", "_generators", "_random_actions", "_record", *self._state_names()]
-        return [*names, *own], variables
+        return [*names, *stateful_parts(self)], variables
 
     def save(
         self,

@@ -106,7 +106,7 @@ def test_the_parts_of_a_behavior_are_logged(make_model):
     logged = {}
     model.set_logger(Logger(None, [Keep(logged)]))
     model.learn(200)
-    assert logged["coverage/ball"] == model._coverage.shares["ball"]
+    assert logged["coverage/ball"] == model.coverage_shares["ball"]
     assert logged["coverage/reachable"] < logged["coverage/ball"] < 1.0
 
 

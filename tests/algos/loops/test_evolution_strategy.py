@@ -1,10 +1,15 @@
+import json
+
 import numpy as np
 import pytest
+import torch as th
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from curiosity_algos import NSES, CanonicalES, CuriosityES
 from curiosity_algos.loops.evolution_strategy import Fitness, standardize
+from curiosity_algos.search.canonical import CanonicalSearch
 
 SEED = np.random.SeedSequence(0)
 POPULATIONS = hnp.arrays(
@@ -83,3 +88,83 @@ class TestFitness:
         np.testing.assert_array_equal(
             one.combine(np.zeros(4), self.intrinsic), other.combine(np.zeros(4), self.intrinsic)
         )
+
+
+class Climber:
+    """A (1 + lambda) search, written outside the package."""
+
+    def __init__(self, n_parameters, seed, population_size=6):
+        self._rng = np.random.default_rng(seed)
+        self._size = population_size
+        self.center = 0.1 * self._rng.standard_normal(n_parameters)
+
+    def ask(self):
+        self._asked = self.center + 0.1 * self._rng.standard_normal((self._size, len(self.center)))
+        return self._asked.astype(np.float32)
+
+    def tell(self, fitness):
+        self.center = self._asked[np.argmax(fitness)]
+
+    def state_dict(self):
+        state = json.dumps(self._rng.bit_generator.state)
+        return {"center": th.from_numpy(self.center), "rng": state}
+
+    def load_state_dict(self, state, strict=True):
+        self.center = state["center"].numpy()
+        self._rng.bit_generator.state = json.loads(state["rng"])
+
+
+class TestSearch:
+    small = {"policy_kwargs": {"net_arch": [4]}, "seed": 0}  # noqa: RUF012
+    icm = {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100}  # noqa: RUF012
+
+    def make(self, algorithm, env, **kwargs):
+        settings = self.icm if algorithm is CuriosityES else {}
+        return algorithm(env, **self.small, **settings, **kwargs)
+
+    @pytest.mark.parametrize("algorithm", [CanonicalES, CuriosityES, NSES])
+    def test_another_search_is_asked_and_told(self, algorithm, make_easy_maze):
+        model = self.make(algorithm, make_easy_maze(), search=Climber)
+        begun = model._search.center.copy()
+        model.learn(1000)
+        assert isinstance(model._search, Climber)
+        assert not np.array_equal(model._search.center, begun)
+        assert model.best_return > 0.0
+
+    def test_the_canonical_search_given_is_the_default(self, make_easy_maze, assert_same_run):
+        def canonical(n_parameters, seed):
+            return CanonicalSearch(
+                n_parameters,
+                population_size=56,
+                n_parents=28,
+                sigma=0.3,
+                learning_rate=0.5,
+                step="canonical",
+                mirrored=False,
+                seed=seed,
+            )
+
+        given = self.make(NSES, make_easy_maze(), search=canonical).learn(10_000)
+        assert_same_run(given, self.make(NSES, make_easy_maze()).learn(10_000))
+
+    def test_an_object_is_held(self, make_easy_maze):
+        n_parameters = self.make(CanonicalES, make_easy_maze()).policy.mlp.n_parameters
+        search = Climber(n_parameters, seed=0)
+        assert self.make(CanonicalES, make_easy_maze(), search=search).learn(500)._search is search
+
+    def test_a_run_with_it_goes_on(self, make_easy_maze, tmp_path, assert_same_run):
+        model = self.make(CuriosityES, make_easy_maze(), search=Climber).learn(1000)
+        model.save(tmp_path / "model")
+        loaded = CuriosityES.load(tmp_path / "model", env=make_easy_maze(), search=Climber)
+        for each in (model, loaded):
+            each.learn(1000, reset_num_timesteps=False)
+        assert_same_run(model, loaded)
+
+    @pytest.mark.parametrize("search", ["cma_es", 3, np.zeros(4)])
+    def test_what_is_no_search_is_refused(self, make_easy_maze, search):
+        with pytest.raises(ValueError, match="`search` must be None, a Search, or a function"):
+            self.make(CanonicalES, make_easy_maze(), search=search)
+
+    def test_one_of_other_parameters_is_refused(self, make_easy_maze):
+        with pytest.raises(ValueError, match=r"`search` must have a center of the policy's \d+"):
+            self.make(CanonicalES, make_easy_maze(), search=lambda n, seed: Climber(n + 1, seed))

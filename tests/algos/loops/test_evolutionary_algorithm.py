@@ -1,6 +1,7 @@
 """The contract that every algorithm keeps: Stable-Baselines3's API, exactly counted and seeded."""
 
 import csv
+import dataclasses
 import functools
 import random
 from inspect import signature
@@ -413,7 +414,7 @@ class TestParameters:
     def test_missing_ones_are_an_error(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze())
         parameters = model.get_parameters()
-        del parameters[model._state_names()[0]]
+        del parameters["_episodes"]
         with pytest.raises(ValueError, match="Names of parameters do not match"):
             model.set_parameters(parameters)
 
@@ -515,3 +516,57 @@ class TestCallbacks:
         make_model(algorithm, make_maze()).learn(5 * GENERATION, callback=callback)
         names = [f"rl_model_{n * GENERATION}_steps.zip" for n in (2, 4)]
         assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+
+
+class Halved:
+    """Evaluates as another does, and pays half."""
+
+    def __init__(self, evaluator):
+        self._evaluator = evaluator
+        self.n_parameters = evaluator.n_parameters
+        self.n_calls = 0
+
+    def evaluate(self, parameters, seed=None):
+        self.n_calls += 1
+        rollouts = self._evaluator.evaluate(parameters, seed)
+        return dataclasses.replace(rollouts, returns=rollouts.returns / 2.0)
+
+
+class TestEvaluator:
+    def test_a_given_one_evaluates(self, algorithm, make_model, make_easy_maze):
+        plain = make_model(algorithm, make_easy_maze())
+        halved = Halved(plain.evaluator)
+        model = make_model(algorithm, make_easy_maze(), evaluator=halved)
+        assert model.evaluator is halved
+        plain.learn(GENERATION)
+        model.learn(GENERATION)
+        assert halved.n_calls == model.generation
+        assert model.best_return == plain.best_return / 2.0
+
+    def test_another_env_keeps_it(self, make_model, make_easy_maze, make_maze):
+        halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
+        model = make_model(CanonicalES, make_easy_maze(), evaluator=halved)
+        model.set_env(make_easy_maze())
+        assert model.evaluator is halved
+        automatic = make_model(CanonicalES, make_easy_maze())
+        before = automatic.evaluator
+        automatic.set_env(make_maze())
+        assert automatic.evaluator is not before
+
+    def test_a_file_does_not_hold_it(self, make_model, make_easy_maze, tmp_path):
+        halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
+        make_model(CanonicalES, make_easy_maze(), evaluator=halved).save(tmp_path / "model")
+        loaded = CanonicalES.load(tmp_path / "model", make_easy_maze())
+        assert not isinstance(loaded.evaluator, Halved)
+        again = CanonicalES.load(tmp_path / "model", make_easy_maze(), evaluator=halved)
+        assert again.evaluator is halved
+
+    @pytest.mark.parametrize("evaluator", ["fast", 3, None])
+    def test_what_is_none_is_refused(self, make_model, make_easy_maze, evaluator):
+        with pytest.raises(ValueError, match="`evaluator` must be"):
+            make_model(CanonicalES, make_easy_maze(), evaluator=evaluator)
+
+    def test_one_of_other_policies_is_refused(self, make_model, make_easy_maze):
+        other = make_model(CanonicalES, make_easy_maze(), policy_kwargs={"net_arch": [5]})
+        with pytest.raises(ValueError, match=r'`evaluator` must be "auto" or an Evaluator of the'):
+            make_model(CanonicalES, make_easy_maze(), evaluator=other.evaluator)

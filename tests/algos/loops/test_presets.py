@@ -1,34 +1,47 @@
+import inspect
+from pathlib import Path
+
 import gymnasium as gym
 import pytest
+import yaml
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos import (
-    AURORA,
-    CMAME,
-    NSES,
-    NSLC,
-    CanonicalES,
-    CuriosityES,
-    MAPElites,
-    load_preset,
-)
+import curiosity_algos
+from curiosity_algos import NSES, TD3ICM, CuriosityES, load_preset
 from curiosity_algos.loops.presets import PRESETS
 
+FOLDER = Path(curiosity_algos.__file__).parent / "presets"
+NO_SETTINGS = {"env", "policy", "preset", "evaluator", "archive"}
+"""Arguments that a model keeps in another form."""
 HARD = "CuriosityMaze-Hard-v0"
 MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]
 CONTROL = [f"CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")]
 
 
+def known(preset):
+    """Algorithm and environment of every entry of a preset, but for aliases."""
+    table = yaml.safe_load((FOLDER / f"{preset}.yml").read_text())
+    return [
+        (preset, algorithm, env_id)
+        for algorithm, settings in table.items()
+        for env_id in settings
+        if env_id.startswith("Curiosity")
+    ]
+
+
 @pytest.mark.parametrize(
-    "algorithm", [CuriosityES, CanonicalES, NSES, NSLC, MAPElites, CMAME, AURORA]
+    ("preset", "algorithm", "env_id"), [entry for preset in PRESETS for entry in known(preset)]
 )
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("env_id", MAZES + CONTROL)
-def test_every_preset_makes_a_model(algorithm, preset, env_id):
-    keywords = load_preset(preset, algorithm.__name__, env_id)
-    model = algorithm(env_id, **keywords)
-    for name, value in keywords.items():
-        assert getattr(model, name) == value
+def test_every_preset_makes_a_model(preset, algorithm, env_id):
+    keywords = load_preset(preset, algorithm, env_id)
+    make = getattr(curiosity_algos, algorithm)
+    asked, spelled_out, default = (
+        make(env_id, **each) for each in ({"preset": preset}, keywords, {})
+    )
+    assert asked.preset == preset
+    for name in inspect.signature(make).parameters.keys() & vars(asked).keys() - NO_SETTINGS:
+        expected = keywords.get(name, getattr(default, name))
+        assert getattr(asked, name) == getattr(spelled_out, name) == expected
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -65,7 +78,16 @@ def test_an_unknown_preset_is_refused():
         load_preset("best", "CuriosityES", HARD)
 
 
-def test_the_tuned_preset_is_the_default_for_every_kind_of_env():
+def test_what_a_preset_says_nothing_of_is_refused():
+    with pytest.raises(ValueError, match="not of CuriosityEs"):
+        load_preset("tuned", "CuriosityEs", HARD)
+    with pytest.raises(ValueError, match="not for Pendulum-v1"):
+        CuriosityES("Pendulum-v1", preset="paper")
+    with pytest.raises(ValueError, match="not of TD3ICM"):
+        TD3ICM(HARD, preset="paper")
+
+
+def test_a_preset_is_found_for_every_kind_of_env():
     expected = load_preset("tuned", "CuriosityES", HARD)["learning_rate"]
     envs = [
         HARD,
@@ -74,6 +96,21 @@ def test_the_tuned_preset_is_the_default_for_every_kind_of_env():
         gym.make_vec(HARD, num_envs=2),
         DummyVecEnv([lambda: gym.make(HARD)]),
     ]
-    assert [CuriosityES(env).learning_rate for env in envs] == [expected] * len(envs)
-    assert CuriosityES("CartPole-v1").learning_rate != expected
-    assert CuriosityES(HARD, learning_rate=0.2).learning_rate == 0.2
+    rates = [CuriosityES(env, preset="tuned").learning_rate for env in envs]
+    assert rates == [expected] * len(envs)
+    assert CuriosityES(env=HARD, preset="tuned").learning_rate == expected
+
+
+def test_what_is_given_counts_more_than_the_preset():
+    model = CuriosityES(HARD, preset="paper", sigma=0.3)  # its default, said aloud
+    assert (model.sigma, model.learning_rate, model.step) == (0.3, 1.0, "paper")
+
+
+def test_defaults_do_not_depend_on_environment_and_class():
+    class Renamed(NSES):
+        pass
+
+    gym.register("SameMaze-v0", gym.spec(HARD).entry_point, kwargs=gym.spec(HARD).kwargs)
+    models = [NSES("Pendulum-v1", behavior="state"), NSES(HARD), Renamed(HARD), NSES("SameMaze-v0")]
+    assert {model.learning_rate for model in models} == {0.5}
+    assert Renamed(HARD, preset="tuned").learning_rate == 1.0

@@ -1,0 +1,39 @@
+"""What a search in parameter space does, whatever it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+
+@runtime_checkable
+class Search(Protocol):
+    """Asked for parameters, told their fitness, generation by generation."""
+
+    @property
+    def center(self) -> npt.NDArray[np.floating[Any]]:
+        """The parameters that act while no individual has found a reward, (n_parameters,)."""
+        ...
+
+    def ask(self) -> npt.NDArray[np.float32]:
+        """A population, shape (P, n_parameters)."""
+        ...
+
+    def tell(self, fitness: npt.NDArray[np.float64]) -> None:
+        """Learn from the fitness (P,), higher is better, of the last population asked for."""
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs, as tensors and plain values."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        ...
+
+
+MakeSearch = Callable[[int, np.random.SeedSequence], Search]
+"""Makes a search for so many parameters; everything random grows from the seed."""

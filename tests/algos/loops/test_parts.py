@@ -1,0 +1,59 @@
+import numpy as np
+import torch as th
+
+from curiosity_algos import CanonicalES
+from curiosity_algos.loops.parts import stateful_parts
+
+
+class Counter:
+    """A part with a state."""
+
+    def __init__(self):
+        self.n = 0
+
+    def state_dict(self):
+        return {"n": self.n}
+
+    def load_state_dict(self, state, strict=True):
+        self.n = state["n"]
+
+
+class Counting(CanonicalES):
+    """Holds a part that no list names."""
+
+    def _make_search(self, seed):
+        super()._make_search(seed)
+        self._counter = Counter()
+
+    def _tell(self, rollouts):
+        self._counter.n += 1
+        return super()._tell(rollouts)
+
+
+def test_a_part_of_a_subclass_is_saved_and_loaded(make_easy_maze, tmp_path):
+    small = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    model = Counting(make_easy_maze(), **small).learn(300)
+    assert model._counter.n == model.generation > 0
+    model.save(tmp_path / "model")
+    loaded = Counting.load(tmp_path / "model")
+    assert loaded._counter.n == model._counter.n
+
+
+def test_every_part_is_found(any_algorithm, make_model, make_easy_maze):
+    model = make_model(any_algorithm, make_easy_maze())
+    expected = {
+        name
+        for name, part in vars(model).items()
+        if hasattr(part, "load_state_dict") and not isinstance(part, th.nn.Module | type)
+    }
+    assert set(stateful_parts(model)) - {"_bonus"} == expected
+    assert set(model.get_parameters()) >= {"policy", *stateful_parts(model)}
+
+
+def test_what_a_user_gave_is_in_its_part_alone(make_easy_maze):
+    model = CanonicalES(make_easy_maze(), population_size=4, n_parents=2)
+    search = model._search
+    given = CanonicalES(make_easy_maze(), search=search)
+    assert given.search is given._search is search
+    assert "search" not in stateful_parts(given)
+    np.testing.assert_array_equal(given.get_parameters()["_search"]["center"], search.center)

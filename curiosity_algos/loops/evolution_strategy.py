@@ -147,10 +147,10 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         given = self.search
         if given is None:
             self._search = self._canonical_search(search_seed)
-        elif isinstance(given, Search):
-            self._search = given
-        else:
+        elif callable(given):  # first: a class has all that its objects have
             self._search = given(self.policy.mlp.n_parameters, search_seed)
+        else:
+            self._search = given
         self._check_search(self._search)
         self._make_parts(*own_seeds)
 

@@ -96,21 +96,25 @@ class Climber:
     def __init__(self, n_parameters, seed, population_size=6):
         self._rng = np.random.default_rng(seed)
         self._size = population_size
-        self.center = 0.1 * self._rng.standard_normal(n_parameters)
+        self._best = 0.1 * self._rng.standard_normal(n_parameters)
+
+    @property
+    def center(self):
+        return self._best
 
     def ask(self):
         self._asked = self.center + 0.1 * self._rng.standard_normal((self._size, len(self.center)))
         return self._asked.astype(np.float32)
 
     def tell(self, fitness):
-        self.center = self._asked[np.argmax(fitness)]
+        self._best = self._asked[np.argmax(fitness)]
 
     def state_dict(self):
         state = json.dumps(self._rng.bit_generator.state)
         return {"center": th.from_numpy(self.center), "rng": state}
 
     def load_state_dict(self, state, strict=True):
-        self.center = state["center"].numpy()
+        self._best = state["center"].numpy()
         self._rng.bit_generator.state = json.loads(state["rng"])
 
 

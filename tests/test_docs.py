@@ -1,0 +1,21 @@
+"""What the documentation promises of its own pages."""
+
+from pathlib import Path
+
+import pytest
+
+import curiosity_algos
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = sorted(path for path in (DOCS / "algorithms").glob("*.md") if path.stem != "index")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_an_algorithms_page_begins_with_all_its_arguments_and_methods(page):
+    title, *_ = page.read_text().splitlines()
+    algorithm = title.removeprefix("# ")
+    assert hasattr(curiosity_algos, algorithm)
+    first_section = page.read_text().split("\n## ")[1]
+    assert first_section.startswith("Arguments and methods")
+    assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
+    assert "   :members:\n   :inherited-members:\n" in first_section

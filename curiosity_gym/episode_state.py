@@ -36,8 +36,8 @@ def _checked_entry(key: str, value: object, like: AnyArray) -> AnyArray:
     return array
 
 
-def check_steps(steps: AnyArray, ended: AnyArray, horizon: int) -> None:
-    """Raise ValueError unless episodes of this horizon can be at these steps and have `ended`."""
-    # A step has ended those that have ended; the others have one left before the horizon.
-    if ((steps < ended) | (steps >= horizon + ended)).any():
-        raise ValueError(f"`state` must be of episodes of at most {horizon} steps, the horizon.")
+def check_steps(steps: AnyArray, ended: AnyArray, limit: int) -> None:
+    """Raise ValueError unless episodes of this limit can be at these steps and have `ended`."""
+    # A step has ended those that have ended; the others have one left before the limit.
+    if ((steps < ended) | (steps >= limit + ended)).any():
+        raise ValueError(f"`state` must be of episodes of at most {limit} steps.")

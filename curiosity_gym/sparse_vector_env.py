@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame, Mask
 from curiosity_gym.episode_state import check_steps, checked_state
@@ -32,9 +33,15 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
+        max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
+            `gymnasium.make` does; the reward stays that of the horizon. None: no such limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
+
+    Attributes:
+        horizon: The T of the reward `1 - t / T`; no episode is longer.
+        max_episode_steps: The argument, None where there is no limit below the horizon's.
 
     Raises:
         ValueError: If an argument is not what it may be.
@@ -48,10 +55,13 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         *,
         num_envs: int,
         autoreset_mode: AutoresetMode | str,
+        max_episode_steps: int | None,
         render_mode: str | None,
         copy: bool,
     ) -> None:
         check_at_least_one(num_envs=num_envs)
+        if max_episode_steps is not None:
+            check_at_least_one(max_episode_steps=max_episode_steps)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
         self.num_envs = num_envs
@@ -62,6 +72,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self.behavior_space = config.behavior_space
         self.coverage_grid = config.coverage_grid
         self.horizon = config.horizon
+        self.max_episode_steps = max_episode_steps
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         own = {"render_fps": config.fps, "autoreset_mode": self.autoreset_mode}
         self.metadata = {**type(self).metadata, **own}
@@ -81,11 +92,20 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """Whether every env has an episode, under way or just ended."""
         return bool((self._steps >= 0).all())
 
+    @property
+    def _longest_episode(self) -> int:
+        return min(self.horizon, self.max_episode_steps or self.horizon)
+
+    def make_single_env(self) -> gym.Env[Float32Array, Float32Array]:
+        """A single env that gives, step for step, what each of these gives."""
+        env = self._make_bare_env()
+        return env if self.max_episode_steps is None else TimeLimit(env, self.max_episode_steps)
+
     # -- what an environment writes ---------------------------------------------------------------
 
     @abstractmethod
-    def make_single_env(self) -> SparseSingleEnv:
-        """A single env of the same task."""
+    def _make_bare_env(self) -> SparseSingleEnv:
+        """A single env of the same keywords."""
 
     @abstractmethod
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
@@ -194,13 +214,23 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self._steps = self._no_episodes()  # all need a reset, should the physics fail midway
         terminated = self._advance(actions, resets)
         self._steps = np.where(resets, 0, steps + 1)
-        truncated = ~terminated & (self._steps >= self.horizon)
+        truncated = self._truncated(terminated)
         rewards = np.where(terminated, 1.0 - self._steps / self.horizon, 0.0)
         self._ended = terminated | truncated
         infos = self._infos(np.ones(self.num_envs, dtype=np.bool_), terminated)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos = self._reset_ended(infos)
         return self._handed_out(), rewards, terminated, truncated, infos
+
+    def _truncated(self, terminated: Mask) -> Mask:
+        """Which episodes are truncated: at the horizon, and at a limit like a `TimeLimit`.
+
+        A `TimeLimit` truncates a step that terminates, too, and the horizon does not.
+        """
+        truncated: Mask = ~terminated & (self._steps >= self.horizon)
+        if self.max_episode_steps is not None:
+            truncated |= self._steps >= self.max_episode_steps
+        return truncated
 
     def _handed_out(self) -> Float32Array:
         return self._observations.copy() if self.copy else self._observations
@@ -272,7 +302,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
             ValueError: If it is no state of such an environment; nothing has changed then.
         """
         own = checked_state(state, self._snapshot())
-        check_steps(own["steps"], own["ended"], self.horizon)
+        check_steps(own["steps"], own["ended"], self._longest_episode)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
             raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
         self._set_physics(own["physics"], own["observations"])

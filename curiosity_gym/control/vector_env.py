@@ -25,7 +25,8 @@ class ControlVectorEnv(SparseVectorEnv):
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
-        max_episode_steps: Stands for `horizon`, as `make_vec` knows it by this name.
+        max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
+            `gymnasium.make` does; the reward stays that of the horizon. None: no such limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
@@ -50,13 +51,12 @@ class ControlVectorEnv(SparseVectorEnv):
         n_threads: int | None = None,
         **kwargs: Any,
     ) -> None:
-        if max_episode_steps is not None:
-            kwargs["horizon"] = max_episode_steps
         config = configure_control(task, **kwargs)
         super().__init__(
             config,
             num_envs=num_envs,
             autoreset_mode=autoreset_mode,
+            max_episode_steps=max_episode_steps,
             render_mode=render_mode,
             copy=copy,
         )
@@ -65,8 +65,7 @@ class ControlVectorEnv(SparseVectorEnv):
         self._simulation = Simulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
 
-    def make_single_env(self) -> ControlEnv:
-        """A single env of the same task."""
+    def _make_bare_env(self) -> ControlEnv:
         return ControlEnv(**self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:

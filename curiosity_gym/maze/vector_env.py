@@ -60,7 +60,8 @@ class MazeVectorEnv(SparseVectorEnv):
         num_envs: Number of robots.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
-        max_episode_steps: Stands for `horizon`, as `make_vec` knows it by this name.
+        max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
+            `gymnasium.make` does; the reward stays that of the horizon. None: no such limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
@@ -83,13 +84,12 @@ class MazeVectorEnv(SparseVectorEnv):
         n_threads: int | None = None,
         **kwargs: Any,
     ) -> None:
-        if max_episode_steps is not None:
-            kwargs["horizon"] = max_episode_steps
         config = configure_maze(layout, **kwargs)
         super().__init__(
             config,
             num_envs=num_envs,
             autoreset_mode=autoreset_mode,
+            max_episode_steps=max_episode_steps,
             render_mode=render_mode,
             copy=copy,
         )
@@ -100,8 +100,7 @@ class MazeVectorEnv(SparseVectorEnv):
         self._pool = ThreadPool(n_threads)
         self._states = np.tile(self.maze.start, (num_envs, 1))
 
-    def make_single_env(self) -> MazeEnv:
-        """A single env of the same maze."""
+    def _make_bare_env(self) -> MazeEnv:
         return MazeEnv(self.layout, **self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:

@@ -388,6 +388,17 @@ def assert_refused(kind, broken, why=""):
 
 
 class TestRefused:
+    @pytest.mark.parametrize("kind", ["mazes", "controls"])
+    def test_is_what_is_beyond_the_limit_on_steps(self, kind):
+        envs, limited = MAKERS[kind](), MAKERS[kind](max_episode_steps=2)
+        envs.reset()
+        for n_steps in (1, 2):
+            envs.step(np.zeros(envs.action_space.shape, dtype=np.float32))
+            if n_steps == 1:
+                limited.load_state_dict(envs.state_dict())
+        with pytest.raises(ValueError, match="at most 2 steps"):
+            limited.load_state_dict(envs.state_dict())
+
     @pytest.mark.parametrize("kind", MAKERS)
     @pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
     def test_is_what_is_no_state(self, kind, broken):

@@ -171,11 +171,15 @@ def test_the_single_env_of_a_vector_env_has_its_keywords():
         "CuriosityMaze-Hard-v0",
         num_envs=2,
         vectorization_mode="vector_entry_point",
-        max_episode_steps=7,
+        horizon=7,
+        max_episode_steps=6,
         n_beams=5,
     )
-    env = GymnasiumView(envs).envs[0].unwrapped
-    assert (env.horizon, env.observation_space.shape) == (7, (9,))
+    env = GymnasiumView(envs).envs[0]
+    assert (env.unwrapped.horizon, env.observation_space.shape) == (7, (9,))
+    env.reset()
+    ends = [env.step(np.zeros(2, dtype=np.float32))[3] for _ in range(6)]
+    assert ends == [False] * 5 + [True]
 
 
 def test_copies_are_of_the_env_as_it_is():

@@ -151,7 +151,19 @@ class TestStep:
 
 
 class TestMakeVec:
-    def test_makes_it_with_the_mode_and_horizon(self):
+    @pytest.mark.parametrize("mode", MODES)
+    def test_max_episode_steps_is_the_time_limit_of_single_envs(
+        self, mode, actions, assert_identical, run
+    ):
+        keywords = {"success_threshold": 1e-45, "num_envs": N_ENVS, "max_episode_steps": 25}
+        make_vec = partial(gym.make_vec, "CuriosityControl-Stacker-v0", **keywords)
+        native = make_vec(autoreset_mode=mode)
+        sync = make_vec(vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode})
+        assert (native.horizon, native.max_episode_steps) == (1000, 25)
+        for our, their in zip(run(native, actions), run(sync, actions), strict=True):
+            assert_identical(our, their)
+
+    def test_makes_it_with_the_mode_and_limit(self):
         envs = gym.make_vec(
             "CuriosityControl-Finger-v0",
             num_envs=2,

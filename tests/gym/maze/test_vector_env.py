@@ -35,6 +35,16 @@ def random_actions(n_steps, num_envs=N_ENVS, seed=0):
     return np.repeat(values, 5, axis=0)[:n_steps].astype(np.float32)
 
 
+def play_until_the_end(envs, actions):
+    """Number of steps, and the last step's reward and ends, of the first of the envs."""
+    envs.reset()
+    for t in range(1, 100):
+        _, rewards, terminated, truncated, _ = envs.step(actions)
+        if terminated[0] or truncated[0]:
+            return t, rewards[0], terminated[0], truncated[0]
+    raise AssertionError("The episode does not end.")
+
+
 class TestAgainstSingleEnvs:
     @pytest.mark.parametrize("mode", MODES)
     @pytest.mark.parametrize("changes", [{}, {"restitution": 1.0, "horizon": 1}, {"num_envs": 1}])
@@ -238,12 +248,37 @@ class TestMakeVec:
         assert envs.reset(seed=0)[0].shape == (4, 7)
         assert not recwarn.list
 
-    def test_takes_max_episode_steps_for_the_horizon(self):
-        envs = gym.make_vec("CuriosityMaze-US-v0", num_envs=2, max_episode_steps=3)
-        assert envs.horizon == envs.maze.horizon == 3
-        envs.reset()
-        ends = [envs.step(np.zeros((2, 2), dtype=np.float32))[3].tolist() for _ in range(3)]
-        assert ends == [[False] * 2, [False] * 2, [True] * 2]
+    @pytest.mark.parametrize("mode", MODES)
+    @pytest.mark.parametrize("limit", [1, 7, 12, 25, 40])
+    def test_max_episode_steps_is_the_time_limit_of_single_envs(
+        self, mode, limit, assert_identical, run
+    ):
+        actions = random_actions(150)
+        keywords = KEYWORDS | {"num_envs": N_ENVS, "max_episode_steps": limit}
+        native = gym.make_vec("CuriosityMaze-v0", autoreset_mode=mode, **keywords)
+        sync = gym.make_vec(
+            "CuriosityMaze-v0",
+            vectorization_mode="sync",
+            vector_kwargs={"autoreset_mode": mode},
+            **keywords,
+        )
+        for our, their in zip(run(native, actions), run(sync, actions), strict=True):
+            assert_identical(our, their)
+
+    @pytest.mark.parametrize("later", [None, 0, 1])
+    def test_max_episode_steps_leaves_the_reward_to_the_horizon(self, later):
+        to_goal = np.array([[1.0, 0.0]], dtype=np.float32)
+        t = play_until_the_end(make_native(1), to_goal)[0]
+        limit = None if later is None else t + later
+        envs = make_native(1, max_episode_steps=limit)
+        assert (envs.horizon, envs.maze.horizon, envs.max_episode_steps) == (25, 25, limit)
+        # A TimeLimit truncates a step that terminates, too.
+        assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
+
+    def test_the_single_env_has_the_same_limit(self):
+        env = make_native(max_episode_steps=3).make_single_env()
+        assert (env.unwrapped.horizon, env._max_episode_steps) == (25, 3)
+        assert type(make_native().make_single_env()) is MazeEnv
 
     @pytest.mark.parametrize(
         "wrapper", [gym.wrappers.vector.RecordEpisodeStatistics, gym.wrappers.vector.DictInfoToList]

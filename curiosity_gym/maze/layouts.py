@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,6 +21,8 @@ from curiosity_gym.maze.reachability import BoolArray, FloatArray, Region, reach
 
 ROBOT_RADIUS = 1.0
 GOAL_RADIUS = 2.0
+MAX_WALLS = 10_000
+"""More would take minutes to lay out for the compiled dynamics, and would slow every step down."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,9 @@ class MazeLayout:
         height: Extent of the world along y, above `2 * ROBOT_RADIUS`.
         start: The robot's first position (x, y), at least `ROBOT_RADIUS` from walls and border.
         goal: The goal (x, y), outside the walls, in reach of the robot up to `GOAL_RADIUS`.
-        walls: (n, 4) x, y of the lower left corner, width and height; kept as a read-only copy.
+        walls: (n, 4) x, y of the lower left corner, width and height; kept as a read-only copy. At
+            most `MAX_WALLS`, whose edges may cut the world into at most
+            `reachability.MAX_RECTANGLES` rectangles: all walls of a grid, and any 1,500 others.
 
     Raises:
         ValueError: A field breaks the rules above or holds something else than finite numbers.
@@ -165,6 +170,7 @@ def closest_approach(layout: MazeLayout) -> float:
     return _reachable(layout).distance(layout.goal)
 
 
+@lru_cache(maxsize=8)  # a layout's check, its reachable cells and its goal ask for the same
 def _reachable(layout: MazeLayout) -> Region:
     size = layout.width, layout.height
     return reachable_region(layout.walls, size, layout.start, ROBOT_RADIUS)
@@ -202,6 +208,8 @@ def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> 
 
 def _walls(value: object) -> FloatArray:
     walls = _floats("walls", value, "rows of x, y, width, height", (-1, 4))
+    if len(walls) > MAX_WALLS:
+        raise ValueError(f"walls must be at most {MAX_WALLS}, got {len(walls)}.")
     bad = np.flatnonzero((walls[:, 2:] <= 0).any(axis=1))
     if bad.size:
         raise ValueError(f"walls must have positive sizes, got {walls[bad[0]].tolist()}.")

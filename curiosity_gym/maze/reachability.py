@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
+IntArray = NDArray[np.integer]
 
 # Edges closer than this are one edge: 0.1 + 0.2 and 0.3 leave no gap for the robot.
 _DECIMALS = 9
+
+MAX_RECTANGLES = 10_000_000
+"""Most rectangles that a world is cut into: some seconds of work."""
 
 
 class Region(NamedTuple):
@@ -31,9 +34,11 @@ class Region(NamedTuple):
         Returns:
             (n_cells, n_cells), indexed [ix, iy].
         """
-        columns = _overlaps(self.xs, np.linspace(0.0, size[0], n_cells + 1))
-        rows = _overlaps(self.ys, np.linspace(0.0, size[1], n_cells + 1))
-        return columns.T @ self.mask @ rows
+        # As numbers: numpy multiplies truth values a hundred times slower.
+        columns = _overlaps(self.xs, np.linspace(0.0, size[0], n_cells + 1)).astype(np.float32)
+        rows = _overlaps(self.ys, np.linspace(0.0, size[1], n_cells + 1)).astype(np.float32)
+        held: BoolArray = columns.T @ self.mask.astype(np.float32) @ rows > 0.0
+        return held
 
     def distance(self, point: tuple[float, float]) -> float:
         """Return the distance from a point to the region, infinite if the region is empty."""
@@ -57,12 +62,18 @@ def reachable_region(
         size: Width and height of the world, whose border is a wall too.
         start: (x, y); where it is a corner of two pieces, both are reached.
         radius: Half-width of the robot, by which walls and border are grown.
+
+    Raises:
+        ValueError: If the walls have too many different edges.
     """
     left, right, xs = _grown_spans(walls[:, 0], walls[:, 2], size[0], radius)
     bottom, top, ys = _grown_spans(walls[:, 1], walls[:, 3], size[1], radius)
-    free = np.ones((xs.size - 1, ys.size - 1), dtype=bool)
-    for x0, x1, y0, y1 in zip(left, right, bottom, top, strict=True):
-        free[x0:x1, y0:y1] = False
+    if xs.size * ys.size > MAX_RECTANGLES:
+        raise ValueError(
+            f"walls must have fewer different edges: {xs.size} along x and {ys.size} along y cut "
+            f"the world into more than {MAX_RECTANGLES} rectangles."
+        )
+    free = _free_rectangles((xs.size - 1, ys.size - 1), (left, right), (bottom, top))
     at_start = np.outer(_holds(xs, start[0]), _holds(ys, start[1]))
     return Region(xs, ys, _flood(free, at_start & free))
 
@@ -75,6 +86,19 @@ def _grown_spans(
     ends = np.concatenate([limits, low - radius, low + length + radius])
     edges, index = np.unique(np.round(np.clip(ends, *limits), _DECIMALS), return_inverse=True)
     return index[2 : 2 + low.size], index[2 + low.size :], edges
+
+
+def _free_rectangles(
+    shape: tuple[int, int], across: tuple[IntArray, IntArray], up: tuple[IntArray, IntArray]
+) -> BoolArray:
+    """Mark the rectangles that no wall covers, from the ends of the walls' spans along x and y."""
+    changes = np.zeros((shape[0] + 1, shape[1] + 1), dtype=np.int32)
+    for sign_x, x in zip((1, -1), across, strict=True):
+        for sign_y, y in zip((1, -1), up, strict=True):
+            np.add.at(changes, (x, y), sign_x * sign_y)
+    n_walls = changes.cumsum(axis=0, out=changes).cumsum(axis=1, out=changes)
+    free: BoolArray = n_walls[:-1, :-1] == 0
+    return free
 
 
 def _holds(edges: FloatArray, value: float) -> BoolArray:
@@ -91,24 +115,37 @@ def _overlaps(edges: FloatArray, others: FloatArray) -> BoolArray:
 
 
 def _flood(free: BoolArray, reached: BoolArray) -> BoolArray:
-    """Spread over free neighbors, a whole straight run at a time: a round for each two turns."""
-    columns, rows = _run_labels(free), _run_labels(free.T)
-    while True:
-        spread = _fill_runs(reached, columns) & free
-        spread = _fill_runs(spread.T, rows).T & free
-        if np.array_equal(spread, reached):
-            return reached
-        reached = spread
+    """Spread over free neighbors: each straight run that is entered, is filled once as a whole."""
+    columns, rows = _Runs(free), _Runs(free.T)
+    n_columns, n_rows = free.shape
+    filled = np.zeros(free.size, dtype=bool)
+    cells: IntArray = np.flatnonzero(reached).astype(np.int32)
+    while cells.size:
+        cells = columns.fill(cells)
+        filled[cells] = True
+        across = rows.fill(cells % n_rows * n_columns + cells // n_rows)
+        cells = across % n_columns * n_rows + across // n_columns
+    return filled.reshape(free.shape)
 
 
-def _run_labels(free: BoolArray) -> IntArray:
-    """Number the runs of free entries along the last axis, each with the blocked one before it."""
-    begins = ~free
-    begins[:, 0] = True
-    return np.cumsum(begins, dtype=np.intp).reshape(free.shape)
+class _Runs:
+    """The straight runs of free entries along the last axis of an array, by flat indices."""
 
+    def __init__(self, free: BoolArray) -> None:
+        begins = ~free  # a run is counted with the blocked entry before it
+        begins[:, 0] = True
+        self._free = free.ravel()
+        self._label = np.cumsum(begins.ravel(), dtype=np.int32) - np.int32(1)
+        self._edges = np.append(np.flatnonzero(begins), begins.size).astype(np.int32)
+        self._is_filled = np.zeros(self._edges.size - 1, dtype=bool)
 
-def _fill_runs(reached: BoolArray, labels: IntArray) -> BoolArray:
-    touched = np.zeros(labels[-1, -1] + 1, dtype=bool)
-    touched[labels[reached]] = True
-    return touched[labels]
+    def fill(self, entries: IntArray) -> IntArray:
+        """Fill the runs that hold `entries`; the free entries of those not filled before."""
+        labels = self._label[entries]
+        runs = np.unique(labels[np.diff(labels, prepend=-1) != 0])  # neighbors share their run
+        runs = runs[~self._is_filled[runs]]
+        self._is_filled[runs] = True
+        begins, lengths = self._edges[runs], self._edges[runs + 1] - self._edges[runs]
+        shifts = np.repeat(begins - (np.cumsum(lengths, dtype=np.int32) - lengths), lengths)
+        found: IntArray = shifts + np.arange(shifts.size, dtype=np.int32)
+        return found[self._free[found]]

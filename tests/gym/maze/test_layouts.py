@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from curiosity_gym.maze.layouts import (
     BUILT_IN,
     GOAL_RADIUS,
+    MAX_WALLS,
     MazeLayout,
     closest_approach,
     reachable_cells,
@@ -60,6 +61,22 @@ class TestFields:
         np.testing.assert_array_equal(
             make_layout(walls=walls).walls, [[0, 15, 5, 5], [10, 0, 5, 10]]
         )
+
+    def test_walls_may_be_many_on_a_grid_but_not_more(self):
+        corners = 10.0 * np.stack(np.meshgrid(np.arange(100), np.arange(100)), axis=-1) + 3.0
+        walls = np.concatenate([corners, np.full_like(corners, 4.0)], axis=-1).reshape(-1, 4)
+        ends = {"start": (1.5, 1.5), "goal": (998.5, 998.5)}
+        layout = MazeLayout("pillars", 1000.0, 1000.0, walls=walls, **ends)
+        assert (len(layout.walls), closest_approach(layout)) == (MAX_WALLS, 0.0)
+        many = np.tile(walls, (20, 1))
+        with pytest.raises(ValueError, match=r"^walls must be at most 10000, got 200000.$"):
+            MazeLayout("pillars", 1000.0, 1000.0, walls=many, **ends)
+
+    def test_walls_may_not_cut_the_world_into_too_many_rectangles(self):
+        corners = np.random.default_rng(0).uniform(20.0, 180.0, (4000, 2))
+        walls = np.concatenate([corners, np.full_like(corners, 0.1)], axis=1)
+        with pytest.raises(ValueError, match=r"^walls must have fewer different edges: "):
+            MazeLayout("dust", 200.0, 200.0, (5.0, 5.0), (195.0, 195.0), walls)
 
     @pytest.mark.parametrize("walls", [[], np.empty((0, 4)), np.array([])])
     def test_walls_may_be_absent(self, walls):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import inspect
+import hashlib
+import importlib.resources
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from functools import cache
+from importlib.resources.abc import Traversable
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -27,32 +28,48 @@ def compiled(function: _F) -> _F:
     is off too, as its atomic operations took more time than the dynamics: a compiled function works
     on arrays that its Python caller holds, and creates none.
     """
-    _remove_stale_code(Path(inspect.getfile(function)))
     njit: Any = numba.njit  # its types do not know `_nrt`
-    decorate = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)
-    return cast(_F, decorate(function))
+    decorate = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
+    dispatcher = decorate(function)
+    _keep_on_disk(dispatcher, function.__module__)
+    return cast(_F, dispatcher)
 
 
-@cache
-def _remove_stale_code(file: Path) -> None:
-    """Remove machine code of `file` that is older than a source file it may have inlined.
+def _keep_on_disk(dispatcher: Any, module: str) -> None:
+    """Keep machine code on disk, valid for the sources of the packages that it may have inlined.
 
     Numba looks at the function's own file alone, and would go on with the old code of the others.
     """
-    packages = {Path(__file__).parent, _package(file)}
-    newest = max(path.stat().st_mtime for each in packages for path in each.rglob("*.py"))
-    for stored in (file.parent / "__pycache__").glob(f"{file.stem}.*.nb[ic]"):
-        with suppress(OSError):  # another process may have been faster, or the folder is not ours
-            if stored.stat().st_mtime < newest:
-                stored.unlink()
+    try:
+        dispatcher.enable_caching()
+    except RuntimeError:  # no folder to keep it in: it is compiled anew in every process
+        return
+    index = dispatcher._cache._cache_file
+    index._source_stamp = (index._source_stamp, *_sources(module.partition(".")[0]))
 
 
-def _package(file: Path) -> Path:
-    """The outermost package that holds `file`."""
-    folder = file.parent
-    while (folder.parent / "__init__.py").exists():
-        folder = folder.parent
-    return folder
+def _sources(package: str) -> tuple[bytes, ...]:
+    """Digests of the sources that functions of a package may inline: its own and this package's."""
+    return tuple(map(_digest, sorted({__name__.partition(".")[0], package})))
+
+
+@cache
+def _digest(package: str) -> bytes:
+    """Of the contents of every source file in a package; of none where it is a plain module."""
+    digest = hashlib.sha256()
+    if hasattr(sys.modules[package], "__path__"):
+        for source in _source_files(importlib.resources.files(package)):
+            digest.update(source.name.encode() + source.read_bytes())
+    return digest.digest()
+
+
+def _source_files(folder: Traversable) -> Iterator[Traversable]:
+    """The source files in a folder and those below it, on disk or in a zip, in a fixed order."""
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if entry.is_dir():
+            yield from _source_files(entry)
+        elif entry.name.endswith(".py"):
+            yield entry
 
 
 class ThreadPool:

@@ -1,13 +1,19 @@
 import multiprocessing
 import os
 import pickle
+import subprocess
+import sys
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.processors import available_cpus
+
+ROOT = Path(__file__).parents[2]
 
 
 @compiled
@@ -70,3 +76,81 @@ def test_compiled_functions_may_run_concurrently():
         results = list(executor.map(lambda _: run_add_index(ThreadPool(2), 100, 8), range(20)))
     for values in results:
         np.testing.assert_array_equal(values, np.arange(100))
+
+
+FACTOR = """
+from curiosity_gym.compiled import compiled
+
+@compiled
+def factor():
+    return {}
+"""
+SCALE = """
+from curiosity_gym.compiled import compiled
+from package.factor import factor
+
+@compiled
+def scale(value):
+    return value * factor()
+"""
+SCALE_ONE = "from package.scale import scale; print(scale(1.0))"
+
+
+def run_python(code, path, **environment):
+    """What a fresh interpreter prints that finds packages in `path` first."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path)), **environment}
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, cwd="/")
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
+class TestMachineCodeOnDisk:
+    @pytest.fixture
+    def package(self, tmp_path):
+        package = tmp_path / "package"
+        package.mkdir()
+        for name, text in {"__init__": "", "factor": FACTOR.format(2.0), "scale": SCALE}.items():
+            (package / f"{name}.py").write_text(text)
+        return package
+
+    @pytest.mark.parametrize("elsewhere", [False, True])
+    def test_is_left_when_an_inlined_function_has_changed(self, package, elsewhere):
+        folder = {"NUMBA_CACHE_DIR": str(package.parent / "cache")} if elsewhere else {}
+        path = [package.parent, ROOT]
+        assert run_python(SCALE_ONE, path, **folder) == "2.0"
+        factor = package / "factor.py"
+        before = factor.stat()
+        factor.write_text(FACTOR.format(3.0))
+        # As from an archive or another checkout: the change is no newer than the machine code.
+        os.utime(factor, ns=(before.st_atime_ns, before.st_mtime_ns - 10**10))
+        assert run_python(SCALE_ONE, path, **folder) == "3.0"
+
+    @pytest.mark.parametrize("elsewhere", [False, True])
+    def test_is_loaded_where_nothing_has_changed(self, package, elsewhere):
+        folder = {"NUMBA_CACHE_DIR": str(package.parent / "cache")} if elsewhere else {}
+        code = f"{SCALE_ONE}; print(*map(len, (scale.stats.cache_hits, scale.stats.cache_misses)))"
+        printed = [run_python(code, [package.parent, ROOT], **folder) for _ in range(2)]
+        assert printed == ["2.0\n0 1", "2.0\n1 0"]
+
+    # Numba keeps machine code of a .zip, and none of other archives.
+    @pytest.mark.parametrize(
+        ("name", "imported"),
+        [("packages.zip", "curiosity_algos"), ("packages.whl", "curiosity_gym")],
+    )
+    def test_works_from_an_archive(self, name, imported, tmp_path):
+        archive = tmp_path / name
+        with zipfile.ZipFile(archive, "w") as file:
+            for package in ("curiosity_gym", "curiosity_algos"):
+                for source in (ROOT / package).rglob("*.py"):
+                    file.write(source, source.relative_to(ROOT))
+        code = (
+            f"import {imported}, gymnasium as gym\n"
+            "import curiosity_gym.compiled as it\n"
+            "env = gym.make('CuriosityMaze-Hard-v0')\n"
+            "env.reset()\n"
+            "print(it.__file__, env.step(env.action_space.high)[4]['velocity'].tolist())"
+        )
+        home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+        printed = run_python(code, [archive], **home)
+        assert printed == f"{archive}/curiosity_gym/compiled.py [0.5, 0.5]"

@@ -34,11 +34,14 @@ class CoverageGrid:
     Attributes:
         dimensions: Entries of the behavior that count, d of them.
         low: (d,) lower bounds.
-        high: (d,) upper bounds.
+        high: (d,) upper bounds, each above its lower one.
         n_cells: Cells along each dimension.
         reachable: (n_cells,) * d bool, the cells that can be visited at all; None: unknown.
         projections: Name: positions among the d dimensions; their cells are also counted alone, as
             `coverage/<name>`.
+
+    Raises:
+        ValueError: If a lower bound is not below its upper one.
     """
 
     dimensions: tuple[int, ...]
@@ -47,6 +50,13 @@ class CoverageGrid:
     n_cells: int = 50
     reachable: npt.NDArray[np.bool_] | None = None
     projections: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (np.asarray(self.low) < np.asarray(self.high)).all():
+            raise ValueError(
+                "The bounds of a behavior must have every `low` below its `high`, to be cut into "
+                f"cells, got {self.low} and {self.high}."
+            )
 
     def __eq__(self, other: object) -> bool:
         """Equal grids count the same cells."""

@@ -59,3 +59,9 @@ def test_grids_are_equal_when_they_count_the_same(changes):
     assert make_grid() == make_grid()
     assert make_grid(**changes) == make_grid(**changes)
     assert make_grid() != make_grid(**changes)
+
+
+@pytest.mark.parametrize("low", [1.0, 2.0, np.nan])
+def test_bounds_that_leave_no_room_for_cells_are_errors(low):
+    with pytest.raises(ValueError, match="every `low` below its `high`"):
+        make_grid(low=np.array([0.0, low]))

@@ -2,11 +2,17 @@
 
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.registration import register_envs
-from curiosity_gym.wrappers.behavior import BehaviorWrapper
+from curiosity_gym.wrappers.behavior import BehaviorAccumulator, BehaviorWrapper
 from curiosity_gym.wrappers.sparse import SparseRewardWrapper
 
 __version__ = "0.1.0"
 
-__all__ = ["BehaviorWrapper", "MazeLayout", "SparseRewardWrapper", "register_envs"]
+__all__ = [
+    "BehaviorAccumulator",
+    "BehaviorWrapper",
+    "MazeLayout",
+    "SparseRewardWrapper",
+    "register_envs",
+]
 
 register_envs()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import gymnasium as gym
 import numpy as np
@@ -11,16 +12,74 @@ import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-BehaviorFunction = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
-"""`behavior(env, observation, info)`: what an episode has come to, (B,)."""
+BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
+"""`behavior(env, observation, info)`: the behavior of an episode that stands there, (B,).
+
+It must be pure: the same arguments give the same behavior, whatever was asked before. All copies of
+an environment call the one function, so that what it remembers (in a closure, a global) mixes their
+episodes. A `BehaviorAccumulator` remembers for each environment apart.
+"""
+
+
+@runtime_checkable
+class BehaviorAccumulator(Protocol):
+    """A behavior that is gathered over an episode, such as a mean.
+
+    Every environment works on a copy of its own, made by `copy.deepcopy` when it is wrapped, and
+    copied with it from then on. What an episode adds up is to be kept in attributes.
+    """
+
+    def reset(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
+        """Forget the last episode, and take in the first observation of the next.
+
+        Args:
+            env: The wrapped environment.
+            observation: What its `reset` returned.
+            info: Returned with it.
+        """
+        ...
+
+    def step(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
+        """Take in one step of the episode.
+
+        Args:
+            env: The wrapped environment.
+            observation: What its `step` returned.
+            info: Returned with it.
+        """
+        ...
+
+    def result(self) -> npt.ArrayLike:
+        """The behavior of the episode so far, B finite numbers; asked after each reset and step."""
+        ...
+
+
+Behavior: TypeAlias = BehaviorFunction | BehaviorAccumulator
+"""What the wrappers take for a behavior."""
+
+
+class _LastStep:
+    """A function of the last step, as an accumulator."""
+
+    def __init__(self, function: BehaviorFunction) -> None:
+        self._function = function
+        self._behavior: npt.ArrayLike = ()
+
+    def reset(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
+        self._behavior = self._function(env, observation, info)
+
+    step = reset
+
+    def result(self) -> npt.ArrayLike:
+        return self._behavior
 
 
 class BehaviorRecorder:
     """Adds behaviors to infos.
 
     Args:
-        behavior: See `BehaviorWrapper`, as for `behavior_space`.
-        behavior_space: Likewise.
+        behavior: See `BehaviorWrapper`.
+        behavior_space: See `BehaviorWrapper`.
 
     Attributes:
         space: The bounds of the behavior, (B,) float64.
@@ -29,27 +88,34 @@ class BehaviorRecorder:
         ValueError: If an argument is not what it may be.
     """
 
-    def __init__(self, behavior: BehaviorFunction, behavior_space: spaces.Space[Any]) -> None:
-        if not callable(behavior):
-            raise ValueError(f"`behavior` must be a function, got {behavior!r}.")
-        if not isinstance(behavior_space, spaces.Box) or len(behavior_space.shape) != 1:
-            raise ValueError(
-                f"`behavior_space` must be a Box of one dimension, got {behavior_space!r}."
-            )
-        low, high = (
-            bound.astype(np.float64) for bound in (behavior_space.low, behavior_space.high)
-        )
-        self.space = spaces.Box(low, high, dtype=np.float64)
-        self._behavior = behavior
+    def __init__(self, behavior: Behavior, behavior_space: spaces.Space[Any]) -> None:
+        self.space = _checked_space(behavior_space)
+        self._accumulator = _own_accumulator(behavior)
 
-    def add(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> dict[str, Any]:
-        """The info with its `behavior`, a copy.
+    def reset(
+        self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]
+    ) -> dict[str, Any]:
+        """The info of a reset with its `behavior`, a copy.
 
         Raises:
             ValueError: If the behavior has another shape than its space, or is not finite.
         """
-        # A copy: environments may write into the same array at every step.
-        behavior = np.array(self._behavior(env, observation, info), dtype=np.float64)
+        self._accumulator.reset(env, observation, info)
+        return {**info, "behavior": self._result()}
+
+    def step(
+        self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]
+    ) -> dict[str, Any]:
+        """The info of a step with its `behavior`, a copy.
+
+        Raises:
+            ValueError: If the behavior has another shape than its space, or is not finite.
+        """
+        self._accumulator.step(env, observation, info)
+        return {**info, "behavior": self._result()}
+
+    def _result(self) -> npt.NDArray[np.float64]:
+        behavior = _numbers(self._accumulator.result())
         if behavior.shape != self.space.shape:
             raise ValueError(
                 f"`behavior` must return shape {self.space.shape}, as `behavior_space` has it, "
@@ -57,7 +123,38 @@ class BehaviorRecorder:
             )
         if not np.isfinite(behavior).all():
             raise ValueError(f"`behavior` must return finite numbers, got {behavior}.")
-        return {**info, "behavior": behavior}
+        return behavior
+
+
+def _own_accumulator(behavior: Behavior) -> BehaviorAccumulator:
+    if isinstance(behavior, BehaviorAccumulator) and not isinstance(behavior, type):
+        return copy.deepcopy(behavior)
+    if not callable(behavior) or isinstance(behavior, type):
+        raise ValueError(
+            "`behavior` must be a function, or an object with `reset`, `step` and `result`, "
+            f"got {behavior!r}."
+        )
+    return _LastStep(behavior)
+
+
+def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
+    """The behavior space in float64."""
+    if not isinstance(space, spaces.Box) or len(space.shape) != 1:
+        raise ValueError(f"`behavior_space` must be a Box of one dimension, got {space!r}.")
+    low, high = space.low.astype(np.float64), space.high.astype(np.float64)
+    if not (low < high).all():
+        raise ValueError(f"`behavior_space` must have every `low` below its `high`, got {space!r}.")
+    return spaces.Box(low, high, dtype=np.float64)
+
+
+def _numbers(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """A new array: environments may write into the same one at every step."""
+    try:
+        if value is not None:  # which numpy takes for NaN
+            return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):  # text, or rows of unequal length
+        pass
+    raise ValueError(f"`behavior` must return an array of numbers, got {value!r:.60}.")
 
 
 class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
@@ -68,16 +165,19 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     Args:
         env: The environment.
-        behavior: `behavior(env, observation, info)`, an array of B finite numbers; `env` is the
-            wrapped environment. A function of a module, if the environment shall be pickled.
-        behavior_space: A `Box` of shape (B,), the bounds of the behavior.
+        behavior: `behavior(env, observation, info)`, a pure function that returns an array of B
+            finite numbers; `env` is the wrapped environment. Or a `BehaviorAccumulator`, of which
+            the environment gets a copy of its own. A function or a class of a module, if the
+            environment shall be pickled.
+        behavior_space: A `Box` of shape (B,), the bounds of the behavior, each `low` below its
+            `high`.
 
     Raises:
         ValueError: If an argument is not what it may be.
     """
 
     def __init__(
-        self, env: gym.Env[Any, Any], behavior: BehaviorFunction, behavior_space: spaces.Box
+        self, env: gym.Env[Any, Any], behavior: Behavior, behavior_space: spaces.Box
     ) -> None:
         RecordConstructorArgs.__init__(self, behavior=behavior, behavior_space=behavior_space)
         gym.Wrapper.__init__(self, env)
@@ -91,10 +191,10 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; see the wrapped environment."""
         observation, info = self.env.reset(seed=seed, options=options)
-        return observation, self._recorder.add(self.env, observation, info)
+        return observation, self._recorder.reset(self.env, observation, info)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take one step; see the wrapped environment."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        info = self._recorder.add(self.env, observation, info)
+        info = self._recorder.step(self.env, observation, info)
         return observation, reward, terminated, truncated, info

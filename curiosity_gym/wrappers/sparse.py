@@ -14,7 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.validation import check_at_least_one
-from curiosity_gym.wrappers.behavior import BehaviorFunction, BehaviorRecorder
+from curiosity_gym.wrappers.behavior import Behavior, BehaviorRecorder
 
 Observation = npt.NDArray[np.float32]
 Success = Callable[[gym.Env[Any, Any], Any, SupportsFloat, dict[str, Any]], bool]
@@ -56,12 +56,15 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
     Args:
         env: The environment. A `TimeLimit` below `horizon` warns: it would cut every episode.
         success: `success(env, observation, reward, info)`, whether the step that gave them is the
-            success; `env` is the wrapped environment, and observation and reward are its own. A
-            function of a module, if the environment shall be pickled, as `behavior`.
+            success; `env` is the wrapped environment, and observation and reward are its own. It
+            must be pure, as all copies of the environment call it, and a function of a module, if
+            the environment shall be pickled.
         horizon: Steps after which an episode is truncated.
-        behavior: `behavior(env, observation, info)`, an array of B finite numbers; None: `env`
-            keeps the behavior that it has, if any.
-        behavior_space: A `Box` of shape (B,), the bounds of the behavior.
+        behavior: `behavior(env, observation, info)`, a pure function that returns an array of B
+            finite numbers, or a `BehaviorAccumulator`; see `BehaviorWrapper`. None: `env` keeps the
+            behavior that it has, if any.
+        behavior_space: A `Box` of shape (B,), the bounds of the behavior, each `low` below its
+            `high`.
 
     Raises:
         ValueError: If an argument is not what it may be, or if the observations of `env` cannot be
@@ -73,7 +76,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         env: gym.Env[Any, Any],
         success: Success,
         horizon: int = 1000,
-        behavior: BehaviorFunction | None = None,
+        behavior: Behavior | None = None,
         behavior_space: spaces.Box | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(
@@ -106,9 +109,10 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         """Begin an episode; `seed` and `options` are those of the wrapped environment."""
         self._is_running = False
         observation, info = self.env.reset(seed=seed, options=options)
-        info = self._complete(info, observation, is_success=False)
+        if self._recorder is not None:
+            info = self._recorder.reset(self.env, observation, info)
         self._t, self._is_running = 0, True
-        return self._flatten(observation), info
+        return self._flatten(observation), {**info, "is_success": False}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take one step.
@@ -130,10 +134,11 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         terminated = bool(is_success or terminated)
         truncated = not terminated and bool(truncated or self._t == self.horizon)
         reward = 1.0 - self._t / self.horizon if is_success else 0.0
-        info = self._complete(info, observation, is_success)
+        if self._recorder is not None:
+            info = self._recorder.step(self.env, observation, info)
         flat = self._flatten(observation)
         self._is_running = not (terminated or truncated)
-        return flat, reward, terminated, truncated, info
+        return flat, reward, terminated, truncated, {**info, "is_success": is_success}
 
     def _check_action(self, action: Any) -> Any:
         """The action as the wrapped environment takes it."""
@@ -152,11 +157,6 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             return observation  # type: ignore[no-any-return]
         flat = spaces.flatten(self.env.observation_space, observation)
         return np.asarray(flat, dtype=np.float32)
-
-    def _complete(self, info: dict[str, Any], observation: Any, is_success: bool) -> dict[str, Any]:
-        if self._recorder is not None:
-            info = self._recorder.add(self.env, observation, info)
-        return {**info, "is_success": is_success}
 
 
 def _check_arguments(env: gym.Env[Any, Any], success: Success, horizon: int) -> None:
@@ -182,7 +182,7 @@ def _time_limit(env: gym.Env[Any, Any]) -> int | None:
 
 
 def _make_recorder(
-    behavior: BehaviorFunction | None, behavior_space: spaces.Box | None
+    behavior: Behavior | None, behavior_space: spaces.Box | None
 ) -> BehaviorRecorder | None:
     if behavior is None and behavior_space is None:
         return None

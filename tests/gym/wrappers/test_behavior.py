@@ -1,5 +1,6 @@
 import copy
 import math
+import pickle
 import warnings
 
 import gymnasium as gym
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from curiosity_gym.wrappers.behavior import BehaviorWrapper
+from curiosity_gym.wrappers.sparse import SparseRewardWrapper
 
 SPACE = spaces.Box(np.array([-4.8, -0.5]), np.array([4.8, 0.5]), dtype=np.float64)
 
@@ -100,6 +102,23 @@ def test_behaviors_that_are_not_finite_are_errors(bad):
             call()
 
 
+@pytest.mark.parametrize("bad", [None, "left", [[0.0], [0.0, 0.0]], {"x": 0.0}, [0.0, None, ""]])
+def test_behaviors_that_are_no_numbers_in_some_step_are_errors(bad):
+    values = [np.zeros(2), np.zeros(2), bad]
+    env = make_cart_pole(lambda env, observation, info: values.pop(0))
+    env.reset()
+    env.step(0)
+    with pytest.raises(ValueError, match=r"^`behavior` must return an array of numbers, got .*\.$"):
+        env.step(0)
+
+
+@pytest.mark.parametrize("high", [0.0, [1.0, 0.0]])
+def test_spaces_without_extent_are_errors(high):
+    space = spaces.Box(0.0, np.full(2, high), dtype=np.float64)
+    with pytest.raises(ValueError, match="`behavior_space` must have every `low` below its `high`"):
+        make_cart_pole(behavior_space=space)
+
+
 @pytest.mark.parametrize("space", [None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,)])
 def test_spaces_that_are_no_vector_are_errors(space):
     with pytest.raises(ValueError, match="`behavior_space`"):
@@ -130,3 +149,91 @@ def test_a_spec_makes_the_same_again():
     np.testing.assert_array_equal(
         again.reset(seed=1)[1]["behavior"], env.reset(seed=1)[1]["behavior"]
     )
+
+
+class MeanPosition:
+    """The cart's and the pole's mean position over the episode."""
+
+    def reset(self, env, observation, info):
+        self.positions = [observation[[0, 2]]]
+
+    def step(self, env, observation, info):
+        self.positions.append(observation[[0, 2]])
+
+    def result(self):
+        return np.mean(self.positions, axis=0)
+
+
+def never(env, observation, reward, info):
+    return False
+
+
+def make_mean_cart_pole(kind="behavior", behavior=None):
+    behavior = MeanPosition() if behavior is None else behavior
+    if kind == "behavior":
+        return make_cart_pole(behavior)
+    keywords = {"horizon": 500, "behavior": behavior, "behavior_space": SPACE}
+    return SparseRewardWrapper(gym.make("CartPole-v1"), never, **keywords)
+
+
+def play(env, actions, seed=0):
+    """The behaviors, and the means of what was observed until then, of an episode."""
+    observation, info = env.reset(seed=seed)
+    observations, behaviors = [observation], [info["behavior"]]
+    for action in actions:
+        observation, _, _, _, info = env.step(action)
+        observations.append(observation)
+        behaviors.append(info["behavior"])
+    return behaviors, [
+        np.mean(observations[:t], axis=0)[[0, 2]] for t in range(1, len(actions) + 2)
+    ]
+
+
+@pytest.mark.parametrize("kind", ["behavior", "sparse"])
+class TestAccumulator:
+    def test_gathers_each_episode_from_its_start(self, kind):
+        env = make_mean_cart_pole(kind)
+        for seed, actions in enumerate([[0, 1, 1], [], [1, 1]]):
+            behaviors, means = play(env, actions, seed)
+            np.testing.assert_allclose(behaviors, means, rtol=1e-6)
+
+    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+    def test_is_copied_with_its_environment(self, kind, duplicate):
+        env = make_mean_cart_pole(kind)
+        env.reset(seed=0)
+        env.step(0)
+        twin = duplicate(env)
+        expected = play(duplicate(env), [1, 1])[0]
+        other = play(twin, [0, 0], seed=1)
+        np.testing.assert_array_equal(play(env, [1, 1])[0], expected)
+        np.testing.assert_allclose(other[0], other[1], rtol=1e-6)
+
+    def test_given_to_several_environments_is_not_shared(self, kind):
+        behavior = MeanPosition()
+        envs = [make_mean_cart_pole(kind, behavior) for _ in range(2)]
+        for env in envs:
+            env.reset(seed=0)
+        envs[0].step(0)
+        behavior_alone = play(make_mean_cart_pole(kind), [1])[0][-1]
+        np.testing.assert_array_equal(envs[1].step(1)[4]["behavior"], behavior_alone)
+        assert vars(behavior) == {}
+
+    def test_of_a_spec_is_not_shared(self, kind):
+        env = make_mean_cart_pole(kind)
+        again = gym.make(env.spec)
+        env.reset(seed=0)
+        again.reset(seed=0)
+        env.step(0)
+        np.testing.assert_array_equal(
+            again.step(1)[4]["behavior"], play(make_mean_cart_pole(kind), [1])[0][-1]
+        )
+
+
+def test_an_accumulator_has_all_its_methods():
+    class Half:
+        def reset(self, env, observation, info): ...
+        def result(self): ...
+
+    for behavior in (Half(), MeanPosition):
+        with pytest.raises(ValueError, match=r"`behavior` must be a function, or an object with"):
+            make_cart_pole(behavior)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -59,16 +58,17 @@ def configure_control(
     horizon: int = 1000,
     width: int = 320,
     height: int = 240,
-    **kwargs: Any,
+    success_threshold: float | None = None,
 ) -> ControlConfig:
     """Check the keywords of `ControlEnv`, where they are explained.
 
     Raises:
         ValueError: If one of them is not what it may be.
-        TypeError: If the task has no such keyword.
+        TypeError: If `success_threshold` is given for another task than stacker.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
     """
     check_choice(tuple(TASKS), task=task)
     check_at_least_one(horizon=horizon, width=width, height=height)
     assert task is not None
-    return ControlConfig(TASKS[task](**kwargs), int(horizon), int(width), int(height))
+    own = {} if success_threshold is None else {"success_threshold": success_threshold}
+    return ControlConfig(TASKS[task](**own), int(horizon), int(width), int(height))

@@ -52,17 +52,18 @@ class ControlEnv(SparseSingleEnv):
         `behavior` (B,), float64, and `is_success`.
 
     Args:
-        task: "ball_in_cup", "finger" or "stacker".
-        horizon: Steps after which an episode is truncated.
-        width: Of a frame, in pixels.
-        height: Likewise.
+        task: "ball_in_cup", "finger" or "stacker". The ids give it.
+        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
+        width: Of a frame (pixels).
+        height: Of a frame (pixels).
+        success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
+            success, from above 0 to 1; None: 0.1, as in the paper's code.
         render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
             Gymnasium's own window.
-        **kwargs: Keywords of the task: for stacker `success_threshold`.
 
     Raises:
         ValueError: If an argument is not what it may be.
-        TypeError: If the task has no such keyword.
+        TypeError: If `success_threshold` is given for another task than stacker.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
 
     Version History:
@@ -72,9 +73,18 @@ class ControlEnv(SparseSingleEnv):
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
 
     def __init__(
-        self, task: str | None = None, *, render_mode: str | None = None, **kwargs: Any
+        self,
+        task: str | None = None,
+        *,
+        horizon: int = 1000,
+        width: int = 320,
+        height: int = 240,
+        success_threshold: float | None = None,
+        render_mode: str | None = None,
     ) -> None:
-        config = configure_control(task, **kwargs)
+        config = configure_control(
+            task, horizon=horizon, width=width, height=height, success_threshold=success_threshold
+        )
         super().__init__(config, render_mode)
         self.task = config.task
         self._simulation = Simulation(config.task, 1)

@@ -21,7 +21,12 @@ class ControlVectorEnv(SparseVectorEnv):
     is no process an env: MuJoCo's threads step them all.
 
     Args:
-        task: See `ControlEnv`, as for every keyword not named here.
+        task: "ball_in_cup", "finger" or "stacker". The ids give it.
+        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
+        width: Of a frame (pixels).
+        height: Of a frame (pixels).
+        success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
+            success, from above 0 to 1; None: 0.1, as in the paper's code.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
@@ -31,11 +36,10 @@ class ControlVectorEnv(SparseVectorEnv):
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
         n_threads: None: as many as there are processors. Results do not depend on it.
-        **kwargs: Keywords of `ControlEnv`.
 
     Raises:
         ValueError: If an argument is not what it may be.
-        TypeError: If the task has no such keyword.
+        TypeError: If `success_threshold` is given for another task than stacker.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
     """
 
@@ -43,15 +47,24 @@ class ControlVectorEnv(SparseVectorEnv):
         self,
         task: str | None = None,
         *,
+        horizon: int = 1000,
+        width: int = 320,
+        height: int = 240,
+        success_threshold: float | None = None,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         copy: bool = True,
         n_threads: int | None = None,
-        **kwargs: Any,
     ) -> None:
-        config = configure_control(task, **kwargs)
+        keywords: dict[str, Any] = {
+            "horizon": horizon,
+            "width": width,
+            "height": height,
+            "success_threshold": success_threshold,
+        }
+        config = configure_control(task, **keywords)
         super().__init__(
             config,
             num_envs=num_envs,
@@ -60,7 +73,7 @@ class ControlVectorEnv(SparseVectorEnv):
             render_mode=render_mode,
             copy=copy,
         )
-        self._keywords = {"task": task, **kwargs}
+        self._keywords = {"task": task, **keywords}
         self.task = config.task
         self._simulation = Simulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations

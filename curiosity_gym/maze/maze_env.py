@@ -8,7 +8,7 @@ from typing import Any
 from curiosity_gym.core import Float32Array, Float64Array, Frame
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout
 from curiosity_gym.sparse_env import SparseSingleEnv
 
 
@@ -61,15 +61,15 @@ class MazeEnv(SparseSingleEnv):
 
     Args:
         layout: "snake", "us", "hard", "labyrinth", a `MazeLayout`, a path to its `.json` file, or
-            ASCII text.
-        horizon: Steps after which an episode is truncated.
-        max_speed: Bound of each velocity component.
-        max_acceleration: Acceleration of an action of 1.
+            ASCII text. The ids give it, but for `CuriosityMaze-v0`, which needs it.
+        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
+        max_speed: Bound of each velocity component (maze units per s).
+        max_acceleration: Acceleration of an action of 1 (maze units per s^2).
         n_beams: Number of LIDAR beams.
-        lidar_range: Reach of the beams; None: 20 % of the map's diagonal.
+        lidar_range: Reach of the beams (maze units); None: 20 % of the map's diagonal.
         restitution: Share of the velocity into a wall that bounces back, from 0 (it stops there) to
             1. Bouncing robots find most goals by chance.
-        goal_radius: How near the goal is near enough.
+        goal_radius: How near the goal is near enough (maze units).
         render_mode: "rgb_array", "human" (a pygame window), or None.
 
     Raises:
@@ -85,10 +85,25 @@ class MazeEnv(SparseSingleEnv):
         self,
         layout: MazeLayout | str | os.PathLike[str] | None = None,
         *,
+        horizon: int = 2000,
+        max_speed: float = 20.0,
+        max_acceleration: float = 5.0,
+        n_beams: int = 32,
+        lidar_range: float | None = None,
+        restitution: float = 0.0,
+        goal_radius: float = GOAL_RADIUS,
         render_mode: str | None = None,
-        **kwargs: Any,
     ) -> None:
-        config = configure_maze(layout, **kwargs)
+        config = configure_maze(
+            layout,
+            horizon=horizon,
+            max_speed=max_speed,
+            max_acceleration=max_acceleration,
+            n_beams=n_beams,
+            lidar_range=lidar_range,
+            restitution=restitution,
+            goal_radius=goal_radius,
+        )
         super().__init__(config, render_mode)
         self.layout = config.layout
         self.maze = config.maze

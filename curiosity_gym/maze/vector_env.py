@@ -12,7 +12,7 @@ from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.sparse_vector_env import SparseVectorEnv
 
@@ -56,8 +56,17 @@ class MazeVectorEnv(SparseVectorEnv):
     `reset(options={"state": (x, y, vx, vy)})` starts elsewhere.
 
     Args:
-        layout: See `MazeEnv`, as for every keyword not named here.
-        num_envs: Number of robots.
+        layout: "snake", "us", "hard", "labyrinth", a `MazeLayout`, a path to its `.json` file, or
+            ASCII text. The ids give it, but for `CuriosityMaze-v0`, which needs it.
+        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
+        max_speed: Bound of each velocity component (maze units per s).
+        max_acceleration: Acceleration of an action of 1 (maze units per s^2).
+        n_beams: Number of LIDAR beams.
+        lidar_range: Reach of the beams (maze units); None: 20 % of the map's diagonal.
+        restitution: Share of the velocity into a wall that bounces back, from 0 (it stops there) to
+            1. Bouncing robots find most goals by chance.
+        goal_radius: How near the goal is near enough (maze units).
+        num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
         max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
@@ -66,7 +75,6 @@ class MazeVectorEnv(SparseVectorEnv):
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
         n_threads: None: as many as there are processors. Results do not depend on it.
-        **kwargs: Keywords of `MazeEnv`.
 
     Raises:
         ValueError: If an argument is not what it may be.
@@ -76,15 +84,30 @@ class MazeVectorEnv(SparseVectorEnv):
         self,
         layout: MazeLayout | str | os.PathLike[str] | None = None,
         *,
+        horizon: int = 2000,
+        max_speed: float = 20.0,
+        max_acceleration: float = 5.0,
+        n_beams: int = 32,
+        lidar_range: float | None = None,
+        restitution: float = 0.0,
+        goal_radius: float = GOAL_RADIUS,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         copy: bool = True,
         n_threads: int | None = None,
-        **kwargs: Any,
     ) -> None:
-        config = configure_maze(layout, **kwargs)
+        keywords: dict[str, Any] = {
+            "horizon": horizon,
+            "max_speed": max_speed,
+            "max_acceleration": max_acceleration,
+            "n_beams": n_beams,
+            "lidar_range": lidar_range,
+            "restitution": restitution,
+            "goal_radius": goal_radius,
+        }
+        config = configure_maze(layout, **keywords)
         super().__init__(
             config,
             num_envs=num_envs,
@@ -93,7 +116,7 @@ class MazeVectorEnv(SparseVectorEnv):
             render_mode=render_mode,
             copy=copy,
         )
-        self._keywords = kwargs
+        self._keywords = keywords
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range

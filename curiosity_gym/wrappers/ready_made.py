@@ -57,10 +57,11 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         None instead of a cell draws one.
 
     Args:
-        env_id: The original environment, a key of `TASKS`.
-        horizon: Steps after which an episode is truncated; None: as many as in the original.
+        env_id: The original environment, a key of `TASKS`. The ids give it.
+        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`;
+            None: as many as in the original.
         render_mode: "human", "rgb_array", "depth_array", or None.
-        **kwargs: Of the original environment.
+        env_kwargs: Keywords of the original environment, given to its `gymnasium.make`; None: none.
 
     Raises:
         ValueError: If `env_id` is not in the table, or `horizon` is not at least 1.
@@ -79,11 +80,11 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         *,
         horizon: int | None = None,
         render_mode: str | None = None,
-        **kwargs: Any,
+        env_kwargs: dict[str, Any] | None = None,
     ) -> None:
         check_choice(tuple(TASKS), env_id=env_id)
         task = TASKS[env_id]
-        original = task.make(env_id, render_mode=render_mode, **kwargs)
+        original = task.make(env_id, render_mode=render_mode, **(env_kwargs or {}))
         self.env = SparseRewardWrapper(
             original,
             task.success,

@@ -215,7 +215,8 @@ class TestMazes:
     @pytest.mark.parametrize("continuing_task", [True, False])
     @pytest.mark.parametrize("reset_target", [True, False])
     def test_whether_the_original_goes_on_does_not_matter(self, continuing_task, reset_target):
-        env = gym.make(POINT_MAZES[0], continuing_task=continuing_task, reset_target=reset_target)
+        original = {"continuing_task": continuing_task, "reset_target": reset_target}
+        env = gym.make(POINT_MAZES[0], env_kwargs=original)
         _, is_success = play(env, waypoint_controller(env.unwrapped.env.unwrapped.maze), 0)
         assert is_success
 
@@ -361,7 +362,7 @@ class TestControl:
 
     @pytest.mark.parametrize("env_id", [CART_POLE, ACROBOT])
     def test_the_horizon_may_be_longer_than_the_original(self, env_id):
-        env = gym.make(env_id, horizon=1005, task_kwargs={"random": 3})
+        env = gym.make(env_id, horizon=1005, env_kwargs={"task_kwargs": {"random": 3}})
         assert play(env, lambda observation: np.zeros(1, dtype=np.float32), 0) == (1005, False)
 
     @pytest.mark.parametrize("env_id", [CART_POLE, ACROBOT])

@@ -1,0 +1,65 @@
+"""Every keyword of an environment stands in its constructor, with its default and a description."""
+
+import inspect
+import re
+
+import pytest
+
+from curiosity_gym.control.config import configure_control
+from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.maze.config import configure_maze
+from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.wrappers.behavior import BehaviorWrapper
+from curiosity_gym.wrappers.ready_made import SparseEnv
+from curiosity_gym.wrappers.sparse import SparseRewardWrapper
+
+KINDS = {
+    "maze": (configure_maze, MazeEnv, MazeVectorEnv),
+    "control": (configure_control, ControlEnv, ControlVectorEnv),
+}
+OF_VECTORS = {"num_envs", "autoreset_mode", "max_episode_steps", "copy", "n_threads"}
+ALL = [MazeEnv, MazeVectorEnv, ControlEnv, ControlVectorEnv, SparseEnv]
+ALL += [BehaviorWrapper, SparseRewardWrapper]
+
+
+def keywords(function):
+    """Name: kind, default and type, in their order."""
+    parameters = inspect.signature(function).parameters.values()
+    return {each.name: (each.kind, each.default, each.annotation) for each in parameters}
+
+
+def described(cls):
+    """Name: what the class's docstring says of an argument."""
+    text = re.search(r"^Args:\n((?:    .*\n|\n)+)", inspect.getdoc(cls) + "\n", flags=re.M).group(1)
+    entries = re.findall(r"^    (\w+): ((?:.*\n(?:        .*\n)*))", text, flags=re.M)
+    return {name: " ".join(description.split()) for name, description in entries}
+
+
+@pytest.mark.parametrize("cls", ALL)
+def test_every_argument_is_spelled_out_and_described(cls):
+    assert not any(each[0] is inspect.Parameter.VAR_KEYWORD for each in keywords(cls).values())
+    assert list(described(cls)) == list(keywords(cls))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_single_and_vector_environments_take_the_same(kind):
+    shared, single, vector = map(keywords, KINDS[kind])
+    assert list(single.items()) == [*shared.items(), ("render_mode", single["render_mode"])]
+    assert {name: each for name, each in vector.items() if name not in OF_VECTORS} == single
+    assert set(vector) == set(single) | OF_VECTORS
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_single_and_vector_environments_say_the_same_of_it(kind):
+    shared, single, vector = KINDS[kind]
+    for name in keywords(shared):
+        assert described(single)[name] == described(vector)[name]
+
+
+def test_both_vector_environments_take_the_same_and_say_the_same():
+    maze, control = (KINDS[kind][2] for kind in KINDS)
+    for name in OF_VECTORS | {"render_mode"}:
+        assert keywords(maze)[name] == keywords(control)[name]
+        assert described(maze)[name] == described(control)[name]

@@ -1,9 +1,9 @@
-"""What every environment of this package offers beside Gymnasium's own API.
+"""The contract of this package's environments, beside Gymnasium's own API.
 
 - `env.unwrapped.behavior_space`: a `Box`, the bounds of the behavior (of a wrapper that adds one:
   `env.get_wrapper_attr("behavior_space")`);
 - `env.unwrapped.coverage_grid`: a `CoverageGrid`, which part of the behavior coverage counts;
-- `info["behavior"]`: what the episode has come to, (B,) float64;
+- `info["behavior"]`: the behavior, a short description of the episode so far, (B,) float64;
 - `info["is_success"]`: whether the goal is reached.
 """
 
@@ -94,7 +94,7 @@ class CoverageGrid:
 
 
 class EnvConfig(Protocol):
-    """What the keywords of an environment come to."""
+    """The checked keywords of an environment, and the spaces that follow from them."""
 
     @property
     def observation_space(self) -> spaces.Box[np.float32]:
@@ -113,7 +113,7 @@ class EnvConfig(Protocol):
 
     @property
     def coverage_grid(self) -> CoverageGrid:
-        """What coverage counts of the behavior."""
+        """The cells of the behavior that coverage counts."""
         ...
 
     @property
@@ -127,5 +127,5 @@ class EnvConfig(Protocol):
         ...
 
     def make_viewer(self) -> Any:
-        """What draws the environment; it has a `close`."""
+        """A new viewer, which draws the environment and has a `close`."""
         ...

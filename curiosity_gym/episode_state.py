@@ -12,10 +12,14 @@ AnyArray = npt.NDArray[Any]
 
 
 def checked_state(state: Mapping[str, Any], like: Mapping[str, Any]) -> dict[str, AnyArray]:
-    """New arrays of what `state` holds, each finite and of the shape and type of its like.
+    """The entries of `state` as new arrays, each finite, of the shape and type that `like` has.
+
+    Args:
+        state: What a user gives to `load_state_dict`.
+        like: A state of the same environment, entry by entry.
 
     Raises:
-        ValueError: If an entry is otherwise, missing, or one too many.
+        ValueError: If an entry is not so, is missing, or is one too many.
     """
     if not isinstance(state, Mapping) or set(state) != set(like):
         raise ValueError(f"`state` must hold {', '.join(like)}, as state_dict() gives them.")
@@ -37,7 +41,13 @@ def _checked_entry(key: str, value: object, like: AnyArray) -> AnyArray:
 
 
 def check_steps(steps: AnyArray, ended: AnyArray, limit: int) -> None:
-    """Raise ValueError unless episodes of this limit can be at these steps and have `ended`."""
+    """Raise ValueError unless episodes of at most `limit` steps can be where they are said to be.
+
+    Args:
+        steps: Steps taken in each episode.
+        ended: Whether each has ended.
+        limit: Steps after which an episode is truncated.
+    """
     # A step has ended those that have ended; the others have one left before the limit.
     if ((steps < ended) | (steps >= limit + ended)).any():
         raise ValueError(f"`state` must be of episodes of at most {limit} steps.")

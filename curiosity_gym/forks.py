@@ -1,4 +1,4 @@
-"""What a forked process must never free: threads and drawing contexts stay with the parent."""
+"""Keeps forked processes from freeing threads and drawing contexts of their parent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What draws an environment, made when the first picture is asked for."""
+"""A viewer that is made when the first picture is asked for."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any, Generic, Protocol, TypeVar
 
 
 class Viewer(Protocol):
-    """What draws."""
+    """Something that draws an environment."""
 
     def close(self) -> object:
-        """Free what it draws with."""
+        """Free windows and drawing contexts."""
         ...
 
 
@@ -21,7 +21,7 @@ class LazyViewer(Generic[V]):
     """A viewer that is made when it is needed, and is left behind by pickles and copies.
 
     Args:
-        make: Makes it.
+        make: Makes the viewer.
     """
 
     def __init__(self, make: Callable[[], V]) -> None:

@@ -47,7 +47,7 @@ SPECS: dict[str, dict[str, Any]] = {
     **{f"CuriosityControl-{name}-v0": _control(task) for name, task in _CONTROL.items()},
     **{f"CuriositySparse-{name}-v0": _sparse(env_id) for name, env_id in _SPARSE.items()},
 }
-"""Id: what `gymnasium.register` is told of it."""
+"""The arguments of `gymnasium.register`, by id."""
 
 
 def register_envs() -> None:

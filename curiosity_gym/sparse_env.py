@@ -1,4 +1,4 @@
-"""What this package's single environments share: episodes, rewards, pictures."""
+"""The base of this package's single environments: episodes, rewards, pictures."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         self._t = -1  # no episode yet
         self._ended = False
 
-    # -- what an environment writes ---------------------------------------------------------------
+    # -- what a subclass implements ---------------------------------------------------------------
 
     @abstractmethod
     def _begin(self, options: dict[str, Any] | None) -> None:
@@ -73,7 +73,11 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
 
     @abstractmethod
     def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
-        """Go on from what `_physics` gave, and may be kept; `observation` is that of it.
+        """Go on from a result of `_physics`.
+
+        Args:
+            physics: (S,), an array that the environment may keep.
+            observation: (O,), what was observed there.
 
         Raises:
             ValueError: If this environment cannot be there; nothing has changed then.
@@ -92,7 +96,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
 
         Args:
             seed: Of `np_random`, as in Gymnasium; nothing here is random.
-            options: Those that the class names, if any.
+            options: The options that the class documents, if any.
 
         Raises:
             ValueError: If an option is not what it may be.
@@ -166,7 +170,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
             state: Of an environment made with the same keywords; its arrays are copied.
 
         Raises:
-            ValueError: If it is no state of such an environment; nothing has changed then.
+            ValueError: If it is not a state of such an environment; nothing has changed then.
         """
         own = checked_state(state, self._snapshot())
         check_steps(own["steps"], own["ended"], self.horizon)
@@ -194,5 +198,5 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         raise NotImplementedError
 
     def close(self) -> None:
-        """Free what draws, and close the window, if there is one."""
+        """Close the viewer and its window, if there is one."""
         self._viewer.close()

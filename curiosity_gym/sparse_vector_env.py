@@ -1,4 +1,4 @@
-"""What this package's vector environments share: episodes, rewards, autoreset, infos."""
+"""The base of this package's vector environments: episodes, rewards, autoreset, infos."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         env = self._make_bare_env()
         return env if self.max_episode_steps is None else TimeLimit(env, self.max_episode_steps)
 
-    # -- what an environment writes ---------------------------------------------------------------
+    # -- what a subclass implements ---------------------------------------------------------------
 
     @abstractmethod
     def _make_bare_env(self) -> SparseSingleEnv:
@@ -133,7 +133,11 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
 
     @abstractmethod
     def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
-        """Go on from what `_physics` gave, and may be kept; `observations` are those of it.
+        """Go on from a result of `_physics`.
+
+        Args:
+            physics: (num_envs, S), an array that the environments may keep.
+            observations: (num_envs, O), what was observed there.
 
         Raises:
             ValueError: If these environments cannot be there; nothing has changed then.
@@ -299,7 +303,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
                 copied.
 
         Raises:
-            ValueError: If it is no state of such an environment; nothing has changed then.
+            ValueError: If it is not a state of such an environment; nothing has changed then.
         """
         own = checked_state(state, self._snapshot())
         check_steps(own["steps"], own["ended"], self._longest_episode)
@@ -321,7 +325,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         return self._frames()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what draws, if there is something."""
+        """Close the viewer, if there is one."""
         self._viewer.close()
 
 

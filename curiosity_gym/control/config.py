@@ -1,4 +1,4 @@
-"""What the keywords of a control environment mean, for the single and the vector environment."""
+"""The keywords of the control environments, checked for single and vector environments alike."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from curiosity_gym.validation import check_at_least_one, check_choice
 
 @dataclass(frozen=True)
 class ControlConfig:
-    """A checked task, its spaces, and what draws it."""
+    """A checked task, its spaces and its viewer."""
 
     task: ControlTask
     horizon: int
@@ -39,7 +39,7 @@ class ControlConfig:
 
     @property
     def coverage_grid(self) -> CoverageGrid:
-        """What coverage counts."""
+        """The cells of the behavior that coverage counts."""
         return self.task.coverage_grid
 
     @property
@@ -48,7 +48,7 @@ class ControlConfig:
         return round(1.0 / float(self.task.model.opt.timestep * self.task.n_substeps))
 
     def make_viewer(self) -> ControlViewer:
-        """What draws the task."""
+        """A new viewer of the task."""
         return ControlViewer(self.task.model, width=self.width, height=self.height)
 
 

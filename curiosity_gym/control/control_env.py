@@ -16,7 +16,7 @@ class ControlEnv(SparseSingleEnv):
     Description:
         The control environments of "Curiosity creates Diversity in Policy Search" (section 4.1).
         Physics, observations and goals are dm_control's own, bit for bit; start, target and reward
-        are the paper's. The task's own class, in `curiosity_gym.control.tasks`, says the rest:
+        are the paper's. The class of each task, in `curiosity_gym.control.tasks`, describes it:
 
         =================================== =========== ============ =======
         Id                                  `task`      observations actions

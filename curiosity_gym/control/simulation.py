@@ -21,7 +21,7 @@ class Simulation:
     """n simulations of one task, bit for bit those of dm_control's own environment.
 
     Args:
-        task: What is simulated.
+        task: The task that is simulated.
         n: Number of simulations.
         n_threads: None: as many as there are processors. Results do not depend on it.
 
@@ -116,7 +116,7 @@ class Simulation:
 
     @property
     def behaviors(self) -> Float64Array:
-        """(n, B) what the episodes have come to, within the behavior's bounds."""
+        """(n, B) the behavior of each episode, clipped to its bounds; a new array."""
         behaviors = self.task.behavior(SimpleNamespace(**self._fields))
         return np.clip(behaviors, self.task.behavior_low, self.task.behavior_high)
 

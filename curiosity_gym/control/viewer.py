@@ -28,8 +28,8 @@ class ControlViewer:
 
     Args:
         model: The model; its buffer for pictures grows to their size.
-        width: Of a frame, in pixels.
-        height: Likewise.
+        width: Of a frame (pixels).
+        height: Of a frame (pixels).
 
     Attributes:
         close: Frees what OpenGL holds; called at exit at the latest.

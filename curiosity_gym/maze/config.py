@@ -1,4 +1,4 @@
-"""What the keywords of a maze environment mean, for the single and the vector environment."""
+"""The keywords of the maze environments, checked for single and vector environments alike."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FPS = 10
 LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
 NEAREST = ROBOT_RADIUS - 1.01 * MARGIN
-"""How near a wall a robot that slides past a corner comes; less a bit, for rounding."""
+"""Least distance from a wall to a robot that slides past its corner, less a bit for rounding."""
 TOLERANCE = 1e-4
 """How far an observation may be off on another processor, whose cosines may end in other bits."""
 
@@ -54,7 +54,7 @@ class MazeConfig:
         return self.maze.horizon
 
     def make_viewer(self) -> MazeViewer:
-        """What draws this maze."""
+        """A new viewer of this maze."""
         return MazeViewer(
             self.layout,
             n_beams=len(self.maze.inverse_x),

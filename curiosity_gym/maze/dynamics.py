@@ -44,8 +44,8 @@ class Maze(NamedTuple):
     """A layout and its physical constants, laid out for the compiled functions.
 
     `near_walls[near_start[c]:near_start[c + 1]]` are the walls within the lidar's range of cell c,
-    `contact_boxes` likewise the grown walls that one step from the cell can touch. Cells are
-    squares, in rows of `n_columns`.
+    `contact_boxes[contact_start[c]:contact_start[c + 1]]` the grown walls that one step from it can
+    touch. Cells are squares, in rows of `n_columns`.
     """
 
     walls: FloatArray
@@ -235,7 +235,7 @@ def move(maze: Maze, state: FloatArray, acceleration_x: float, acceleration_y: f
         maze: The maze.
         state: (4,) x, y, vx, vy; overwritten.
         acceleration_x: In units of the maximal acceleration, already within [-1, 1].
-        acceleration_y: Likewise.
+        acceleration_y: In the same units, within the same bounds.
     """
     x, y = state[0], state[1]
     limit = maze.max_speed
@@ -265,8 +265,8 @@ def cast_beams(maze: Maze, x: float, y: float, beams: npt.NDArray[np.float32]) -
 
     Args:
         maze: The maze.
-        x: The robot's center.
-        y: Likewise.
+        x: Of the robot's center.
+        y: Of the robot's center.
         beams: (n_beams,) overwritten with values in [0, 1]; beam i points to 2 pi i / n_beams.
     """
     inverse_x, inverse_y = maze.inverse_x, maze.inverse_y

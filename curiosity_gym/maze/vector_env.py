@@ -17,7 +17,7 @@ from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.sparse_vector_env import SparseVectorEnv
 
 ENVS_PER_THREAD = 128
-"""Fewer envs than this a thread: handing them over costs more than stepping them."""
+"""Least number of envs a thread: handing fewer over costs more than stepping them."""
 
 
 @compiled

@@ -55,7 +55,7 @@ class BehaviorAccumulator(Protocol):
 
 
 Behavior: TypeAlias = BehaviorFunction | BehaviorAccumulator
-"""What the wrappers take for a behavior."""
+"""Either form of a behavior, as the wrappers take it."""
 
 
 class _LastStep:

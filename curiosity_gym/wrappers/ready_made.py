@@ -24,15 +24,15 @@ Float64Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SparseTask:
-    """What makes a task sparse.
+    """How a task of another package is made sparse.
 
     Attributes:
         make: Makes the original environment of an id, without a limit of its own on steps.
-        success: See `SparseRewardWrapper`, as for `behavior`.
-        behavior: Likewise.
+        success: See `SparseRewardWrapper`.
+        behavior: See `SparseRewardWrapper`.
         behavior_space: The bounds of the behavior in an environment.
         horizon: The limit on steps that the original comes with.
-        options: What every reset of the original is told, unless the user says otherwise.
+        options: Options of every reset of the original, unless the user gives others.
     """
 
     make: Callable[..., BareEnv]

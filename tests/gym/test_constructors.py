@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from pathlib import Path
 
 import pytest
 
@@ -63,3 +64,20 @@ def test_both_vector_environments_take_the_same_and_say_the_same():
     for name in OF_VECTORS | {"render_mode"}:
         assert keywords(maze)[name] == keywords(control)[name]
         assert described(maze)[name] == described(control)[name]
+
+
+PAGES = {
+    **{name: {MazeEnv} for name in ["snake", "us", "hard", "labyrinth", "custom"]},
+    **{name: {ControlEnv} for name in ["ball_in_cup", "finger", "stacker"]},
+    "control": {ControlEnv, ControlVectorEnv},
+    "sparse": {SparseEnv, SparseRewardWrapper, BehaviorWrapper},
+    "vector": {MazeVectorEnv, ControlVectorEnv},
+}
+
+
+def test_every_page_of_the_documentation_names_the_arguments():
+    folder = Path(__file__).parents[2] / "docs" / "environments"
+    assert {page.stem for page in folder.glob("*.md")} == {*PAGES, "index"}
+    for page, classes in PAGES.items():
+        shown = re.findall(r"^\.\. autoclass:: (\S+)", (folder / f"{page}.md").read_text(), re.M)
+        assert {f"{cls.__module__}.{cls.__qualname__}" for cls in classes} <= set(shown)

@@ -1,4 +1,4 @@
-"""What the control tasks are: model, start, observation, success and behavior.
+"""The base of the control tasks: model, start, observation, success and behavior.
 
 A task is written for k simulations at once: it reads their derived fields, arrays with k rows, and
 computes with the operations of dm_control, in their order, so that the bits are the same.
@@ -31,7 +31,7 @@ class ControlTask:
         n_actions: Number of actuators.
         behavior_low: (B,) lower bounds of the behavior.
         behavior_high: (B,) upper bounds.
-        coverage_grid: What coverage counts.
+        coverage_grid: The cells of the behavior that coverage counts.
     """
 
     domain: ClassVar[str]
@@ -103,7 +103,7 @@ class ControlTask:
 
     @abstractmethod
     def behavior(self, fields: Fields) -> Float64Array:
-        """What the episodes have come to, (k, B)."""
+        """The behavior of each simulation, (k, B)."""
 
 
 def norm(vectors: Float64Array) -> Float64Array:

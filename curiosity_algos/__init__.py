@@ -13,7 +13,7 @@ from curiosity_algos.curiosity.callbacks import ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
 from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
-from curiosity_algos.evaluation.evaluator import make_evaluator
+from curiosity_algos.evaluation.evaluator import make_evaluator, register_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.presets import load_preset
 
@@ -34,4 +34,5 @@ __all__ = [
     "Rollouts",
     "load_preset",
     "make_evaluator",
+    "register_evaluator",
 ]

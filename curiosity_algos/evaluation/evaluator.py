@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import gymnasium as gym
-from gymnasium import wrappers
-from gymnasium.vector import VectorEnv, VectorWrapper
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.control import ControlEvaluator
-from curiosity_algos.evaluation.environments import GymnasiumView, describe
+from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.transparent import bare, without_monitors
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
-from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
 
 MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 AnyEnv = MadeEnv | str
-
-_TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker)
-"""Wrappers that change neither dynamics nor rewards nor observations."""
-_OPAQUE = (
-    "`env` is wrapped in {}, which the evaluators cannot see through: "
-    "wrap each environment before it is vectorized instead."
-)
 
 
 class Evaluator(Protocol):
@@ -50,10 +42,16 @@ class Evaluator(Protocol):
         ...
 
 
+Fits = Callable[[Any], bool]
+"""`fits(env)`: whether an evaluator can take the place of this environment."""
+Make = Callable[[Any, Mlp, int | None], Evaluator]
+"""`make(env, mlp, n_threads)`: the evaluator of an environment that fits."""
+
+
 def make_evaluator(
     env: AnyEnv, policy_kwargs: dict[str, Any] | None = None, n_threads: int | None = None
 ) -> Evaluator:
-    """The fastest evaluator that fits `env`.
+    """The fastest evaluator that fits `env`: the first in `EVALUATORS` that does.
 
     Args:
         env: An id, a Gymnasium env or VectorEnv, or an SB3 VecEnv without wrappers.
@@ -70,7 +68,42 @@ def make_evaluator(
     observation_space, action_space = describe(env)
     net_arch = check_policy_kwargs(policy_kwargs)
     mlp = build_mlp(observation_space, action_space, net_arch)
-    return _fastest(env, mlp, n_threads)
+    env = without_monitors(env)
+    return next(make(env, mlp, n_threads) for fits, make in EVALUATORS if fits(env))
+
+
+def register_evaluator(fits: Fits, make: Make) -> None:
+    """Let `make_evaluator`, and with it every algorithm, choose an evaluator of one's own.
+
+    It is asked before all that were registered earlier, and before those of this package.
+
+    Args:
+        fits: `fits(env)` says whether the evaluator can take the place of `env`: a Gymnasium env or
+            VectorEnv, or an SB3 VecEnv. SB3's monitors are taken off before, and so is a
+            DummyVecEnv around one env; Gymnasium's wrappers are left on.
+        make: `make(env, mlp, n_threads)` gives the evaluator. `mlp` is the policies' shape, an
+            argument of `curiosity_algos.evaluation.policies.act`.
+
+    Example:
+        ::
+
+            def fits(env):
+                return type(env.unwrapped) is MyEnv
+
+
+            def make(env, mlp, n_threads):
+                return MyEvaluator(env.unwrapped, mlp)
+
+
+            register_evaluator(fits, make)
+
+    Raises:
+        ValueError: If an argument is no function.
+    """
+    for name, value in {"fits": fits, "make": make}.items():
+        if not callable(value):
+            raise ValueError(f"`{name}` must be a function, got {value!r}.")
+    EVALUATORS.insert(0, (fits, make))
 
 
 def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
@@ -90,45 +123,35 @@ def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
     return list(net_arch)
 
 
-def _fastest(env: MadeEnv, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    if isinstance(env, GymnasiumView):
-        return _fastest(env.vector_env, mlp, n_threads)
-    if isinstance(env, VecMonitor):
-        return _fastest(env.venv, mlp, n_threads)
-    if isinstance(env, VecEnvWrapper):
-        raise ValueError(_OPAQUE.format(type(env).__name__))
-    if isinstance(env, VectorWrapper):
-        raise ValueError(_OPAQUE.format(type(env).__name__))
-    if type(env) is DummyVecEnv and _are_alike(env.envs):
-        return _fastest(env.envs[0], mlp, n_threads)
-    if isinstance(env, Monitor):
-        # A monitor's spec cannot make copies of it; what it records is SB3's, not ours.
-        return _fastest(env.env, mlp, n_threads)
-    # Exactly these types: a subclass may step or reward in another way.
-    bare = _bare(env)
-    if type(bare) in (MazeEnv, MazeVectorEnv):
-        return MazeEvaluator(bare.maze, mlp, n_threads)
-    if type(bare) in (ControlEnv, ControlVectorEnv):
-        return ControlEvaluator(bare.task, bare.horizon, mlp, n_threads)
+# Exactly these types: a subclass may step or reward in another way.
+def _is_maze(env: Any) -> bool:
+    return type(bare(env)) in (MazeEnv, MazeVectorEnv)
+
+
+def _make_maze(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
+    return MazeEvaluator(bare(env).maze, mlp, n_threads)
+
+
+def _is_control(env: Any) -> bool:
+    return type(bare(env)) in (ControlEnv, ControlVectorEnv)
+
+
+def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
+    inner = bare(env)
+    return ControlEvaluator(inner.task, inner.horizon, mlp, n_threads)
+
+
+def _is_any(env: Any) -> bool:
+    return True
+
+
+def _make_vector(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
     return VectorEvaluator(env, mlp)
 
 
-def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
-    """Whether one env can stand for all: it is alone, or they are the same maze or task."""
-    first, *others = [_bare(env.env if isinstance(env, Monitor) else env) for env in envs]
-    return all(_is_same(first, other) for other in others)
-
-
-def _is_same(env: Any, other: Any) -> bool:
-    if type(env) is not type(other):
-        return False
-    if type(env) is MazeEnv:
-        return same_maze(env.maze, other.maze)
-    return type(env) is ControlEnv and env.horizon == other.horizon and env.task == other.task
-
-
-def _bare(env: Any) -> Any:
-    """The env within wrappers that change nothing, or the first wrapper that does."""
-    while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
-        env = env.env
-    return env
+EVALUATORS: list[tuple[Fits, Make]] = [
+    (_is_maze, _make_maze),
+    (_is_control, _make_control),
+    (_is_any, _make_vector),
+]
+"""What `make_evaluator` chooses from: the first that fits makes the evaluator."""

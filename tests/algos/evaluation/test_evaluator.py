@@ -7,9 +7,12 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
-from curiosity_algos import make_evaluator
+from curiosity_algos import CanonicalES, make_evaluator, register_evaluator
+from curiosity_algos.evaluation import evaluator as evaluators
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
+from curiosity_algos.evaluation.policies import act
+from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
@@ -188,3 +191,85 @@ def test_copies_are_of_the_env_as_it_is():
     evaluator = make_evaluator(env)
     rollouts = evaluator.evaluate(np.ones((6, evaluator.n_parameters)), seed=3)
     assert len(set(rollouts.returns)) == 1
+
+
+class Target(gym.Env):
+    """One step, rewarded by how near the action is to .5."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (1,))
+    action_space = spaces.Box(-1.0, 1.0, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        return np.ones(1, dtype=np.float32), {}
+
+    def step(self, action):
+        return np.zeros(1, dtype=np.float32), -abs(float(action[0]) - 0.5), True, False, {}
+
+
+class TargetEvaluator:
+    """All individuals' steps at once."""
+
+    def __init__(self, mlp):
+        self.mlp = mlp
+        self.n_parameters = mlp.n_parameters
+
+    def evaluate(self, parameters, seed=None):
+        n = len(parameters)
+        actions = act(self.mlp, parameters, np.ones((n, 1)))
+        return Rollouts(
+            returns=-np.abs(actions[:, 0].astype(np.float64) - 0.5),
+            lengths=np.ones(n, dtype=np.int64),
+            success=np.zeros(n, dtype=np.bool_),
+            behaviors=np.empty((n, 0)),
+            final_observations=np.zeros((n, 1), dtype=np.float32),
+        )
+
+
+class TestRegisterEvaluator:
+    @pytest.fixture(autouse=True)
+    def _restore(self, monkeypatch):
+        monkeypatch.setattr(evaluators, "EVALUATORS", list(evaluators.EVALUATORS))
+
+    def register(self):
+        register_evaluator(
+            lambda env: type(env) is Target, lambda env, mlp, n_threads: TargetEvaluator(mlp)
+        )
+
+    @pytest.mark.parametrize(
+        "outside",
+        [
+            lambda env: env,
+            Monitor,
+            lambda env: DummyVecEnv([lambda: Monitor(env)]),
+            lambda env: VecMonitor(DummyVecEnv([lambda: env])),
+        ],
+    )
+    def test_it_is_chosen_however_the_env_is_passed(self, outside):
+        assert isinstance(make_evaluator(outside(Target())), VectorEvaluator)
+        self.register()
+        assert isinstance(make_evaluator(outside(Target())), TargetEvaluator)
+        assert isinstance(make_evaluator(HARD), MazeEvaluator)
+
+    def test_an_algorithm_learns_the_same_with_it(self):
+        settings = {"population_size": 6, "n_parents": 3, "seed": 0}
+        plain = CanonicalES(Target(), **settings).learn(60)
+        self.register()
+        model = CanonicalES(Target(), **settings)
+        assert isinstance(model.evaluator, TargetEvaluator)
+        model.learn(60)
+        assert model.best_return == plain.best_return < 0.0
+        np.testing.assert_array_equal(model.policy.vector, plain.policy.vector)
+
+    def test_the_newest_is_asked_first(self):
+        self.register()
+        register_evaluator(
+            lambda env: True, lambda env, mlp, n_threads: (env, mlp.n_parameters, n_threads)
+        )
+        env = Target()
+        assert make_evaluator(env, SMALL, 3) == (env, 13, 3)
+
+    @pytest.mark.parametrize("name", ["fits", "make"])
+    def test_what_is_no_function_is_refused(self, name):
+        arguments = {"fits": callable, "make": callable} | {name: 3}
+        with pytest.raises(ValueError, match=f"`{name}` must be a function, got 3"):
+            register_evaluator(**arguments)

@@ -1,0 +1,63 @@
+"""Wrappers that evaluators see through, as they change nothing that a policy meets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+from gymnasium import wrappers
+from gymnasium.vector import VectorWrapper
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecMonitor
+
+from curiosity_algos.evaluation.environments import GymnasiumView
+from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.maze.dynamics import same_maze
+from curiosity_gym.maze.maze_env import MazeEnv
+
+_TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker)
+"""Wrappers that change neither dynamics nor rewards nor observations."""
+
+
+def without_monitors(env: Any) -> Any:
+    """The environment without what Stable-Baselines3 put around it to record episodes.
+
+    A DummyVecEnv whose envs are all the same maze or task, or that holds one, becomes its first.
+
+    Raises:
+        ValueError: If a wrapper of a whole batch of environments remains.
+    """
+    if isinstance(env, GymnasiumView):
+        return without_monitors(env.vector_env)
+    if isinstance(env, VecMonitor):
+        return without_monitors(env.venv)
+    if isinstance(env, VecEnvWrapper | VectorWrapper):
+        raise ValueError(
+            f"`env` is wrapped in {type(env).__name__}, which the evaluators cannot see through: "
+            "wrap each environment before it is vectorized instead."
+        )
+    if type(env) is DummyVecEnv and _are_alike(env.envs):
+        return without_monitors(env.envs[0])
+    # A monitor's spec cannot make copies of it; what it records is SB3's, not ours.
+    return without_monitors(env.env) if isinstance(env, Monitor) else env
+
+
+def bare(env: Any) -> Any:
+    """The env within Gymnasium's wrappers that change nothing, or the first one that does."""
+    while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
+        env = env.env
+    return env
+
+
+def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
+    """Whether one env can stand for all: it is alone, or they are the same maze or task."""
+    first, *others = [bare(env.env if isinstance(env, Monitor) else env) for env in envs]
+    return all(_is_same(first, other) for other in others)
+
+
+def _is_same(env: Any, other: Any) -> bool:
+    if type(env) is not type(other):
+        return False
+    if type(env) is MazeEnv:
+        return same_maze(env.maze, other.maze)
+    return type(env) is ControlEnv and env.horizon == other.horizon and env.task == other.task

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any
 
 import gymnasium as gym
@@ -12,11 +11,9 @@ from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
+from curiosity_algos.evaluation.copies import env_and_copies
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
-
-N_COPIES = 16
-"""Copies of a single env, so that the policy's call serves many of them."""
 
 
 class VectorEvaluator:
@@ -26,7 +23,8 @@ class VectorEvaluator:
     not depend on the number of envs, unless a VectorEnv draws all its starts from one generator.
 
     Args:
-        env: The environment; a single one is copied where it can be.
+        env: The environment. Copies of a single one step side by side where they can be trusted;
+            otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`).
         mlp: The policies' shape.
     """
 
@@ -35,7 +33,7 @@ class VectorEvaluator:
     ) -> None:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
-        self._batch = _as_batch(env)
+        self._batch = _as_batch(env, mlp)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed."""
@@ -78,19 +76,9 @@ class VectorEvaluator:
         )
 
 
-def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv) -> Batch:
+def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv, mlp: Mlp) -> Batch:
     if isinstance(env, VectorEnv):
         return GymnasiumBatch(env)
     if isinstance(env, VecEnv):
         return Sb3Batch(env)
-    return SingleEnvBatch(_copies(env))
-
-
-def _copies(env: gym.Env[Any, Any]) -> list[gym.Env[Any, Any]]:
-    """The env beside copies of it, or alone where it shows itself or cannot be copied."""
-    if env.render_mode is not None:
-        return [env]
-    try:
-        return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
-    except Exception:  # whatever an env of the user's raises, it can still be used alone
-        return [env]
+    return SingleEnvBatch(env_and_copies(env, mlp))

@@ -1,0 +1,128 @@
+"""Copies of a single environment, if they can be trusted."""
+
+from __future__ import annotations
+
+import copy
+import random
+import warnings
+import weakref
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import zip_longest
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import torch as th
+
+from curiosity_algos.evaluation.policies import Mlp
+
+N_COPIES = 16
+"""Envs side by side, so that one call of the policy serves many of them."""
+N_TRIAL_STEPS = 10
+"""Steps of each of the four episodes in which two copies are tried out."""
+
+Env = gym.Env[Any, Any]
+Float64Array = npt.NDArray[np.float64]
+
+
+def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
+    """The env beside copies of it; or the env alone, which is always right and only slower.
+
+    It stays alone where it renders, where it cannot be copied, and where two copies that take turns
+    do not do what each does alone. They do not if their state is behind one handle (a physics
+    server, a simulator, a closure), or if the same seed and actions lead to different episodes even
+    in one env. In both cases a warning says so.
+
+    Args:
+        env: The environment. Only copies of it are reset and stepped here.
+        mlp: The policies' shape, which says what actions there are.
+    """
+    if env.render_mode is not None:
+        return [env]
+    try:
+        tried = [copy.deepcopy(env) for _ in range(2)]
+    except Exception:  # whatever an env of the user's raises, it can still be used alone
+        return [env]
+    if _are_independent(tried, _actions(mlp)):
+        return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
+    _keep_while_alive(env, tried)
+    warnings.warn(
+        "Copies of `env` that take turns do not do what one does alone, so policies are evaluated "
+        "one after the other: to step several at once, pass a VectorEnv or a VecEnv of "
+        "environments that are made separately.",
+        stacklevel=2,
+    )
+    return [env]
+
+
+def _are_independent(envs: list[Env], actions: list[npt.NDArray[Any]]) -> bool:
+    """Whether the episodes of envs that take turns are those of each env alone."""
+    with _unchanged_globals(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the env that is used will give its own
+        try:
+            alone = [list(_episode(*pair)) for pair in zip(envs, actions, strict=True)]
+            together = [_episode(*pair) for pair in zip(envs, actions, strict=True)]
+            return _are_equal(_rows(alone), _rows(together))
+        except Exception:  # a copy that cannot even be stepped
+            return False
+
+
+def _rows(episodes: Iterable[Iterable[Float64Array]]) -> list[tuple[Float64Array, ...]]:
+    """What the episodes show at their reset, at their first step, and so on."""
+    return list(zip_longest(*episodes, fillvalue=np.empty(0)))
+
+
+def _are_equal(
+    rows: list[tuple[Float64Array, ...]], others: list[tuple[Float64Array, ...]]
+) -> bool:
+    return len(rows) == len(others) and all(
+        np.array_equal(*pair, equal_nan=True)
+        for row, other in zip(rows, others, strict=True)
+        for pair in zip(row, other, strict=True)
+    )
+
+
+def _actions(mlp: Mlp) -> list[npt.NDArray[Any]]:
+    """Two different sequences of actions."""
+    rng = np.random.default_rng(0)
+    if mlp.is_discrete:
+        return list(rng.integers(mlp.low.size, size=(2, N_TRIAL_STEPS)))
+    shape = (2, N_TRIAL_STEPS, mlp.low.size)
+    return list(rng.uniform(mlp.low, mlp.high, shape).astype(np.float32))
+
+
+def _episode(env: Env, actions: npt.NDArray[Any]) -> Iterator[Float64Array]:
+    """All that an evaluator reads of an episode, at its reset and at each step."""
+    observation, info = env.reset(seed=0)
+    yield _numbers(observation, info)
+    for action in actions:
+        observation, reward, terminated, truncated, info = env.step(action)
+        yield _numbers(observation, info, reward, terminated, truncated)
+        if terminated or truncated:
+            return
+
+
+def _numbers(observation: Any, info: dict[str, Any], *others: Any) -> Float64Array:
+    behavior = info.get("behavior", ())
+    is_success = info.get("is_success", False)
+    parts = [np.ravel(part) for part in (observation, behavior, is_success, *others)]
+    return np.concatenate(parts).astype(np.float64)
+
+
+@contextmanager
+def _unchanged_globals() -> Iterator[None]:
+    """Leave the global generators, which an env may draw from, as they are."""
+    states = random.getstate(), np.random.get_state(), th.get_rng_state()  # noqa: NPY002
+    try:
+        yield
+    finally:
+        random.setstate(states[0])
+        np.random.set_state(states[1])  # noqa: NPY002
+        th.set_rng_state(states[2])
+
+
+def _keep_while_alive(env: Env, copies: list[Env]) -> None:
+    """Let no copy be freed before `env`: it might close the handle that they share."""
+    weakref.finalize(env, copies.clear).atexit = False

@@ -1,0 +1,233 @@
+import gc
+import random
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from gymnasium.wrappers import TimeLimit
+
+from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.copies import N_COPIES, env_and_copies
+from curiosity_algos.evaluation.policies import build_mlp
+from curiosity_gym import BehaviorWrapper
+
+WORLDS = {}
+"""Handle: position, as a physics server holds its worlds."""
+
+
+class Line(gym.Env):
+    """A point that is pushed along a line; 20 steps."""
+
+    observation_space = spaces.Box(-np.inf, np.inf, (1,))
+    action_space = spaces.Box(-1.0, 1.0, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.t = 0
+        self.set_x(self.np_random.normal())
+        return self.observe(), {}
+
+    def step(self, action):
+        self.t += 1
+        self.set_x(self.get_x() + float(action[0]))
+        return self.observe(), self.get_x(), False, self.t == 20, {}
+
+    def observe(self):
+        return np.array([self.get_x()], dtype=np.float32)
+
+    def get_x(self):
+        return self.x
+
+    def set_x(self, x):
+        self.x = x
+
+
+class Handle(Line):
+    """Its state is in a world outside, which a copy shares."""
+
+    def __init__(self, handle=0):
+        self.handle = handle
+
+    def get_x(self):
+        return WORLDS[self.handle]
+
+    def set_x(self, x):
+        WORLDS[self.handle] = x
+
+
+class Client(Handle):
+    """Disconnects when it is freed, as PyBullet's clients do."""
+
+    def __init__(self, handle=0):
+        super().__init__(handle)
+        WORLDS[handle] = 0.0
+
+    def get_x(self):
+        if self.handle not in WORLDS:
+            raise RuntimeError("Not connected to the physics server.")
+        return WORLDS[self.handle]
+
+    def set_x(self, x):
+        self.get_x()
+        WORLDS[self.handle] = x
+
+    def __del__(self):
+        WORLDS.pop(self.handle, None)
+
+
+class Clock(Line):
+    """Its time alone is shared: copies that take turns end too soon."""
+
+    times = [0]  # noqa: RUF012
+
+    def reset(self, *, seed=None, options=None):
+        self.times[0] = 0
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        self.times[0] += 1
+        observation, reward, _, _, info = super().step(action)
+        return observation, reward, False, self.times[0] == 8, info
+
+
+class Restless(Line):
+    """No two episodes are alike."""
+
+    def reset(self, *, seed=None, options=None):
+        super().reset()
+        self.t = 0
+        self.set_x(np.random.default_rng().normal())
+        return self.observe(), {}
+
+
+class Broken(Line):
+    """A copy of it cannot be stepped."""
+
+    def __deepcopy__(self, memo):
+        return gym.Env()
+
+
+class Single(Line):
+    """It cannot be copied."""
+
+    def __deepcopy__(self, memo):
+        raise TypeError("cannot copy")
+
+
+class Global(Line):
+    """Draws from every global generator."""
+
+    def reset(self, *, seed=None, options=None):
+        random.random(), np.random.random(), th.rand(1)  # noqa: NPY002
+        return super().reset(seed=seed)
+
+
+def highest():
+    """A behavior that keeps the highest position of an episode, in a closure."""
+    seen = []
+
+    def behavior(env, observation, info):
+        if env.unwrapped.t == 0:
+            seen.clear()
+        seen.append(observation[0])
+        return [max(seen)]
+
+    return behavior
+
+
+def with_highest(env):
+    return BehaviorWrapper(env, highest(), spaces.Box(-20.0, 20.0, (1,)))
+
+
+def copies_of(env):
+    return env_and_copies(env, build_mlp(env.observation_space, env.action_space, [4]))
+
+
+def policies(evaluator, n=6):
+    shape = (n, evaluator.n_parameters)
+    return np.random.default_rng(0).normal(0, 1, shape).astype(np.float32)
+
+
+SHARED = {
+    "handle": Handle,
+    "clock": Clock,
+    "broken": Broken,
+    "wrapped": lambda: TimeLimit(Handle(), 12),
+    "closure": lambda: with_highest(Line()),
+}
+
+
+@pytest.mark.parametrize("kind", SHARED)
+def test_an_env_whose_copies_share_state_plays_alone(kind, play, assert_equal_episodes):
+    with pytest.warns(UserWarning, match="Copies of `env` that take turns do not do what one does"):
+        evaluator = make_evaluator(SHARED[kind]())
+    parameters = policies(evaluator)
+    for seed in (1, 2):
+        rollouts = evaluator.evaluate(parameters, seed)
+        oracle = SHARED[kind]()
+        assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, seed))
+
+
+def test_copies_that_share_nothing_are_used_without_a_word():
+    for env in (Line(), gym.make("CartPole-v1"), gym.make("Pendulum-v1")):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            envs = copies_of(env)
+        assert envs[0] is env
+        assert len({id(each.unwrapped) for each in envs}) == N_COPIES
+
+
+def test_separately_made_envs_with_handles_are_taken_as_they_are(play, assert_equal_episodes):
+    makers = [lambda handle=handle: Handle(handle) for handle in range(3)]
+    evaluator = make_evaluator(gym.vector.SyncVectorEnv(makers))
+    parameters = policies(evaluator)
+    episodes = play(Handle(9), evaluator.mlp, parameters, 1)
+    assert_equal_episodes(evaluator.evaluate(parameters, 1), episodes)
+
+
+def test_an_env_that_repeats_nothing_plays_alone():
+    with pytest.warns(UserWarning, match="evaluated one after the other"):
+        evaluator = make_evaluator(Restless())
+    rollouts = evaluator.evaluate(policies(evaluator), 0)
+    assert len(np.unique(rollouts.observations[:, 0])) == 6
+    np.testing.assert_array_equal(rollouts.lengths, 20)
+
+
+@pytest.mark.parametrize("make", [Single, lambda: gym.make("CartPole-v1", render_mode="rgb_array")])
+def test_what_cannot_be_copied_or_renders_is_left_alone(make):
+    env = make()
+    assert copies_of(env) == [env]
+
+
+def test_the_env_is_left_as_it_was_found():
+    env, twin = Line(), Line()
+    for each in (env, twin):
+        each.reset(seed=3)
+        each.step([0.5])
+    copies_of(env)
+    assert (env.t, env.x) == (twin.t, twin.x)
+    assert env.np_random.bit_generator.state == twin.np_random.bit_generator.state
+    for copied in copies_of(env)[1:]:
+        assert (copied.t, copied.x) == (twin.t, twin.x)
+
+
+def test_global_generators_are_left_as_they_were_found():
+    random.seed(0), np.random.seed(0), th.manual_seed(0)  # noqa: NPY002
+    expected = random.random(), np.random.random(), th.rand(1)  # noqa: NPY002
+    random.seed(0), np.random.seed(0), th.manual_seed(0)  # noqa: NPY002
+    copies_of(Global())
+    assert (random.random(), np.random.random(), th.rand(1)) == expected  # noqa: NPY002
+
+
+def test_copies_that_would_close_a_handle_live_as_long_as_the_env():
+    env = Client(7)
+    with pytest.warns(UserWarning, match="Copies of `env`"):
+        make_evaluator(env)
+    gc.collect()
+    env.reset(seed=0)  # raises where it is closed
+    del env
+    gc.collect()
+    assert 7 not in WORLDS

@@ -25,16 +25,23 @@ class ControlEvaluator:
 
     Args:
         task: The task.
-        horizon: Steps after which an episode is truncated.
+        horizon: T of the reward, 1 - t / T for a success after t steps.
         mlp: The policies' shape.
         n_threads: None: as many as there are processors.
+        max_steps: Steps after which an episode ends; None: the horizon.
     """
 
     def __init__(
-        self, task: ControlTask, horizon: int, mlp: Mlp, n_threads: int | None = None
+        self,
+        task: ControlTask,
+        horizon: int,
+        mlp: Mlp,
+        n_threads: int | None = None,
+        max_steps: int | None = None,
     ) -> None:
         self.task = task
         self.horizon = horizon
+        self.max_steps = horizon if max_steps is None else max_steps
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._n_threads = n_threads
@@ -54,17 +61,17 @@ class ControlEvaluator:
 
     def _play(self, simulation: Simulation, parameters: Float32Array) -> Rollouts:
         """One wave: at most as many policies as there are simulations."""
-        n, horizon = len(parameters), self.horizon
-        observations = np.empty((n, horizon + 1, self.task.n_observations), dtype=np.float32)
-        actions = np.empty((n, horizon, self.task.n_actions), dtype=np.float32)
-        lengths = np.full(n, horizon)
+        n, n_steps = len(parameters), self.max_steps
+        observations = np.empty((n, n_steps + 1, self.task.n_observations), dtype=np.float32)
+        actions = np.empty((n, n_steps, self.task.n_actions), dtype=np.float32)
+        lengths = np.full(n, n_steps)
         success = np.zeros(n, dtype=np.bool_)
         active = np.arange(n)
         even, odd = scratch(self.mlp, 1)
         simulation.reset(active)
         observations[:, 0] = simulation.observations[:n]
         chosen = actions[:, 0].copy()
-        for t in range(horizon):
+        for t in range(n_steps):
             forward_each(self.mlp, parameters, observations[active, t], even[0], odd[0], chosen)
             actions[active, t] = chosen
             succeeded = simulation.step(chosen, active)
@@ -77,7 +84,7 @@ class ControlEvaluator:
                 break
         longest = int(lengths.max())
         return sparse_rollouts(
-            horizon,
+            self.horizon,
             lengths=lengths,
             success=success,
             behaviors=simulation.behaviors[:n],

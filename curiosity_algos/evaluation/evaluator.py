@@ -14,7 +14,7 @@ from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.evaluation.transparent import bare, without_monitors
+from curiosity_algos.evaluation.transparent import bare, max_steps, without_monitors
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
@@ -129,7 +129,7 @@ def _is_maze(env: Any) -> bool:
 
 
 def _make_maze(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    return MazeEvaluator(bare(env).maze, mlp, n_threads)
+    return MazeEvaluator(bare(env).maze, mlp, n_threads, max_steps(env))
 
 
 def _is_control(env: Any) -> bool:
@@ -138,7 +138,7 @@ def _is_control(env: Any) -> bool:
 
 def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
     inner = bare(env)
-    return ControlEvaluator(inner.task, inner.horizon, mlp, n_threads)
+    return ControlEvaluator(inner.task, inner.horizon, mlp, n_threads, max_steps(env))
 
 
 def _is_any(env: Any) -> bool:

@@ -25,13 +25,13 @@ def _rollout(
     actions: Float32Array,
     state: npt.NDArray[np.float64],
 ) -> tuple[int, bool]:
-    """One episode: its length, and whether it ended at the goal."""
+    """One episode of at most as many steps as `actions` holds: its length, whether at the goal."""
     reset(maze, state, observations[0])
-    for t in range(maze.horizon):
+    for t in range(actions.shape[0]):
         forward(mlp, parameters, observations[t], even, odd, actions[t])
         if step(maze, state, actions[t], observations[t + 1]):
             return t + 1, True
-    return maze.horizon, False
+    return actions.shape[0], False
 
 
 @compiled
@@ -63,10 +63,14 @@ class MazeEvaluator:
         maze: The maze, as `curiosity_gym.maze.dynamics.build_maze` gives it.
         mlp: The policies' shape.
         n_threads: None: as many as there are processors.
+        max_steps: Steps after which an episode ends; None: the maze's horizon.
     """
 
-    def __init__(self, maze: Maze, mlp: Mlp, n_threads: int | None = None) -> None:
+    def __init__(
+        self, maze: Maze, mlp: Mlp, n_threads: int | None = None, max_steps: int | None = None
+    ) -> None:
         self.maze = maze
+        self.max_steps = maze.horizon if max_steps is None else max_steps
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._pool = ThreadPool(n_threads)
@@ -74,10 +78,10 @@ class MazeEvaluator:
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters); mazes draw nothing: `seed` is unused."""
         parameters = check_parameters(parameters, self.n_parameters)
-        n, horizon = len(parameters), self.maze.horizon
+        n, n_steps = len(parameters), self.max_steps
         n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
-        observations = np.empty((n, horizon + 1, n_features), dtype=np.float32)
-        actions = np.empty((n, horizon, 2), dtype=np.float32)
+        observations = np.empty((n, n_steps + 1, n_features), dtype=np.float32)
+        actions = np.empty((n, n_steps, 2), dtype=np.float32)
         states = np.empty((n, 4))
         lengths = np.empty(n, dtype=np.int64)
         success = np.empty(n, dtype=np.bool_)
@@ -89,7 +93,7 @@ class MazeEvaluator:
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
         return sparse_rollouts(
-            horizon,
+            self.maze.horizon,
             lengths=lengths,
             success=success,
             behaviors=states,

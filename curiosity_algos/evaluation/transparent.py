@@ -15,8 +15,8 @@ from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 
-_TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker)
-"""Wrappers that change neither dynamics nor rewards nor observations."""
+_TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, wrappers.TimeLimit)
+"""Wrappers that change neither dynamics nor rewards nor observations; `max_steps` knows limits."""
 
 
 def without_monitors(env: Any) -> Any:
@@ -49,15 +49,30 @@ def bare(env: Any) -> Any:
     return env
 
 
+def max_steps(env: Any) -> int:
+    """Steps after which an episode of a maze or task ends: its horizon, or a lower limit.
+
+    A limit does not change the reward, which knows the horizon alone.
+    """
+    limits = []
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, wrappers.TimeLimit):
+            limits.append(env._max_episode_steps)
+        env = env.env
+    own = getattr(env, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
+    return min([env.horizon, *limits, *([] if own is None else [own])])
+
+
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
     """Whether one env can stand for all: it is alone, or they are the same maze or task."""
-    first, *others = [bare(env.env if isinstance(env, Monitor) else env) for env in envs]
+    first, *others = [env.env if isinstance(env, Monitor) else env for env in envs]
     return all(_is_same(first, other) for other in others)
 
 
 def _is_same(env: Any, other: Any) -> bool:
-    if type(env) is not type(other):
+    one, two = bare(env), bare(other)
+    if type(one) is not type(two) or type(one) not in (MazeEnv, ControlEnv):
         return False
-    if type(env) is MazeEnv:
-        return same_maze(env.maze, other.maze)
-    return type(env) is ControlEnv and env.horizon == other.horizon and env.task == other.task
+    if one.horizon != two.horizon or max_steps(env) != max_steps(other):
+        return False
+    return same_maze(one.maze, two.maze) if type(one) is MazeEnv else bool(one.task == two.task)

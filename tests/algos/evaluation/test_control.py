@@ -65,6 +65,17 @@ class TestEveryTask:
         assert isinstance(make_evaluator(changed), VectorEvaluator)
 
 
+def test_a_time_limit_ends_episodes_and_leaves_rewards(play, assert_equal_episodes):
+    env, mlp, parameters = make("Stacker", 16, success_threshold=1e-45)
+    limited = gym.wrappers.TimeLimit(env, 150)
+    evaluator = make_evaluator(limited, {"net_arch": [8]})
+    assert isinstance(evaluator, ControlEvaluator)
+    rollouts = evaluator.evaluate(parameters)
+    assert_equal_episodes(rollouts, play(limited, mlp, parameters))
+    assert rollouts.lengths.max() == 150
+    assert rollouts.success.any()
+
+
 def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
     env, mlp, parameters = make("Stacker", 16, success_threshold=1e-45)
     stepped = []

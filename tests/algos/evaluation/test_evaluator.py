@@ -44,6 +44,11 @@ class HalfSteered(MazeVectorEnv):
         return super().step(0.5 * actions)
 
 
+class HalfLimit(wrappers.TimeLimit):
+    def step(self, action):
+        return super().step(0.5 * action)
+
+
 class Repeat(gym.Wrapper):
     """Each action for two steps; nothing in it says how it was made."""
 
@@ -61,7 +66,7 @@ CHANGES = {
     "TransformAction": lambda env: wrappers.TransformAction(
         env, lambda action: -action, env.action_space
     ),
-    "TimeLimit": lambda env: wrappers.TimeLimit(env, 10),
+    "a limit's subclass": lambda env: HalfLimit(env, 10),
     "RescaleAction": lambda env: wrappers.RescaleAction(env, np.float32(-0.5), np.float32(0.5)),
     "Repeat": Repeat,
     "subclass": lambda env: TwiceRewarded(env.unwrapped.layout, horizon=64),
@@ -91,6 +96,37 @@ def test_changed_mazes_keep_their_change(
     rollouts = evaluator.evaluate(parameters, 0)
     oracle = CHANGES[change](make_easy_maze())
     assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
+
+
+LIMITS = {
+    "one": lambda env: wrappers.TimeLimit(env, 30),
+    "two": lambda env: wrappers.TimeLimit(wrappers.TimeLimit(env, 30), 40),
+    "none that counts": lambda env: wrappers.TimeLimit(env, 1000),
+    "monitored": lambda env: Monitor(wrappers.TimeLimit(env, 30)),
+    "wrapped again": lambda env: wrappers.OrderEnforcing(wrappers.TimeLimit(env, 30)),
+    "dummy": lambda env: DummyVecEnv([lambda: wrappers.TimeLimit(env, 30)]),
+}
+
+
+@pytest.mark.parametrize("kind", LIMITS)
+def test_mazes_within_a_time_limit_run_compiled(kind, make_easy_maze, play, assert_equal_episodes):
+    evaluator = make_evaluator(LIMITS[kind](make_easy_maze()), {"net_arch": []})
+    assert isinstance(evaluator, MazeEvaluator)
+    rng = np.random.default_rng(0)
+    parameters = rng.normal(0, 1, (40, evaluator.n_parameters)).astype(np.float32)
+    rollouts = evaluator.evaluate(parameters, 0)
+    limit = 64 if kind == "none that counts" else 30
+    oracle = wrappers.TimeLimit(make_easy_maze(), limit)
+    assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
+    assert rollouts.lengths.max() == rollouts.actions.shape[1] == limit
+    assert rollouts.success.any()
+
+
+def test_mazes_of_different_limits_are_not_taken_for_one():
+    makers = [lambda n=n: wrappers.TimeLimit(gym.make(HARD), n) for n in (5, 7)]
+    evaluator = make_evaluator(DummyVecEnv(makers), SMALL)
+    rollouts = evaluator.evaluate(np.zeros((2, evaluator.n_parameters)))
+    np.testing.assert_array_equal(rollouts.lengths, [5, 7])
 
 
 def test_changed_vector_mazes_keep_their_change():

@@ -12,6 +12,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.evaluation.environments import env_attribute
 from curiosity_gym.core import CoverageGrid
 
 
@@ -86,9 +87,3 @@ def behavior_space(env: VecEnv) -> spaces.Box[Any] | None:
     """The bounds of the env's behaviors; None where it has none."""
     space = env_attribute(env, "behavior_space")
     return space if isinstance(space, spaces.Box) else None
-
-
-def env_attribute(env: VecEnv, name: str) -> Any:
-    """The attribute of the first single env, whatever wraps it; None where it has none."""
-    # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
-    return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None

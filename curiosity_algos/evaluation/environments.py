@@ -69,6 +69,25 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     )
 
 
+def step_limit(env: Any) -> int | None:
+    """Steps after which an environment of any kind truncates its episodes; None where unknown."""
+    if isinstance(env, VectorEnv) and hasattr(env, "envs"):
+        return step_limit(env.envs[0])
+    if isinstance(env, VectorEnv):
+        found = [getattr(env.spec, "max_episode_steps", None), getattr(env, "horizon", None)]
+    else:
+        found = [env_attribute(env, name) for name in ("_max_episode_steps", "horizon")]
+    return max((limit for limit in found if isinstance(limit, int)), default=None)
+
+
+def env_attribute(env: gym.Env[Any, Any] | VecEnv, name: str) -> Any:
+    """The attribute of the (first) single env, whatever wraps it; None where it has none."""
+    if isinstance(env, VecEnv):
+        # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
+        return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None
+    return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
+
+
 def env_id(env: object) -> str | None:
     """The id that an environment was made by, or None where it has none."""
     if isinstance(env, str):

@@ -12,8 +12,12 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
 from curiosity_algos.evaluation.copies import env_and_copies
+from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
+
+MAX_EPISODE_STEPS = 10_000
+"""Steps of an episode, if no limit of the env allows more, after which it is taken for endless."""
 
 
 class VectorEvaluator:
@@ -21,6 +25,9 @@ class VectorEvaluator:
 
     Episodes begin together, as many as the batch has envs, and every reset is seeded: results do
     not depend on the number of envs, unless a VectorEnv draws all its starts from one generator.
+
+    Episodes must end: one that is still on its way after `MAX_EPISODE_STEPS` steps, or after those
+    of a higher limit that the env has (a TimeLimit, or a `horizon`), is an error.
 
     Args:
         env: The environment. Copies of a single one step side by side where they can be trusted;
@@ -34,9 +41,14 @@ class VectorEvaluator:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._batch = _as_batch(env, mlp)
+        self._max_steps = max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
-        """One episode of each policy (P, n_parameters), each reset with the same seed."""
+        """One episode of each policy (P, n_parameters), each reset with the same seed.
+
+        Raises:
+            ValueError: If an episode does not end.
+        """
         parameters = check_parameters(parameters, self.n_parameters)
         n = self._batch.n
         waves = [
@@ -56,6 +68,7 @@ class VectorEvaluator:
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
         infos: dict[int, dict[str, Any]] = {}
         while active.any():
+            self._check_length(len(actions))
             actions.append(act(self.mlp, parameters, observations[-1]))
             step = self._batch.step(actions[-1], active)
             observations.append(step.observations.astype(np.float32))
@@ -74,6 +87,14 @@ class VectorEvaluator:
             observations=stacked,
             actions=np.stack(actions, axis=1)[:n_policies],
         )
+
+    def _check_length(self, n_steps: int) -> None:
+        if n_steps == self._max_steps:
+            raise ValueError(
+                f"`env` must end its episodes: one had not ended after {n_steps} steps. Give it a "
+                "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000), or "
+                "gymnasium.make(id, max_episode_steps=1000)."
+            )
 
 
 def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv, mlp: Mlp) -> Batch:

@@ -1,10 +1,13 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.classic_control import CartPoleEnv, PendulumEnv
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
+from curiosity_algos import CanonicalES
+from curiosity_algos.evaluation import vector
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
@@ -100,3 +103,64 @@ def test_a_full_population_is_as_long_as_its_longest_episode():
     )
     assert len(np.unique(rollouts.lengths)) > 1
     assert rollouts.actions.shape == (N_INDIVIDUALS, rollouts.lengths.max())
+
+
+ENDLESS = {
+    "single": PendulumEnv,
+    "sync": lambda: SyncVectorEnv([PendulumEnv] * 2),
+    "async": lambda: AsyncVectorEnv([PendulumEnv] * 2),
+    "dummy": lambda: DummyVecEnv([PendulumEnv] * 2),
+    "subproc": lambda: SubprocVecEnv([PendulumEnv] * 2, start_method="fork"),
+}
+LIMITS = {
+    "single": lambda limited: limited(),
+    "made": lambda limited: gym.make("Pendulum-v1", max_episode_steps=60),
+    "monitor": lambda limited: Monitor(limited()),
+    "sync": lambda limited: SyncVectorEnv([limited] * 2),
+    "made async": lambda limited: gym.make_vec(
+        "Pendulum-v1", num_envs=2, vectorization_mode="async", max_episode_steps=60
+    ),
+    "dummy": lambda limited: DummyVecEnv([limited] * 2),
+    "subproc": lambda limited: SubprocVecEnv([limited] * 2, start_method="fork"),
+}
+
+
+class TestLength:
+    @pytest.fixture(autouse=True)
+    def _bound(self, monkeypatch):
+        monkeypatch.setattr(vector, "MAX_EPISODE_STEPS", 50)
+
+    @pytest.mark.parametrize("kind", ENDLESS)
+    def test_episodes_that_do_not_end_are_an_error(self, kind):
+        mlp, parameters = make_policies(PendulumEnv())
+        env = ENDLESS[kind]()
+        try:
+            evaluator = VectorEvaluator(env, mlp)
+            for _ in range(2):
+                with pytest.raises(
+                    ValueError, match=r"had not ended after 50 steps\. Give it a limit"
+                ):
+                    evaluator.evaluate(parameters, 0)
+        finally:
+            env.close()
+
+    @pytest.mark.parametrize("kind", LIMITS)
+    def test_a_limit_of_the_env_may_be_higher(self, kind):
+        mlp, parameters = make_policies(PendulumEnv())
+        env = LIMITS[kind](lambda: gym.wrappers.TimeLimit(PendulumEnv(), 60))
+        try:
+            rollouts = VectorEvaluator(env, mlp).evaluate(parameters, 0)
+        finally:
+            env.close()
+        np.testing.assert_array_equal(rollouts.lengths, 60)
+
+    def test_an_env_without_a_limit_may_end_by_itself(self):
+        mlp, _ = make_policies(CartPoleEnv())
+        parameters = np.zeros((3, mlp.n_parameters), dtype=np.float32)
+        assert (VectorEvaluator(CartPoleEnv(), mlp).evaluate(parameters, 0).lengths < 50).all()
+
+
+def test_the_longest_episode_without_a_limit_is_long():
+    assert vector.MAX_EPISODE_STEPS == 10_000
+    with pytest.raises(ValueError, match="had not ended after 10000 steps"):
+        CanonicalES(PendulumEnv(), population_size=2, n_parents=1).learn(1000)

@@ -36,8 +36,8 @@ def check_observations(observations: npt.NDArray[Any]) -> None:
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
 
-    Rewards count as float32, as SB3's VecEnv hands them out: returns are then exactly those of
-    `evaluate_policy`.
+    Rewards count as the env gives them, in float64: rounded to 6 digits, returns are those that
+    SB3's Monitor records, and so `evaluate_policy` of a monitored env.
 
     Attributes:
         returns: (P,) float64, sum of rewards.
@@ -95,7 +95,7 @@ def sparse_rollouts(
     """
     rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
     return Rollouts(
-        returns=rewards.astype(np.float32).astype(np.float64),
+        returns=rewards,
         lengths=lengths,
         success=success,
         behaviors=behaviors,

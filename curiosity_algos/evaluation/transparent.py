@@ -60,7 +60,8 @@ def max_steps(env: Any) -> int:
             limits.append(env._max_episode_steps)
         env = env.env
     own = getattr(env, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
-    return min([env.horizon, *limits, *([] if own is None else [own])])
+    steps: list[int] = [env.horizon, *limits, *([] if own is None else [own])]
+    return min(steps)
 
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 from gymnasium.vector import VectorEnv
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
 from curiosity_algos.evaluation.copies import env_and_copies
@@ -72,7 +72,7 @@ class VectorEvaluator:
             actions.append(act(self.mlp, parameters, observations[-1]))
             step = self._batch.step(actions[-1], active)
             observations.append(step.observations.astype(np.float32))
-            returns[active] += step.rewards[active].astype(np.float32)
+            returns[active] += step.rewards[active]
             lengths += active
             infos |= step.infos
             active &= ~step.ended
@@ -100,6 +100,8 @@ class VectorEvaluator:
 def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv, mlp: Mlp) -> Batch:
     if isinstance(env, VectorEnv):
         return GymnasiumBatch(env)
+    if type(env) is DummyVecEnv:
+        return SingleEnvBatch(env.envs)  # it would round rewards to float32
     if isinstance(env, VecEnv):
         return Sb3Batch(env)
     return SingleEnvBatch(env_and_copies(env, mlp))

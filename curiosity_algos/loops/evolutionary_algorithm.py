@@ -67,7 +67,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
 
     Attributes:
         generation: Generations finished.
-        best_return: Highest return of an individual so far; -inf before the first generation.
+        best_return: Highest return of an individual so far, rounded to 6 digits as SB3's Monitor
+            does; -inf before the first generation.
         first_success_timesteps: Timesteps when an individual first succeeded, or None.
 
     Raises:
@@ -115,7 +116,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         self._evaluator_choice = evaluator
         self.n_threads = n_threads
         self.generation = 0
-        self.best_return: float
+        self._best_return: float
         self.first_success_timesteps: int | None
         self._best_parameters: Float32Array | None
         self._forget_best()
@@ -222,7 +223,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         """Drop what another environment's behaviors came to, where the algorithm keeps any."""
 
     def _forget_best(self) -> None:
-        self.best_return = -np.inf
+        self._best_return = -np.inf
         self.first_success_timesteps = None
         self._best_parameters = None
         self._has_reward = False
@@ -236,6 +237,14 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     def coverage_shares(self) -> dict[str, float]:
         """Every share that is logged under `coverage/`, by its name there."""
         return self._coverage.shares
+
+    @property
+    def best_return(self) -> float:
+        """Highest return of an individual so far; -inf before the first generation.
+
+        Rounded to 6 digits, as SB3's Monitor rounds: `evaluate_policy` of a monitored env says it.
+        """
+        return round(self._best_return, 6)
 
     # -- the loop -------------------------------------------------------------------------------
 
@@ -316,8 +325,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         self._coverage.add(rollouts.behaviors)
         self._has_reward |= bool(np.any(rollouts.returns))
         best = int(np.argmax(rollouts.returns))
-        if rollouts.returns[best] > self.best_return:
-            self.best_return = float(rollouts.returns[best])
+        if rollouts.returns[best] > self._best_return:
+            self._best_return = float(rollouts.returns[best])
             self._best_parameters = parameters[best].copy()
         self._show_best()
 

@@ -77,7 +77,7 @@ def make_maze(**kwargs):
 
 
 def make_easy_maze(**kwargs):
-    """A maze whose goal many policies reach; 64 steps: every return is exact in float32."""
+    """A maze whose goal many policies reach; 64 steps keep its tests short."""
     return gym.make("CuriosityMaze-v0", **({"layout": EASY, "horizon": 64} | kwargs))
 
 

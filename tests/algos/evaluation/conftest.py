@@ -17,7 +17,7 @@ def play(env, mlp, parameters, seed=None):
             actions.append(act(mlp, vector[None], observations[-1][None])[0])
             observation, reward, terminated, truncated, info = env.step(actions[-1])
             observations.append(observation)
-            total += float(np.float32(reward))  # as SB3's VecEnv hands rewards out
+            total += float(reward)
             is_over = terminated or truncated
         episodes.append((np.array(observations), np.array(actions), total, info))
     return episodes

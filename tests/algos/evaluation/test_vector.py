@@ -8,7 +8,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
 from curiosity_algos import CanonicalES
 from curiosity_algos.evaluation import vector
-from curiosity_algos.evaluation.policies import build_mlp
+from curiosity_algos.evaluation.policies import act, build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
 IDS = {"CartPole-v1": 500, "Pendulum-v1": 30, "MountainCarContinuous-v0": 30, "maze": 64}
@@ -60,19 +60,28 @@ def test_every_kind_of_env_equals_a_plain_loop(kind, env_maker, play, assert_equ
         for seed in (3, 4):
             rollouts = evaluator.evaluate(parameters, seed)
             episodes = play(oracle, mlp, parameters, seed)
-            if isinstance(env, DummyVecEnv):
-                episodes = [with_float32_rewards(oracle, mlp, one, seed) for one in episodes]
             assert_equal_episodes(rollouts, episodes)
     finally:
         env.close()
 
 
-def with_float32_rewards(env, mlp, episode, seed):
-    """The episode with its return summed as SB3's DummyVecEnv hands rewards out."""
-    observations, actions, _, info = episode
-    env.reset(seed=seed)
-    rewards = [np.float32(env.step(action)[1]) for action in actions]
-    return observations, actions, sum(float(reward) for reward in rewards), info
+@pytest.mark.parametrize(
+    "kind", ["single", "sync-NEXT_STEP-3", "dummy", "dummy-monitor", "subproc"]
+)
+def test_returns_are_those_of_a_monitor(kind, env_maker):
+    monitor = Monitor(env_maker())
+    mlp, parameters = make_policies(monitor)
+    env = KINDS[kind](env_maker)
+    try:
+        rollouts = VectorEvaluator(env, mlp).evaluate(parameters, 3)
+    finally:
+        env.close()
+    for policy, total in zip(parameters, rollouts.returns, strict=True):
+        observation, _ = monitor.reset(seed=3)
+        info = {}
+        while "episode" not in info:
+            observation, *_, info = monitor.step(act(mlp, policy[None], observation[None])[0])
+        assert round(total, 6) == info["episode"]["r"]
 
 
 def test_episodes_of_one_generation_share_their_start_and_seeds_differ():

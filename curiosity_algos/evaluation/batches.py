@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -51,10 +52,15 @@ class SingleEnvBatch:
     def __init__(self, envs: Sequence[gym.Env[Any, Any]]) -> None:
         self._envs = envs
         self.n = len(envs)
+        space = envs[0].observation_space
+        assert isinstance(space, spaces.Box)  # policies take no other
+        # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.
+        self._observations = np.zeros((self.n, *space.shape), dtype=space.dtype)
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `Batch`."""
-        self._observations = np.stack([env.reset(seed=seed)[0] for env in self._envs])
+        for i, env in enumerate(self._envs):
+            self._observations[i], _ = env.reset(seed=seed)
         return self._observations.copy()
 
     def step(self, actions: Actions, active: Mask) -> Step:

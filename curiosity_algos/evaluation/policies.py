@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -59,7 +59,7 @@ def build_mlp(
 
     Raises:
         ValueError: If a space is not supported (supported: 1-D `Box` observations; 1-D bounded
-            `Box` or `Discrete` actions), or a layer's width is no whole number of at least 1.
+            `Box` of floats or `Discrete` actions), or a layer's width is no whole number from 1 on.
     """
     if not isinstance(observation_space, spaces.Box) or len(observation_space.shape) != 1:
         raise ValueError(
@@ -86,15 +86,22 @@ def _output_range(
     if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         n_actions = int(action_space.n)
         return np.zeros(n_actions), np.ones(n_actions), True
-    if (
-        isinstance(action_space, spaces.Box)
-        and len(action_space.shape) == 1
-        and action_space.is_bounded()
-    ):
+    if _is_real_box(action_space):
         return action_space.low.astype(np.float64), action_space.high.astype(np.float64), False
     raise ValueError(
-        f"The action space {action_space} is not supported: it must be a bounded 1-D Box, or "
-        "Discrete from 0."
+        f"The action space {action_space} is not supported: it must be a bounded 1-D Box of at "
+        "least one float, or Discrete from 0."
+    )
+
+
+def _is_real_box(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:
+    """Whether `space` takes any numbers between bounds; a Box of integers takes no fractions."""
+    return (
+        isinstance(space, spaces.Box)
+        and np.issubdtype(space.dtype, np.floating)
+        and len(space.shape) == 1
+        and space.shape[0] > 0
+        and space.is_bounded()
     )
 
 
@@ -155,7 +162,7 @@ def forward(
         parameters: (n_parameters,)
         observation: (n_inputs,)
         even: (widest layer,) scratch memory.
-        odd: Likewise.
+        odd: (widest layer,) more scratch memory.
         output: (n_outputs,) overwritten: actions scaled to the box, or a score for each action.
     """
     last = mlp.sizes.shape[0] - 2
@@ -209,7 +216,7 @@ def forward_each(
         parameters: (n, n_parameters), or (1, n_parameters) for one policy on every observation.
         observations: (n, n_inputs)
         even: (widest layer,) scratch memory.
-        odd: Likewise.
+        odd: (widest layer,) more scratch memory.
         outputs: (n, n_outputs) overwritten.
     """
     last = parameters.shape[0] - 1
@@ -235,7 +242,7 @@ class MlpPolicy(BasePolicy):
 
     Args:
         observation_space: A 1-D Box.
-        action_space: A bounded 1-D Box, or Discrete.
+        action_space: A bounded 1-D Box of floats, or Discrete.
         net_arch: Widths of the hidden layers.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,26 @@ def check_observations(observations: npt.NDArray[Any]) -> None:
         raise ValueError("`env` must give finite observations, it gave NaN or infinity.")
 
 
+def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
+    """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none.
+
+    Raises:
+        ValueError: If they do not all have one, of the same shape (B,).
+    """
+    behaviors = [np.asarray(info.get("behavior", ()), dtype=np.float64) for info in infos]
+    check_same_shape(behaviors)
+    return np.stack(behaviors)
+
+
+def check_same_shape(behaviors: Sequence[Float64Array]) -> None:
+    """Raise ValueError unless all behaviors (B,) of episodes have the same number of entries."""
+    shapes = {behavior.shape for behavior in behaviors}
+    if len(shapes) > 1 or len(shapes.pop()) != 1:
+        raise ValueError(
+            '`env` must end every episode with an info["behavior"] of the same shape (B,), or none.'
+        )
+
+
 @dataclass(frozen=True)
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
@@ -46,7 +67,8 @@ class Rollouts:
         behaviors: (P, B) float64, `info["behavior"]` at the end; B = 0 where the env has none.
         final_observations: (P, O) float32, the true last observation, never a reset one.
         observations: (P, T + 1, O) float32; entries after an episode's end are undefined.
-        actions: (P, T, A) float32, or (P, T) int64 for Discrete actions; likewise.
+        actions: (P, T, A) float32, or (P, T) int64 for Discrete actions; undefined after an
+            episode's end, too.
     """
 
     returns: Float64Array
@@ -106,9 +128,14 @@ def sparse_rollouts(
 
 
 def concatenate(waves: list[Rollouts]) -> Rollouts:
-    """Waves as one record, padded to the longest episode."""
+    """Waves as one record, padded to the longest episode.
+
+    Raises:
+        ValueError: If the behaviors of one wave have another shape than those of another.
+    """
     if len(waves) == 1:
         return waves[0]
+    check_same_shape([wave.behaviors[0] for wave in waves])
     longest = max(wave.lengths.max() for wave in waves)
 
     def join(name: str, length: int | None = None) -> npt.NDArray[Any]:

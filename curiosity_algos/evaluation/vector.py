@@ -14,7 +14,12 @@ from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, 
 from curiosity_algos.evaluation.copies import env_and_copies
 from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
-from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, concatenate
+from curiosity_algos.evaluation.rollouts import (
+    Rollouts,
+    check_parameters,
+    concatenate,
+    stack_behaviors,
+)
 
 MAX_EPISODE_STEPS = 10_000
 """Steps of an episode, if no limit of the env allows more, after which it is taken for endless."""
@@ -47,7 +52,7 @@ class VectorEvaluator:
         """One episode of each policy (P, n_parameters), each reset with the same seed.
 
         Raises:
-            ValueError: If an episode does not end.
+            ValueError: If an episode does not end, or some end with a behavior and others do not.
         """
         parameters = check_parameters(parameters, self.n_parameters)
         n = self._batch.n
@@ -82,7 +87,7 @@ class VectorEvaluator:
             returns=returns[:n_policies],
             lengths=lengths[:n_policies],
             success=np.array([bool(info.get("is_success", False)) for info in last]),
-            behaviors=np.array([info.get("behavior", ()) for info in last], dtype=np.float64),
+            behaviors=stack_behaviors(last),
             final_observations=stacked[np.arange(n_policies), lengths[:n_policies]],
             observations=stacked,
             actions=np.stack(actions, axis=1)[:n_policies],

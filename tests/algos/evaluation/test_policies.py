@@ -158,6 +158,9 @@ class TestErrors:
             spaces.Box(-np.inf, np.inf, (2,)),
             spaces.Box(0, np.inf, (2,)),
             spaces.Box(-1, 1, (2, 2)),
+            spaces.Box(-1, 1, (0,)),
+            spaces.Box(-3, 3, (2,), np.int64),
+            spaces.Box(0, 255, (2,), np.uint8),
             spaces.MultiDiscrete([2, 3]),
             spaces.MultiBinary(3),
             spaces.Dict(a=box(2)),
@@ -201,6 +204,14 @@ class TestMlpPolicy:
         np.testing.assert_array_equal(
             policy.predict(observations)[0], act(policy.mlp, policy.vector[None], observations)
         )
+
+    @pytest.mark.parametrize("dtype", [np.uint8, np.int64, np.float64])
+    def test_observations_of_any_type_are_numbers(self, dtype):
+        policy = MlpPolicy(spaces.Box(0, 255, (3,), dtype), box(2), [4])
+        policy.vector[:] = np.linspace(-0.01, 0.01, policy.mlp.n_parameters)
+        observation = np.array([3, 200, 7], dtype=dtype)
+        expected = act(policy.mlp, policy.vector[None], observation[None].astype(np.float32))
+        np.testing.assert_array_equal(policy.predict(observation)[0], expected[0])
 
     def test_discrete_actions_are_integers(self):
         env = gym.make("CartPole-v1")

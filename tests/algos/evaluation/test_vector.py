@@ -1,6 +1,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.envs.classic_control import CartPoleEnv, PendulumEnv
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
@@ -173,3 +174,57 @@ def test_the_longest_episode_without_a_limit_is_long():
     assert vector.MAX_EPISODE_STEPS == 10_000
     with pytest.raises(ValueError, match="had not ended after 10000 steps"):
         CanonicalES(PendulumEnv(), population_size=2, n_parents=1).learn(1000)
+
+
+class Odd(gym.Env):
+    """Two steps; a test says what its infos and observations are."""
+
+    observation_space = spaces.Box(-10.0, 10.0, (2,))
+    action_space = spaces.Box(-1.0, 1.0, (1,))
+
+    def __init__(self, behaviors=(), first=(0, 0), number=None):
+        self.behaviors = behaviors
+        self.first = first
+        self.number = number
+
+    def reset(self, *, seed=None, options=None):
+        self.t = 0
+        return np.array(self.first), {}
+
+    def step(self, action):
+        self.t += 1
+        behavior = {} if self.number is None else self.behaviors[self.number]
+        return np.array([0.5, -1.5]), 0.0, self.t == 2, False, behavior
+
+
+@pytest.mark.parametrize(
+    "behaviors",
+    [
+        [{"behavior": [1.0, 2.0]}, {}],
+        [{}, {"behavior": [1.0, 2.0]}],
+        [{"behavior": [1.0, 2.0]}, {"behavior": [1.0]}],
+        [{"behavior": 1.0}, {"behavior": 2.0}],
+    ],
+)
+class TestBehaviors:
+    def check(self, env, n):
+        mlp = build_mlp(Odd.observation_space, Odd.action_space, [])
+        with pytest.raises(ValueError, match=r"`env` must end every episode with an info"):
+            VectorEvaluator(env, mlp).evaluate(np.zeros((n, mlp.n_parameters)), 0)
+
+    def test_episodes_side_by_side_have_the_same(self, behaviors):
+        self.check(DummyVecEnv([lambda i=i: Odd(behaviors, number=i) for i in range(2)]), 2)
+
+    def test_so_have_episodes_of_different_waves(self, behaviors):
+        class Next(Odd):
+            def reset(self, **kwargs):
+                self.number = 0 if self.number is None else 1
+                return super().reset(**kwargs)
+
+        self.check(DummyVecEnv([lambda: Next(behaviors)]), 2)
+
+
+def test_whole_numbers_of_a_reset_round_no_later_observation():
+    mlp = build_mlp(Odd.observation_space, Odd.action_space, [])
+    rollouts = VectorEvaluator(Odd(), mlp).evaluate(np.zeros((1, mlp.n_parameters)), 0)
+    np.testing.assert_array_equal(rollouts.observations[0], [[0, 0], [0.5, -1.5], [0.5, -1.5]])

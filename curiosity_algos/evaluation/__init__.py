@@ -1,1 +1,1 @@
-"""Populations of parameters in, rollouts out."""
+"""Evaluators: they play one episode with each policy of a population and record it."""

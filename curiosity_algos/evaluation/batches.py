@@ -1,8 +1,8 @@
-"""Batches: episodes side by side in any kind of environment, seen as one.
+"""Batches: one way to step several episodes at once, whatever kind of environment they are in.
 
-`SingleEnvBatch`, `GymnasiumBatch` and `Sb3Batch` step a batch of episodes that begin together; each
-shows the true last observation of an episode, whatever the kind's way to reset. What they return
-for an episode after its end is undefined.
+The episodes of a `SingleEnvBatch`, `GymnasiumBatch` or `Sb3Batch` begin together. The last
+observation of an episode is the true one, never that of the next reset. What a batch returns for
+an episode after its end is undefined.
 """
 
 from __future__ import annotations
@@ -38,11 +38,20 @@ class Batch(Protocol):
     n: int
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
-        """Begin n episodes, each with the same seed; observations (n, O)."""
+        """Begin n episodes, all with the same seed.
+
+        Returns:
+            The first observations, (n, O).
+        """
         ...
 
     def step(self, actions: Actions, active: Mask) -> Step:
-        """Step the episodes; those not `active` have ended before."""
+        """Step the episodes.
+
+        Args:
+            actions: One for each episode, (n, A), or (n,) of a Discrete.
+            active: (n,) bool, the episodes that have not ended yet.
+        """
         ...
 
 

@@ -1,4 +1,4 @@
-"""Control tasks: one batch of physics, and a compiled policy for those still on their way."""
+"""Control tasks in closed loop: one batch of physics, and compiled policies."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_SIMULATIONS = 256
 class ControlEvaluator:
     """Evaluates populations on one control task; the same bits for every number of threads.
 
-    An individual that has succeeded costs nothing more.
+    An individual that has succeeded is not stepped any more.
 
     Args:
         task: The task.
@@ -60,7 +60,7 @@ class ControlEvaluator:
         return concatenate(waves)
 
     def _play(self, simulation: Simulation, parameters: Float32Array) -> Rollouts:
-        """One wave: at most as many policies as there are simulations."""
+        """Play one episode of each of at most as many policies as there are simulations."""
         n, n_steps = len(parameters), self.max_steps
         observations = np.empty((n, n_steps + 1, self.task.n_observations), dtype=np.float32)
         actions = np.empty((n, n_steps, self.task.n_actions), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Coverage of final states, for every algorithm, archive or not."""
+"""Coverage: which cells of a grid over behaviors the ends of episodes have visited."""
 
 from __future__ import annotations
 
@@ -67,9 +67,10 @@ class Coverage:
 
 
 def coverage_grid(env: VecEnv) -> CoverageGrid | None:
-    """What the env says to count, or its whole behavior space.
+    """The cells to count: the env's own `coverage_grid`, or one over its whole behavior space.
 
-    None where it has none, or one of too many dimensions for its cells to be numbered (11).
+    None where the env has no bounded behavior space, or one of so many dimensions (11) that 64 bits
+    cannot number the cells.
     """
     grid = env_attribute(env, "coverage_grid")
     if grid is not None:

@@ -1,4 +1,4 @@
-"""What is to be known of the environments that users pass, whatever their kind."""
+"""Spaces, limits, attributes and ids of environments of any kind that users pass."""
 
 from __future__ import annotations
 

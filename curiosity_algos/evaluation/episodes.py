@@ -1,4 +1,4 @@
-"""What the episodes of a run have come to, where one environment step follows the other."""
+"""Coverage, best return and first success of algorithms that step a VecEnv themselves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from curiosity_gym.core import CoverageGrid
 
 
 class EpisodeRecord:
-    """Coverage of the episodes' ends, their best return and the first success.
+    """Counts coverage, the best return and the first success over the episodes of a VecEnv.
 
     Args:
         grid: Cells that coverage counts; None: nothing.
@@ -32,7 +32,13 @@ class EpisodeRecord:
     def add(
         self, infos: Sequence[Mapping[str, Any]], dones: npt.NDArray[Any], num_timesteps: int
     ) -> None:
-        """Count the episodes that ended in a step of a VecEnv, timestep `num_timesteps`."""
+        """Count the episodes that ended in one step of a VecEnv.
+
+        Args:
+            infos: Of the step, one for each env.
+            dones: (n_envs,) bool, whether each env's episode ended.
+            num_timesteps: Timesteps of the run, this step included.
+        """
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
         behaviors = [info["behavior"] for info in ended if "behavior" in info]
         if behaviors:
@@ -43,7 +49,7 @@ class EpisodeRecord:
         self.best_return = max([self.best_return, *returns])
 
     def state_dict(self) -> dict[str, Any]:
-        """All of it."""
+        """All attributes, for a checkpoint."""
         return {
             "coverage": self.coverage.state_dict(),
             "best_return": self.best_return,

@@ -27,15 +27,19 @@ AnyEnv = MadeEnv | str
 
 
 class Evaluator(Protocol):
-    """Parameters in, rollouts out."""
+    """Plays one episode with each policy of a population.
+
+    Attributes:
+        n_parameters: Length of a policy's parameter vector.
+    """
 
     n_parameters: int
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
-        """One episode of each policy.
+        """Play one episode of each policy.
 
         Args:
-            parameters: (P, n_parameters)
+            parameters: (P, n_parameters), float32.
             seed: Every episode's reset gets it, so that individuals are compared on equal terms;
                 environments that draw nothing ignore it.
         """

@@ -1,4 +1,4 @@
-"""The maze's whole closed loop compiled: policy and dynamics, threads over individuals."""
+"""Mazes in closed loop: policy and dynamics compiled as one, individuals shared among threads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ def _rollout(
     actions: Float32Array,
     state: npt.NDArray[np.float64],
 ) -> tuple[int, bool]:
-    """One episode of at most as many steps as `actions` holds: its length, whether at the goal."""
+    """Play one episode of at most as many steps as `actions` has rows.
+
+    Returns:
+        Its length, and whether it ended at the goal.
+    """
     reset(maze, state, observations[0])
     for t in range(actions.shape[0]):
         forward(mlp, parameters, observations[t], even, odd, actions[t])
@@ -49,7 +53,7 @@ def _rollout_slice(
     lengths: npt.NDArray[np.int64],
     success: npt.NDArray[np.bool_],
 ) -> None:
-    """Individuals `begin` to `end`, each writing only its own rows."""
+    """Play the individuals `begin` to `end`; each writes only its own rows of the arrays."""
     for i in range(begin, end):
         lengths[i], success[i] = _rollout(
             maze, mlp, parameters[i], even[i], odd[i], observations[i], actions[i], states[i]

@@ -1,4 +1,4 @@
-"""The one record of what a population did."""
+"""The record of a population's episodes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Float64Array = npt.NDArray[np.float64]
 
 
 def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32Array:
-    """A population as the evaluators take it, contiguous float32.
+    """The population as evaluators need it: contiguous float32.
 
     Raises:
         ValueError: If it is not (P, n_parameters) with at least one individual.
@@ -111,9 +111,10 @@ def sparse_rollouts(
     observations: Float32Array,
     actions: npt.NDArray[np.float32],
 ) -> Rollouts:
-    """Episodes of which a success in step t is worth `1 - t / horizon`, and nothing else anything.
+    """Rollouts of an env whose only reward is `1 - t / horizon`, for a success in step t.
 
-    The arguments are the attributes of `Rollouts`; trajectories go to the longest episode at least.
+    The other arguments are attributes of `Rollouts`; trajectories are as long as the longest
+    episode, or longer.
     """
     rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
     return Rollouts(
@@ -128,7 +129,7 @@ def sparse_rollouts(
 
 
 def concatenate(waves: list[Rollouts]) -> Rollouts:
-    """Waves as one record, padded to the longest episode.
+    """Join waves into one record, padded to the longest episode.
 
     Raises:
         ValueError: If the behaviors of one wave have another shape than those of another.

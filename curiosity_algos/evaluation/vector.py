@@ -1,4 +1,4 @@
-"""Any environment: episodes in waves, a compiled policy acting for the whole batch."""
+"""Any environment in closed loop: its own steps, and compiled policies for a batch of episodes."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ class VectorEvaluator:
         return concatenate(waves)
 
     def _play(self, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """One wave: at most as many policies as the batch has envs."""
+        """Play one episode of each of at most as many policies as the batch has envs."""
         n_policies, n = len(parameters), self._batch.n
-        # A last wave may be short: the envs left over act along, unheard.
+        # The last wave may be short: the envs left over repeat its last policy, unrecorded.
         parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
         active = np.arange(n) < n_policies
         observations = [self._batch.reset(seed).astype(np.float32)]

@@ -1,0 +1,64 @@
+import gymnasium as gym
+import pytest
+from gymnasium import wrappers
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+from curiosity_algos.evaluation.environments import GymnasiumView
+from curiosity_algos.evaluation.transparent import bare, max_steps, without_monitors
+from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.maze.vector_env import MazeVectorEnv
+
+
+def limited(n):
+    return wrappers.TimeLimit(MazeEnv("hard", horizon=20), n)
+
+
+def test_monitors_are_taken_off_to_the_last():
+    env = limited(5)
+    for outside in (
+        env,
+        Monitor(Monitor(env)),
+        DummyVecEnv([lambda: Monitor(env)]),
+        VecMonitor(DummyVecEnv([lambda: Monitor(env)])),
+    ):
+        assert without_monitors(outside) is env
+    envs = MazeVectorEnv("hard", num_envs=2)
+    assert without_monitors(GymnasiumView(envs)) is envs
+
+
+def test_envs_that_differ_in_their_limit_stay_together():
+    alike = DummyVecEnv([lambda n=n: Monitor(limited(n)) for n in (25, 30)])
+    assert without_monitors(alike) is alike.envs[0].env
+    different = DummyVecEnv([lambda n=n: limited(n) for n in (5, 6)])
+    assert without_monitors(different) is different
+    others = DummyVecEnv([lambda: gym.make("CartPole-v1")] * 2)
+    assert without_monitors(others) is others
+
+
+def test_other_wrappers_of_a_batch_are_refused():
+    env = VecMonitor(VecNormalize(DummyVecEnv([lambda: limited(5)])))
+    with pytest.raises(ValueError, match="`env` is wrapped in VecNormalize"):
+        without_monitors(env)
+
+
+def test_wrappers_that_change_something_stay():
+    env = gym.make("CuriosityMaze-Hard-v0", max_episode_steps=5)
+    assert bare(env) is env.unwrapped
+    changed = wrappers.ClipReward(env, 0.0, 1.0)
+    assert bare(wrappers.TimeLimit(changed, 5)) is changed
+
+
+@pytest.mark.parametrize(("limits", "expected"), [([], 20), ([5], 5), ([30], 20), ([9, 7, 8], 7)])
+def test_the_lowest_limit_counts(limits, expected):
+    env = MazeEnv("hard", horizon=20)
+    for limit in limits:
+        env = wrappers.TimeLimit(env, limit)
+    assert max_steps(env) == expected
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(None, 20), (5, 5), (30, 20)])
+def test_a_vector_env_has_its_own_limit(limit, expected):
+    envs = MazeVectorEnv("hard", num_envs=2, horizon=20)
+    envs.max_episode_steps = limit
+    assert max_steps(envs) == expected

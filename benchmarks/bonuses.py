@@ -21,7 +21,7 @@ from stable_baselines3.common.env_util import make_vec_env
 
 from benchmarks.off_policy import make_td3
 from benchmarks.runs import markdown, run_all
-from curiosity_algos import TD3ICM, ExplorationCallback, ICMVecEnvWrapper
+from curiosity_algos import TD3ICM, BonusVecEnvWrapper, ExplorationCallback
 
 N_ENVS = 8
 """Environments that PPO learns from side by side."""
@@ -31,7 +31,7 @@ def ppo(env: str, seed: int, bonus: str | None) -> PPO:
     """SB3's PPO with its defaults, with or without a bonus in its reward."""
     venv = make_vec_env(env, n_envs=N_ENVS, seed=seed)
     if bonus is not None:
-        venv = ICMVecEnvWrapper(venv, bonus=bonus, seed=seed, device="cpu")
+        venv = BonusVecEnvWrapper(venv, bonus=bonus, seed=seed, device="cpu")
     return PPO("MlpPolicy", venv, seed=seed, device="cpu")
 
 

@@ -12,7 +12,7 @@ from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.curiosity.callbacks import ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
-from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper, ICMVecEnvWrapper
 from curiosity_algos.evaluation.evaluator import make_evaluator, register_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.presets import load_preset
@@ -25,6 +25,7 @@ __all__ = [
     "NSLC",
     "RND",
     "TD3ICM",
+    "BonusVecEnvWrapper",
     "CanonicalES",
     "CuriosityES",
     "CuriosityMAPElites",

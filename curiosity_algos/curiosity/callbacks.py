@@ -7,13 +7,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.curiosity.base import record_bonus
-from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 
 
 class ExplorationCallback(BaseCallback):
-    """Logs what this package's algorithms log: coverage, and of an `ICMVecEnvWrapper` the bonus.
+    """Logs what this package's algorithms log: coverage, and of a `BonusVecEnvWrapper` the bonus.
 
     With each rollout it logs `coverage/...`, the cells that episodes have ended in, where
     environments give `info["behavior"]` as those of `curiosity_gym` do; `intrinsic/mean` and
@@ -67,6 +67,6 @@ class ExplorationCallback(BaseCallback):
         if self._intrinsic:
             record_bonus(self.logger, np.array(self._intrinsic))
             self._intrinsic.clear()
-        wrapper = unwrap_vec_wrapper(self.training_env, ICMVecEnvWrapper)
+        wrapper = unwrap_vec_wrapper(self.training_env, BonusVecEnvWrapper)
         for name, loss in ({} if wrapper is None else wrapper.metrics).items():
             self.logger.record(name, loss)

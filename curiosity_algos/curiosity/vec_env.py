@@ -47,7 +47,7 @@ SETTINGS = (
 """Keywords of the constructor that the wrapper holds under the same names."""
 
 
-class ICMVecEnvWrapper(VecEnvWrapper):
+class BonusVecEnvWrapper(VecEnvWrapper):
     """Rewards transitions by how badly a curiosity module predicts them, and trains the module.
 
     The reward becomes `extrinsic reward + weight * bonus`, before the algorithm sees it, so that it
@@ -296,7 +296,7 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             FileNotFoundError: If there is no such file.
             ValueError: If it is damaged, foreign, or does not fit `venv` or `bonus`.
         """
-        saved = read_plain(path, FORMAT, what="ICMVecEnvWrapper")
+        saved = read_plain(path, FORMAT, what="BonusVecEnvWrapper")
         settings = saved["settings"]
         if settings["bonus"] is None and bonus is None:
             raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
@@ -326,6 +326,10 @@ class ICMVecEnvWrapper(VecEnvWrapper):
             load_environment_states(self.venv, states)
         except ValueError:  # others of the same spaces: all of them begin an episode
             self.venv.reset()
+
+
+ICMVecEnvWrapper = BonusVecEnvWrapper
+"""Another name of the wrapper, whatever its bonus."""
 
 
 def _described(space: spaces.Space[Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor
 
 from curiosity_algos.curiosity.callbacks import ExplorationCallback
-from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_gym import BehaviorWrapper
 
 
@@ -79,7 +79,7 @@ def test_there_may_be_nothing_to_count():
 
 def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
     logger = configure(str(tmp_path), ["json"])
-    venv = ICMVecEnvWrapper(make_vec_env("CartPole-v1"), bonus="rnd", train_interval=50, seed=0)
+    venv = BonusVecEnvWrapper(make_vec_env("CartPole-v1"), bonus="rnd", train_interval=50, seed=0)
     train(VecMonitor(venv), 100, ExplorationCallback(), logger)
     logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
     assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
@@ -88,7 +88,7 @@ def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
 
 def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_last_log(tmp_path):
     venv = make_vec_env("Pendulum-v1")
-    venv = ICMVecEnvWrapper(venv, bonus="rnd", train_interval=50, seed=0, device="cpu")
+    venv = BonusVecEnvWrapper(venv, bonus="rnd", train_interval=50, seed=0, device="cpu")
     model = SAC("MlpPolicy", venv, learning_starts=500, seed=0, device="cpu")
     model.set_logger(configure(str(tmp_path), ["json"]))
     paid = []

@@ -19,7 +19,7 @@ from curiosity_algos.curiosity.checks import (
 )
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.make import BONUSES
-from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 
 
 class FrozenAtZero(ICM):
@@ -51,7 +51,7 @@ class Scripted:
         return {}
 
 
-class PairsWithTheReset(ICMVecEnvWrapper):
+class PairsWithTheReset(BonusVecEnvWrapper):
     """Takes the observation after a reset for an episode's last."""
 
     def _last_observations(self, observations, dones, infos):
@@ -89,7 +89,7 @@ def maker(bonus, **settings):
     return functools.partial(bonus, seed=0, device="cpu", **settings)
 
 
-def wrap(venv, bonus, wrapper=ICMVecEnvWrapper, **changes):
+def wrap(venv, bonus, wrapper=BonusVecEnvWrapper, **changes):
     return wrapper(venv, bonus=bonus, device="cpu", **changes)
 
 

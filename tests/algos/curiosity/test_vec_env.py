@@ -8,9 +8,10 @@ from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
+import curiosity_algos
 from curiosity_algos.common.environment_state import environment_states
 from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.curiosity.vec_env import ICMVecEnvWrapper
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 
 
 class Count(gym.Env):
@@ -72,7 +73,7 @@ def make_venv(n=2, env=Count):
 
 def wrap(venv=None, **changes):
     settings = {"seed": 0, "device": "cpu", "train_interval": 8, "n_updates": 2, "batch_size": 4}
-    return ICMVecEnvWrapper(venv or make_venv(), **(settings | changes))
+    return BonusVecEnvWrapper(venv or make_venv(), **(settings | changes))
 
 
 def wrap_trained(venv=None, bonus=None, **changes):
@@ -338,7 +339,7 @@ class TestFiles:
         one = wrap(bonus=bonus, weight=0.5, extrinsic=False, bonus_kwargs={"hidden": 8})
         play(one, 11)
         one.save(tmp_path / "wrapper.pt")
-        other = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), device="cpu")
+        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), device="cpu")
         assert_same(one.state_dict(), other.state_dict())
         for step, same in zip(play(one, 9, seed=1), play(other, 9, seed=1), strict=True):
             np.testing.assert_array_equal(step[1], same[1])
@@ -358,7 +359,7 @@ class TestFiles:
         generators = th.get_rng_state(), np.random.get_state()  # noqa: NPY002
         model.learn(4 * n_steps, reset_num_timesteps=False)
 
-        other = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_env(), device="cpu")
+        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_env(), device="cpu")
         loaded = PPO.load(tmp_path / "model", env=other, device="cpu", force_reset=False)
         th.set_rng_state(generators[0])
         np.random.set_state(generators[1])  # noqa: NPY002
@@ -371,7 +372,7 @@ class TestFiles:
         PPO("MlpPolicy", venv, n_steps=20, batch_size=10, device="cpu").learn(40)
         venv.save(tmp_path / "wrapper.pt")
         others = DummyVecEnv([make_maze, lambda: make_maze(layout="snake")])
-        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", others, device="cpu")
+        loaded = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", others, device="cpu")
         steps = [state["env"]["steps"] for state in environment_states(loaded.venv)]
         assert steps == [0, 0]
 
@@ -387,9 +388,9 @@ class TestFiles:
         wrap(make_venv(env=Wide)).save(tmp_path / "wrapper.pt")
         with np.printoptions(linewidth=300, precision=2):
             Wide.observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
-            ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wide))
+            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wide))
         with pytest.raises(ValueError, match="with the spaces that were saved"):
-            ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wider))
+            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wider))
 
     @pytest.mark.parametrize(("state", "is_kept"), [((np.zeros(2), 3), True), (object(), False)])
     def test_environments_of_ones_own_may_have_any_state(self, tmp_path, state, is_kept):
@@ -405,7 +406,7 @@ class TestFiles:
         venv = wrap(make_venv(env=Stateful))
         play(venv, 2)
         venv.save(tmp_path / "wrapper.pt")
-        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Stateful))
+        loaded = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Stateful))
         assert (loaded.venv.envs[0].loaded is not None) == is_kept
 
     def test_a_bonus_of_ones_own_is_given_again(self, tmp_path):
@@ -413,13 +414,13 @@ class TestFiles:
         play(one, 4)
         one.save(path)
         bonus = Recorder()
-        ICMVecEnvWrapper.load(path, make_venv(), bonus=bonus, device="cpu")
+        BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus, device="cpu")
         assert len(bonus.batches) == 2
         with pytest.raises(ValueError, match="`bonus` must be given"):
-            ICMVecEnvWrapper.load(path, make_venv())
+            BonusVecEnvWrapper.load(path, make_venv())
         wrap().save(path)
         with pytest.raises(ValueError, match="`bonus` must be None, it was saved as 'icm'"):
-            ICMVecEnvWrapper.load(path, make_venv(), bonus=bonus)
+            BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus)
 
     def test_a_bonus_of_ones_own_is_made_alike(self, tmp_path):
         made = [
@@ -428,7 +429,7 @@ class TestFiles:
         ]
         wrap(bonus=made[0]).save(tmp_path / "wrapper.pt")
         with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
-            ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), bonus=made[1])
+            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), bonus=made[1])
 
     def test_numpys_numbers_may_be_settings(self, tmp_path):
         settings = {
@@ -439,7 +440,7 @@ class TestFiles:
             "buffer_size": np.int64(50),
         }
         wrap(**settings).save(tmp_path / "wrapper.pt")
-        loaded = ICMVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv())
+        loaded = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv())
         assert (loaded.weight, loaded.train_interval, loaded.extrinsic) == (0.5, 4, False)
         assert loaded.bonus_kwargs == {"learning_rate": 1e-3}
         assert loaded.buffer.capacity == 50
@@ -453,19 +454,19 @@ class TestFiles:
 
     def test_errors_name_path_or_venv(self, tmp_path):
         path = tmp_path / "wrapper.pt"
-        with pytest.raises(FileNotFoundError, match="`path` must be a saved ICMVecEnvWrapper"):
-            ICMVecEnvWrapper.load(path, make_venv())
+        with pytest.raises(FileNotFoundError, match="`path` must be a saved BonusVecEnvWrapper"):
+            BonusVecEnvWrapper.load(path, make_venv())
         wrap().save(path)
         with pytest.raises(ValueError, match=r"`venv` must have 2 environments .*, got 3 with"):
-            ICMVecEnvWrapper.load(path, make_venv(3))
+            BonusVecEnvWrapper.load(path, make_venv(3))
         cart_poles = make_vec_env("CartPole-v1", n_envs=2)
         with pytest.raises(ValueError, match=r"`venv` must have 2 .*, got 2 with .*Discrete\(2\)"):
-            ICMVecEnvWrapper.load(path, cart_poles)
+            BonusVecEnvWrapper.load(path, cart_poles)
         whole = path.read_bytes()
         for damaged in (whole[:100], whole[: len(whole) // 2], b"", b"something else"):
             path.write_bytes(damaged)
-            with pytest.raises(ValueError, match="`path` must be a saved ICMVecEnvWrapper"):
-                ICMVecEnvWrapper.load(path, make_venv())
+            with pytest.raises(ValueError, match="`path` must be a saved BonusVecEnvWrapper"):
+                BonusVecEnvWrapper.load(path, make_venv())
 
 
 def test_an_icm_learns_slower_than_a_populations_unless_told():
@@ -497,6 +498,12 @@ def test_an_icm_learns_slower_than_a_populations_unless_told():
 def test_errors_name_the_argument(name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):
         wrap(**{name: value})
+
+
+def test_it_has_another_name():
+    assert (
+        curiosity_algos.ICMVecEnvWrapper is curiosity_algos.BonusVecEnvWrapper is BonusVecEnvWrapper
+    )
 
 
 def test_an_object_takes_no_keywords():

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from curiosity_algos.curiosity.base import Bonus
-from curiosity_algos.curiosity.motivation import CuriosityMotivation
-from curiosity_algos.curiosity.settings import CuriositySettings
+from curiosity_algos.curiosity.make import check_bonus_choice
+from curiosity_algos.curiosity.motivation import CuriosityMotivation, make_motivation
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
+from curiosity_gym.validation import check_at_least_one, check_share
 
 
 class CuriosityES(MotivatedStrategy):
@@ -60,12 +61,22 @@ class CuriosityES(MotivatedStrategy):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        CuriositySettings.of(self)
+        check_share(gamma=self.gamma)
+        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
+        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
+        check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
-        return CuriositySettings.of(self).make_motivation(
-            self.observation_space,  # type: ignore[arg-type]
+        return make_motivation(
+            self.observation_space,
             self.action_space,
+            bonus=self.bonus,
+            bonus_kwargs=self.bonus_kwargs,
+            gamma=self.gamma,
+            n_transitions=self.n_transitions,
+            n_updates=self.n_updates,
+            batch_size=self.batch_size,
+            buffer_size=self.buffer_size,
             seed=seed,
             device=self.device,
             n_threads=self.n_threads,

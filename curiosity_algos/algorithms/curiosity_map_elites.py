@@ -6,7 +6,7 @@ The paper's discussion names the combination of curiosity and MAP-Elites as futu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -15,8 +15,8 @@ from ribs.emitters import EmitterBase
 from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.elites import EliteCuriosity
-from curiosity_algos.curiosity.make import stored_action_size
-from curiosity_algos.curiosity.settings import CuriositySettings
+from curiosity_algos.curiosity.make import check_bonus_choice, stored_action_size
+from curiosity_algos.curiosity.motivation import make_motivation
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -43,8 +43,6 @@ class CuriosityMAPElites(MAPElites):
         batch_size: Transitions a gradient step.
         buffer_size: Transitions kept in all, the newest.
     """
-
-    gamma: ClassVar[float] = 1.0  # samples of a trajectory have no order to weigh
 
     def __init__(
         self,
@@ -75,13 +73,21 @@ class CuriosityMAPElites(MAPElites):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(tournament_size=self.tournament_size, n_kept=self.n_kept)
-        CuriositySettings.of(self)
+        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
+        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
+        check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         curiosity_seed, draws_seed, search_seed = seed.spawn(3)
-        self._motivation = CuriositySettings.of(self).make_motivation(
-            self.observation_space,  # type: ignore[arg-type]
+        self._motivation = make_motivation(
+            self.observation_space,
             self.action_space,
+            bonus=self.bonus,
+            bonus_kwargs=self.bonus_kwargs,
+            n_transitions=self.n_transitions,
+            n_updates=self.n_updates,
+            batch_size=self.batch_size,
+            buffer_size=self.buffer_size,
             seed=curiosity_seed,
             device=self.device,
             n_threads=self.n_threads,

@@ -8,13 +8,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import torch as th
+from gymnasium import spaces
 
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.randomness import (
+    generator_state,
+    integer_seed,
+    load_generator_state,
+)
 from curiosity_algos.curiosity.base import Bonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
+from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
+from curiosity_gym.validation import check_at_least_one, check_seed, check_share
 
 
 def sample_transitions(
@@ -41,6 +48,8 @@ def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 class CuriosityMotivation:
     """Scores an individual by its trajectory's curiosity, and trains the bonus on what was seen.
+
+    `make_motivation` makes one, with its bonus and its buffer.
 
     The score is `sum_t gamma^(T-1-t) c_t` (eq. 10), T the episode's own length: a `gamma` below 1
     weighs the end of an episode most, which also keeps long episodes from winning by length alone.
@@ -130,3 +139,76 @@ class CuriosityMotivation:
         if "buffer" in state:
             self.buffer.load_state_dict(state["buffer"])
         load_generator_state(self._rng, state["rng"])
+
+
+def make_motivation(
+    observation_space: spaces.Space[Any],
+    action_space: spaces.Space[Any],
+    *,
+    bonus: str | Bonus = "icm",
+    bonus_kwargs: Mapping[str, Any] | None = None,
+    gamma: float = 1.0,
+    n_transitions: int = 100,
+    n_updates: int = 64,
+    batch_size: int = 1024,
+    buffer_size: int = 500_000,
+    seed: int | np.random.SeedSequence | None = None,
+    device: th.device | str = "auto",
+    n_threads: int | None = None,
+) -> CuriosityMotivation:
+    """A motivation for any algorithm that has rollouts with trajectories.
+
+    Args:
+        observation_space: One-dimensional Box.
+        action_space: One-dimensional Box, or Discrete.
+        bonus: "icm", "rnd", or a `Bonus` made for these spaces, which the motivation then trains.
+        bonus_kwargs: Keywords of a bonus that is named, see `ICM` and `RND`.
+        gamma: See `CuriosityMotivation`, as for the next three.
+        n_transitions: m, transitions of each individual kept for training.
+        n_updates: p, gradient steps a generation.
+        batch_size: Transitions a gradient step.
+        buffer_size: Transitions kept in all, the newest.
+        seed: Of the initial weights and all draws; None: fresh entropy.
+        device: Where the networks are, as in SB3.
+        n_threads: Threads that score; None: as many as there are processors.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the spaces are of another kind.
+    """
+    check_bonus_choice(bonus, bonus_kwargs or {})
+    check_share(gamma=gamma)
+    check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
+    check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+    motivation_seed, networks_seed, buffer_seed = _seed_sequence(seed).spawn(3)
+    made = make_bonus(
+        bonus,
+        bonus_kwargs or {},
+        observation_space,
+        action_space,
+        seed=integer_seed(networks_seed),
+        device=device,
+    )
+    assert isinstance(observation_space, spaces.Box)
+    buffer = TransitionBuffer(
+        buffer_size,
+        observation_space,
+        stored_action_size(action_space),
+        seed=integer_seed(buffer_seed),
+    )
+    return CuriosityMotivation(
+        made,
+        buffer,
+        gamma=gamma,
+        n_transitions=n_transitions,
+        n_updates=n_updates,
+        batch_size=batch_size,
+        seed=motivation_seed,
+        n_threads=n_threads,
+    )
+
+
+def _seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    check_seed(seed)
+    return np.random.SeedSequence(seed)

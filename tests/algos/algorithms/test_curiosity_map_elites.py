@@ -70,7 +70,16 @@ def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("tournament_size", 0), ("n_kept", 0), ("n_updates", 0), ("bonus", "none")],
+    [
+        ("tournament_size", 0),
+        ("n_kept", 0),
+        ("n_transitions", 0),
+        ("n_updates", 0),
+        ("batch_size", 0),
+        ("buffer_size", 0),
+        ("bonus", "none"),
+        ("bonus_kwargs", {"depth": 1}),
+    ],
 )
 def test_errors_name_the_argument(make_model, make_maze, name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):

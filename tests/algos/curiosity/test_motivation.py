@@ -7,11 +7,30 @@ from gymnasium import spaces
 
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.curiosity.motivation import CuriosityMotivation, flat, sample_transitions
+from curiosity_algos.curiosity.make import stored_action_size
+from curiosity_algos.curiosity.motivation import (
+    CuriosityMotivation,
+    flat,
+    sample_transitions,
+)
+from curiosity_algos.curiosity.motivation import (
+    make_motivation as make_from_spaces,
+)
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 N_OBSERVATIONS, HORIZON = 3, 12
 LENGTHS = np.array([12, 1, 5, 9, 2])
+GIVEN = {
+    "gamma": 0.9,
+    "bonus": "icm",
+    "bonus_kwargs": {"beta": 0.7, "hidden": 8},
+    "n_transitions": 3,
+    "n_updates": 2,
+    "batch_size": 5,
+    "buffer_size": 40,
+}
+SPACE = spaces.Box(-1, 1, (4,))
+ACTIONS = [spaces.Box(-1, 1, (2,)), spaces.Discrete(6)]
 
 
 class Recorder:
@@ -217,6 +236,74 @@ class TestUpdate:
         th.set_num_threads(2)
         make_motivation().update(make_rollouts())
         assert th.get_num_threads() == 2
+
+
+class TestMaking:
+    def make(self, action_space=ACTIONS[0], **changes):
+        settings = GIVEN | {"seed": 0, "device": "cpu"} | changes
+        return make_from_spaces(SPACE, action_space, **settings)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "message"),
+        [
+            ("gamma", 1.1, "`gamma` must be from 0 to 1"),
+            ("gamma", -0.1, "`gamma` must be from 0 to 1"),
+            ("bonus", "rdn", "`bonus` must be one of icm, rnd, got 'rdn'"),
+            ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
+            ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
+            ("bonus_kwargs", {"device": "cpu"}, "`bonus_kwargs` must be one of .* got 'device'"),
+            ("bonus_kwargs", {"action_space": 1}, "`bonus_kwargs` must be one of .*'action_space'"),
+            ("n_transitions", 0, "`n_transitions` must be a whole number of at least 1"),
+            ("n_updates", 0, "`n_updates` must be a whole number of at least 1"),
+            ("batch_size", 1.5, "`batch_size` must be a whole number of at least 1"),
+            ("buffer_size", None, "`buffer_size` must be a whole number of at least 1"),
+            ("n_threads", 0, "`n_threads` must be a whole number of at least 1"),
+            ("seed", -1, "`seed` must be None or a whole number of at least 0"),
+        ],
+    )
+    def test_errors_name_the_argument(self, name, value, message):
+        with pytest.raises(ValueError, match=message):
+            self.make(**{name: value})
+
+    def test_other_observations_are_refused(self):
+        with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
+            make_from_spaces(spaces.Discrete(3), ACTIONS[0])
+
+    @pytest.mark.parametrize("gamma", [0.0, 1.0])
+    def test_bounds_of_gamma_are_allowed(self, gamma):
+        assert self.make(gamma=gamma).gamma == gamma
+
+    @pytest.mark.parametrize("action_space", ACTIONS)
+    def test_the_parts_have_the_settings(self, action_space):
+        motivation = self.make(action_space)
+        for name in ("gamma", "n_transitions", "n_updates", "batch_size"):
+            assert getattr(motivation, name) == GIVEN[name]
+        assert isinstance(motivation.bonus, ICM)
+        assert (motivation.bonus.beta, motivation.bonus.is_discrete) == (
+            0.7,
+            isinstance(action_space, spaces.Discrete),
+        )
+        assert motivation.bonus.encoder[0].weight.shape == (8, 4)
+        assert motivation.buffer.capacity == 40
+        held = motivation.buffer.state_dict()
+        assert held["observations"].shape == held["next_observations"].shape == (0, 4)
+        assert held["actions"].shape == (0, stored_action_size(action_space))
+
+    def test_spaces_are_enough(self):
+        observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
+        motivation = make_from_spaces(observation_space, spaces.Discrete(3), n_updates=1)
+        assert (motivation.score(make_rollouts(is_discrete=True)) > 0.0).all()
+        assert motivation.update(make_rollouts(is_discrete=True))["icm/loss"] > 0.0
+
+    @pytest.mark.parametrize("kind", [int, np.random.SeedSequence])
+    def test_seeds_decide_about_all_parts(self, kind, assert_same):
+        one, same, other = (self.make(seed=kind(seed)) for seed in (0, 0, 1))
+        assert_same(one.state_dict(), same.state_dict())
+        states = one.state_dict(), other.state_dict()
+        weights = [state["bonus"]["modules"]["encoder.0.weight"] for state in states]
+        assert not th.equal(*weights)
+        assert not th.equal(*(state["buffer"]["generator"] for state in states))
+        assert states[0]["rng"] != states[1]["rng"]
 
 
 def test_a_state_resumes(assert_same):

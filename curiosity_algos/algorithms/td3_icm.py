@@ -31,9 +31,8 @@ class TD3ICM(ResumableTD3):
     """Trains a deterministic policy on `reward + weight * bonus`, a whole episode at a time.
 
     The bonus is computed when a transition is sampled from the replay buffer, so that it is always
-    that of the module as it is; actions are shown to it scaled to [-1, 1]. After each episode from
-    `learning_starts` on the module is trained for `n_updates` steps, and actor and critic for as
-    many as the episode had (section 4.4).
+    that of the module as it is. After each episode from `learning_starts` on the module is trained
+    for `n_updates` steps, and actor and critic for as many as the episode had (section 4.4).
 
     Args:
         bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.

@@ -39,7 +39,8 @@ class Bonus(Protocol):
     ) -> FloatArray:
         """Bonus of each transition, shape (n,).
 
-        Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete.
+        Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete, both as the
+        environment gives and takes them.
         """
         ...
 
@@ -188,19 +189,3 @@ def record_bonus(logger: Logger, values: npt.NDArray[Any]) -> None:
     logger.record_mean("intrinsic/mean", float(np.mean(values)))
     largest = logger.name_to_value.get("intrinsic/max", -np.inf)
     logger.record("intrinsic/max", max(largest, float(np.max(values))))
-
-
-def action_size(action_space: spaces.Space[Any]) -> int:
-    """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
-
-    Raises:
-        ValueError: If actions are of another kind.
-    """
-    if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
-        return int(action_space.n)
-    if isinstance(action_space, spaces.Box) and len(action_space.shape) == 1:
-        return int(action_space.shape[0])
-    raise ValueError(
-        "`action_space` must be a one-dimensional Box or a Discrete that starts at 0, got "
-        f"{action_space}."
-    )

@@ -1,15 +1,18 @@
-"""Networks that turn observations, numbers or images, into features."""
+"""What networks take: observations, numbers or images, as features, and actions as numbers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, Self
 
+import numpy as np
+import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import is_image_space, is_image_space_channels_first
 from stable_baselines3.common.torch_layers import NatureCNN
 from stable_baselines3.common.vec_env import VecTransposeImage
+from torch.nn import functional
 
 from curiosity_algos.common.networks import initialize, mlp
 
@@ -87,3 +90,69 @@ def make_encoder(
         if isinstance(each, th.nn.Conv2d | th.nn.Linear):
             initialize(each, generator)
     return network
+
+
+class ActionEncoder(th.nn.Module):
+    """Actions as networks take them, (n, A): a Box's scaled to [-1, 1], a Discrete's as one-hot.
+
+    So a bonus does not depend on the unit of the actions. Entries of a Box that lack a bound have
+    no scale, and stay as they are.
+
+    Args:
+        action_space: One-dimensional Box, or Discrete that starts at 0.
+
+    Raises:
+        ValueError: If it is another.
+    """
+
+    center: th.Tensor
+    half_range: th.Tensor
+
+    def __init__(self, action_space: spaces.Space[Any]) -> None:
+        super().__init__()
+        self.size = action_size(action_space)
+        self.is_discrete = isinstance(action_space, spaces.Discrete)
+        if isinstance(action_space, spaces.Box):
+            center, half_range = action_scale(action_space)
+            # The space says them: files need not.
+            self.register_buffer("center", th.from_numpy(center), persistent=False)
+            self.register_buffer("half_range", th.from_numpy(half_range), persistent=False)
+
+    def forward(self, actions: th.Tensor) -> th.Tensor:
+        """Encode n actions, (n, A) of a Box, (n,) or (n, 1) of a Discrete."""
+        if self.is_discrete:
+            return functional.one_hot(actions.long().reshape(-1), self.size).float()
+        entries = actions.flatten(1)
+        if entries.shape[1] != self.size:  # one entry would be taken for all
+            raise ValueError(
+                f"`actions` must have shape ('n', {self.size}), got {tuple(actions.shape)}."
+            )
+        return (entries - self.center) / self.half_range
+
+
+def action_scale(
+    action_space: spaces.Box[Any],
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Center and half the range of each entry, (A,): 0 and 1 where it lacks a bound."""
+    low, high = action_space.low.astype(np.float64), action_space.high.astype(np.float64)
+    is_bounded = np.isfinite(low) & np.isfinite(high)
+    low, high = np.where(is_bounded, low, -1.0), np.where(is_bounded, high, 1.0)
+    half_range = ((high - low) / 2.0).astype(np.float32)
+    half_range[half_range == 0.0] = 1.0
+    return ((high + low) / 2.0).astype(np.float32), half_range
+
+
+def action_size(action_space: spaces.Space[Any]) -> int:
+    """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
+
+    Raises:
+        ValueError: If actions are of another kind.
+    """
+    if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
+        return int(action_space.n)
+    if isinstance(action_space, spaces.Box) and len(action_space.shape) == 1:
+        return int(action_space.shape[0])
+    raise ValueError(
+        "`action_space` must be a one-dimensional Box or a Discrete that starts at 0, got "
+        f"{action_space}."
+    )

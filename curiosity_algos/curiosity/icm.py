@@ -16,8 +16,8 @@ from torch.nn import functional
 
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_algos.curiosity.base import FloatArray, NetworkBonus, action_size
-from curiosity_algos.curiosity.encoders import make_encoder
+from curiosity_algos.curiosity.base import FloatArray, NetworkBonus
+from curiosity_algos.curiosity.encoders import ActionEncoder, make_encoder
 from curiosity_gym.validation import check_at_least_one, check_share
 
 
@@ -30,7 +30,8 @@ class ICM(NetworkBonus):
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
             (uint8, channels first or last, 36 by 36 at least).
-        action_space: Box of A entries, or Discrete.
+        action_space: Box of A entries, which are scaled to [-1, 1] where they have bounds, or
+            Discrete.
         beta: Weight of the forward loss against the inverse loss, in [0, 1].
         learning_rate: Adam's, above 0.
         n_features: Length of the feature vector.
@@ -63,24 +64,18 @@ class ICM(NetworkBonus):
         check_at_least_one(n_features=n_features, hidden=hidden)
         super().__init__(observation_space, normalize=normalize)
         self.beta = beta
-        self.n_actions = action_size(action_space)
-        self.is_discrete = isinstance(action_space, spaces.Discrete)
+        self.encode_actions = ActionEncoder(action_space)
+        n_actions = self.encode_actions.size
         made = {"generator": torch_generator(seed)}
         self.encoder = make_encoder(observation_space, hidden, hidden, n_features, **made)
-        self.forward_model = mlp(n_features + self.n_actions, hidden, n_features, **made)
-        self.inverse_model = mlp(2 * n_features, hidden, hidden, self.n_actions, **made)
+        self.forward_model = mlp(n_features + n_actions, hidden, n_features, **made)
+        self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions, **made)
         self._begin(learning_rate, device)
-
-    def encode_actions(self, actions: th.Tensor) -> th.Tensor:
-        """Actions as the networks take them, (n, A): a Discrete's as one-hot vectors."""
-        if self.is_discrete:
-            return functional.one_hot(actions.long().reshape(-1), self.n_actions).float()
-        return actions.flatten(1)
 
     def prediction_error(
         self, features: th.Tensor, actions: th.Tensor, next_features: th.Tensor
     ) -> th.Tensor:
-        """`||F(phi(s), a) - phi(s')||_2` of each transition, shape (n,)."""
+        """`||F(phi(s), a) - phi(s')||_2` of each transition, shape (n,); actions are encoded."""
         predicted = self.forward_model(th.cat([features, actions], dim=1))
         error: th.Tensor = th.linalg.vector_norm(predicted - next_features, dim=1)
         return error
@@ -88,9 +83,9 @@ class ICM(NetworkBonus):
     def action_error(
         self, features: th.Tensor, actions: th.Tensor, next_features: th.Tensor
     ) -> th.Tensor:
-        """The inverse model's error on each transition: L2 norm, or cross-entropy if Discrete."""
+        """The inverse model's error on encoded actions, (n,): L2 norm, or cross-entropy."""
         predicted = self.inverse_model(th.cat([features, next_features], dim=1))
-        if self.is_discrete:
+        if self.encode_actions.is_discrete:
             return functional.cross_entropy(predicted, actions.argmax(dim=1), reduction="none")
         error: th.Tensor = th.linalg.vector_norm(predicted - actions, dim=1)
         return error

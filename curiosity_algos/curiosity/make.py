@@ -12,8 +12,8 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.common.checkpoint import check_plain
-from curiosity_algos.curiosity.base import Bonus, action_size
-from curiosity_algos.curiosity.encoders import ImageInputs
+from curiosity_algos.curiosity.base import Bonus
+from curiosity_algos.curiosity.encoders import ImageInputs, action_size
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
 from curiosity_gym.validation import check_choice
@@ -83,11 +83,14 @@ def _check_fits(
 
 
 def _extreme_actions(action_space: spaces.Space[Any]) -> npt.NDArray[Any]:
-    """Two actions as a bonus gets them: the lowest and the highest."""
+    """The lowest action and the highest, or one beyond 0 where there is no such bound."""
     if isinstance(action_space, spaces.Discrete):
         return np.array([0, action_space.n - 1])
     assert isinstance(action_space, spaces.Box)
-    return np.clip([action_space.low, action_space.high], -1.0, 1.0).astype(np.float32)
+    low, high = action_space.low, action_space.high
+    lowest = np.where(np.isfinite(low), low, np.minimum(high, 0.0) - 1.0)
+    highest = np.where(np.isfinite(high), high, np.maximum(low, 0.0) + 1.0)
+    return np.array([lowest, highest], dtype=np.float32)
 
 
 def stored_action_size(action_space: spaces.Space[Any]) -> int:

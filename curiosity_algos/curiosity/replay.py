@@ -15,6 +15,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.curiosity.base import Bonus
+from curiosity_algos.curiosity.encoders import action_scale
 
 COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
 
@@ -25,10 +26,13 @@ class CuriosityReplayBuffer(ReplayBuffer):
     A bonus stored with its transition would be that of a module long since trained on. Value
     targets stop at terminations only: the last step of a truncated episode goes on.
 
+    Actions are held scaled to [-1, 1], as Stable-Baselines3 does; a bonus gets them as the
+    environment takes them.
+
     Args:
         capacity: Transitions kept, the newest.
         observation_space: Of a single environment.
-        action_space: Box.
+        action_space: One-dimensional Box with bounds.
         bonus: Scores the transitions that are sampled; who holds the buffer trains it.
         weight: Of the bonus.
         extrinsic: Whether the reward of the task counts.
@@ -52,6 +56,8 @@ class CuriosityReplayBuffer(ReplayBuffer):
         self.bonus = bonus
         self.weight = weight
         self.extrinsic = extrinsic
+        assert isinstance(action_space, spaces.Box)
+        self._center, self._half_range = action_scale(action_space)
         self._rng = np.random.default_rng(seed)
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
@@ -69,7 +75,7 @@ class CuriosityReplayBuffer(ReplayBuffer):
         ended = self.dones[rows] * (1.0 - self.timeouts[rows])
         values: tuple[Any, ...] = (
             self._normalize_obs(observations, env),
-            actions,
+            self.actions[rows, 0],
             self._normalize_obs(next_observations, env),
             ended,
             rewards.astype(np.float32)[:, None],
@@ -89,7 +95,9 @@ class CuriosityReplayBuffer(ReplayBuffer):
         return self._rng.integers(self.size(), size=n)
 
     def _transitions(self, rows: npt.NDArray[np.int64]) -> tuple[npt.NDArray[Any], ...]:
-        return self.observations[rows, 0], self.actions[rows, 0], self.next_observations[rows, 0]
+        """Observations, actions and next observations, as a bonus takes them."""
+        actions = self._center + self._half_range * self.actions[rows, 0]
+        return self.observations[rows, 0], actions, self.next_observations[rows, 0]
 
     def state_dict(self) -> dict[str, Any]:
         """Transitions held, and the state of the draws."""

@@ -71,6 +71,11 @@ def make_classic(algorithm, env_id, **kwargs):
     return env
 
 
+def make_pendulum(unit):
+    """Gymnasium's pendulum, whose actions are told in another unit: a power of 2 rounds nothing."""
+    return gym.wrappers.RescaleAction(gym.make("Pendulum-v1"), np.float32(-unit), np.float32(unit))
+
+
 def make_maze(**kwargs):
     """A built-in maze with short episodes, whose goal is out of reach."""
     return gym.make("CuriosityMaze-Hard-v0", **({"horizon": 50} | kwargs))
@@ -148,6 +153,11 @@ def make_model_fixture():
 @pytest.fixture(name="make_classic")
 def make_classic_fixture(algorithm):
     return functools.partial(make_classic, algorithm)
+
+
+@pytest.fixture(name="make_pendulum")
+def make_pendulum_fixture():
+    return make_pendulum
 
 
 @pytest.fixture(name="make_maze")

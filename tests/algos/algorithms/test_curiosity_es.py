@@ -98,6 +98,14 @@ def test_errors_of_the_bonus_name_the_argument(make_model, make_maze, name, valu
         make_model(CuriosityES, make_maze(), bonus_kwargs={name: value})
 
 
+def test_curiosity_does_not_depend_on_the_unit_of_actions(make_model, make_pendulum, assert_same):
+    models = [make_model(CuriosityES, make_pendulum(unit)).learn(4000) for unit in (1, 2**10, 0.5)]
+    bonuses = [model._motivation.bonus.state_dict() for model in models]
+    assert_same(bonuses[0], bonuses[1])
+    assert_same(bonuses[0], bonuses[2])
+    np.testing.assert_array_equal(models[0]._ask(), models[1]._ask())
+
+
 def test_an_observation_that_is_not_finite_teaches_nothing(make_model, make_easy_maze):
     model = make_model(CuriosityES, make_easy_maze())
     evaluate = model.evaluator.evaluate

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from curiosity_algos import CuriosityMAPElites
+from curiosity_gym import BehaviorWrapper
 
 
 def test_parents_are_the_most_curious_of_their_tournaments(make_model, make_easy_maze):
@@ -41,6 +42,15 @@ def test_discrete_and_continuous_actions(make_model, make_classic, env_id, algor
     model = make_model(algorithm, make_classic(env_id)).learn(1500)
     assert model.archive.data("actions").shape == (len(model.archive), 4, 1)
     assert model.archive.verify(make_classic(env_id)).share == 1.0
+
+
+def test_parents_do_not_depend_on_the_unit_of_actions(make_model, make_pendulum):
+    space = gym.spaces.Box(-2.0, 2.0, (2,))
+    asked = []
+    for unit in (1, 2**10):
+        env = BehaviorWrapper(make_pendulum(unit), lambda env, seen, info: seen[:2], space)
+        asked.append(make_model(CuriosityMAPElites, env).learn(4000)._ask())
+    np.testing.assert_array_equal(*asked)
 
 
 class Precise(gym.Wrapper):

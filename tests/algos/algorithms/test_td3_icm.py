@@ -76,6 +76,23 @@ class TestTraining:
         assert bonus.normalizer.count == 100
 
 
+def test_the_bonus_sees_actions_as_the_environment_takes_them(make, make_pendulum):
+    asked, model = [], make(make_pendulum(2**10))
+    score, update = model._bonus.score, model._bonus.update
+    model._bonus.score = lambda *batch: asked.append(batch[1]) or score(*batch)
+    model._bonus.update = lambda *batch: asked.append(batch[1].numpy()) or update(*batch)
+    model.learn(200)
+    largest = [np.abs(actions).max() for actions in asked]
+    assert len(largest) == 1 + 2 + 3  # the rollout's, the module's and the critic's
+    assert all(100.0 < each <= 1024.0 for each in largest)
+    assert model.replay_buffer.sample(100).actions.abs().max() <= 1.0
+
+
+def test_curiosity_does_not_depend_on_the_unit_of_actions(make, make_pendulum, assert_same):
+    models = [make(make_pendulum(unit)).learn(400) for unit in (1, 2**10)]
+    assert_same(models[0].get_parameters(), models[1].get_parameters())
+
+
 class TestSettings:
     @pytest.mark.parametrize(
         ("name", "value"),

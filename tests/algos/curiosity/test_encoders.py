@@ -4,7 +4,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import NatureCNN
 
-from curiosity_algos.curiosity.encoders import ImageInputs, make_encoder
+from curiosity_algos.curiosity.encoders import ActionEncoder, ImageInputs, make_encoder
 
 
 def images(*shape):
@@ -61,3 +61,42 @@ def test_weights_are_the_generators():
 def test_errors_say_what_observations_may_be(space, message):
     with pytest.raises(ValueError, match=f"`observation_space` must .*{message}"):
         make_encoder(space, 5, generator=generator())
+
+
+class TestActions:
+    def encode(self, space, actions):
+        return ActionEncoder(space)(th.tensor(actions, dtype=th.float32)).tolist()
+
+    def test_each_entry_is_scaled_by_its_bounds(self):
+        space = spaces.Box(np.float32([-0.25, 2.0]), np.float32([0.75, 10.0]))
+        actions = [[-0.25, 2.0], [0.25, 6.0], [0.75, 10.0], [0.5, 8.0]]
+        assert self.encode(space, actions) == [[-1, -1], [0, 0], [1, 1], [0.5, 0.5]]
+
+    def test_what_is_scaled_already_keeps_its_bits(self):
+        actions = th.from_numpy(np.random.default_rng(0).uniform(-1, 1, (1000, 2)))
+        assert th.equal(ActionEncoder(spaces.Box(-1, 1, (2,)))(actions.float()), actions.float())
+
+    @pytest.mark.parametrize(("low", "high"), [(-np.inf, np.inf), (-3, np.inf), (-np.inf, 3)])
+    def test_entries_that_lack_a_bound_stay_as_they_are(self, low, high):
+        space = spaces.Box(np.float32([low, -4.0]), np.float32([high, 4.0]))
+        assert self.encode(space, [[700.0, 2.0]]) == [[700.0, 0.5]]
+
+    def test_an_entry_that_cannot_change_says_nothing(self):
+        assert self.encode(spaces.Box(3.0, 3.0, (1,)), [[3.0]]) == [[0.0]]
+
+    def test_the_widest_bounds_are_no_infinity(self):
+        largest = np.finfo(np.float32).max
+        space = spaces.Box(-largest, largest, (1,))
+        assert self.encode(space, [[-largest], [largest]]) == [[-1.0], [1.0]]
+
+    @pytest.mark.parametrize("shape", [(3,), (3, 1)])
+    def test_discrete_ones_are_one_hot(self, shape):
+        actions = np.reshape([2, 0, 1], shape)
+        assert self.encode(spaces.Discrete(3), actions) == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+
+    def test_other_shapes_are_refused(self):
+        with pytest.raises(ValueError, match="`actions` must have shape"):
+            self.encode(spaces.Box(-1, 1, (3,)), [[1.0]])
+
+    def test_a_bonus_files_need_no_scale(self):
+        assert not ActionEncoder(spaces.Box(-1, 1, (3,))).state_dict()

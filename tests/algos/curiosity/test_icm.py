@@ -38,10 +38,10 @@ def numpy_errors(numpy_network, icm, observations, actions, next_observations):
         standardize = lambda x: np.clip((x - mean) / np.sqrt(variance), -5, 5)  # noqa: E731
     features = numpy_network(icm.encoder, standardize(observations))
     next_features = numpy_network(icm.encoder, standardize(next_observations))
-    encoded = np.eye(3)[actions] if icm.is_discrete else actions
+    encoded = np.eye(3)[actions] if icm.encode_actions.is_discrete else actions
     forward = numpy_network(icm.forward_model, np.concatenate([features, encoded], axis=1))
     inverse = numpy_network(icm.inverse_model, np.concatenate([features, next_features], axis=1))
-    if icm.is_discrete:
+    if icm.encode_actions.is_discrete:
         chosen = inverse[np.arange(len(actions)), actions]
         inverse_error = np.log(np.exp(inverse).sum(axis=1)) - chosen
     else:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from curiosity_algos.curiosity.base import action_size
+from curiosity_algos.curiosity.encoders import action_size
 from curiosity_algos.curiosity.make import (
     BONUSES,
     check_bonus_choice,
@@ -57,6 +57,12 @@ def test_an_object_for_other_spaces_is_refused(others):
         make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
 
 
+def test_an_object_for_more_actions_is_refused():
+    bonus = make_bonus("icm", {}, *SPACES, seed=1, device="cpu")
+    with pytest.raises(ValueError, match="`bonus` must score transitions of the env"):
+        make_bonus(bonus, {}, SPACES[0], spaces.Box(-1, 1, (1,)), seed=1, device="cpu")
+
+
 @pytest.mark.parametrize("bonus", ["icm", "rnd"])
 def test_an_object_for_images_of_another_layout_is_refused(bonus):
     last, first = (spaces.Box(0, 255, shape, np.uint8) for shape in ((36, 40, 3), (3, 36, 40)))
@@ -79,6 +85,27 @@ def test_an_object_for_actions_of_another_kind_is_refused(made, asked):
     assert make_bonus(bonus, {}, SPACES[0], made, seed=1, device="cpu") is bonus
     with pytest.raises(ValueError, match="`bonus` must score transitions of the env"):
         make_bonus(bonus, {}, SPACES[0], asked, seed=1, device="cpu")
+
+
+@pytest.mark.parametrize(
+    ("space", "actions"),
+    [
+        (spaces.Box(-1, 1, (2,)), [[-1, -1], [1, 1]]),
+        (spaces.Box(np.float32([2, -300]), np.float32([5, 7])), [[2, -300], [5, 7]]),
+        (spaces.Box(-np.inf, np.inf, (1,)), [[-1], [1]]),
+        (spaces.Box(-np.inf, -8, (1,)), [[-9], [-8]]),
+        (spaces.Box(8, np.inf, (1,)), [[8], [9]]),
+        (spaces.Discrete(3), [0, 2]),
+    ],
+    ids=str,
+)
+def test_an_object_is_tried_out_on_actions_of_the_environment(space, actions):
+    bonus = make_bonus("icm", {}, SPACES[0], space, seed=1, device="cpu")
+    asked, score = [], bonus.score
+    bonus.score = lambda *batch: asked.append(batch[1]) or score(*batch)
+    make_bonus(bonus, {}, SPACES[0], space, seed=1, device="cpu")
+    np.testing.assert_array_equal(asked, [actions])
+    assert all(space.contains(action) for action in asked[0])
 
 
 def test_an_object_that_could_not_be_saved_is_refused():

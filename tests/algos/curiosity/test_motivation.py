@@ -279,7 +279,7 @@ class TestMaking:
         for name in ("gamma", "n_transitions", "n_updates", "batch_size"):
             assert getattr(motivation, name) == GIVEN[name]
         assert isinstance(motivation.bonus, ICM)
-        assert (motivation.bonus.beta, motivation.bonus.is_discrete) == (
+        assert (motivation.bonus.beta, motivation.bonus.encode_actions.is_discrete) == (
             0.7,
             isinstance(action_space, spaces.Discrete),
         )

@@ -22,11 +22,11 @@ class Constant:
         return self.factor * next_observations[:, 0]
 
 
-def make_buffer(capacity=10, extrinsic=True, seed=0):
+def make_buffer(capacity=10, extrinsic=True, seed=0, action_space=ACTIONS):
     return CuriosityReplayBuffer(
         capacity,
         OBSERVATIONS,
-        ACTIONS,
+        action_space,
         bonus=Constant(),
         weight=0.5,
         extrinsic=extrinsic,
@@ -113,6 +113,21 @@ def test_the_newest_of_a_young_buffer():
     buffer = make_buffer()
     add(buffer, 4)
     assert buffer.newest(3)[0].ravel().tolist() == [4]
+
+
+def test_the_bonus_sees_actions_as_the_environment_takes_them():
+    buffer = make_buffer(action_space=spaces.Box(np.float32(2), np.float32(10), (1,)))
+    buffer.bonus.score = lambda before, actions, after: actions[:, 0]
+    for x in (-10, 0, 5):
+        add(buffer, x)  # stored as a tenth, in [-1, 1]
+    taken = {-10: 2.0, 0: 6.0, 5: 8.0}
+    sample = buffer.sample(20)
+    states, rewards = sample.observations.ravel().tolist(), sample.rewards.ravel().tolist()
+    assert rewards == [0.5 * taken[x] for x in states]
+    assert th.equal(sample.actions, sample.observations / 10)
+    assert buffer.newest(3)[1].ravel().tolist() == [2.0, 6.0, 8.0]
+    before, actions, _ = buffer.sample_transitions(20)
+    assert actions.ravel().tolist() == [taken[x] for x in before.ravel().tolist()]
 
 
 class TestState:

@@ -131,6 +131,17 @@ class TestRewards:
         taken = np.random.default_rng(3).uniform(-1, 1, (5, 2, 1)).astype(np.float32)
         np.testing.assert_array_equal([actions for _, actions, _ in bonus.asked], taken)
 
+    @pytest.mark.parametrize("unit", [0.5, 2**10])
+    def test_they_do_not_depend_on_the_unit_of_actions(self, make_pendulum, unit):
+        rewards = []
+        for env in (make_pendulum(1), make_pendulum(unit)):
+            venv = wrap(DummyVecEnv([lambda env=env: env]))
+            venv.seed(0)
+            venv.reset()
+            actions = np.linspace(-1, 1, 40, dtype=np.float32) * env.action_space.high
+            rewards.append([venv.step(action[None, None])[1].item() for action in actions])
+        np.testing.assert_array_equal(*rewards)
+
     @pytest.mark.parametrize("extrinsic", [True, False])
     @pytest.mark.parametrize("weight", [1.0, 0.25])
     def test_rewards_add_up_and_infos_keep_them_apart(self, extrinsic, weight):

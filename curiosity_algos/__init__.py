@@ -9,7 +9,7 @@ from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.nslc import NSLC
 from curiosity_algos.algorithms.td3_icm import TD3ICM
-from curiosity_algos.curiosity.callbacks import ExplorationCallback
+from curiosity_algos.curiosity.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
 from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper, ICMVecEnvWrapper
@@ -25,6 +25,7 @@ __all__ = [
     "NSLC",
     "RND",
     "TD3ICM",
+    "BonusCheckpointCallback",
     "BonusVecEnvWrapper",
     "CanonicalES",
     "CuriosityES",

@@ -1,9 +1,12 @@
-"""A callback for Stable-Baselines3's own algorithms: what exploration has come to."""
+"""Callbacks for Stable-Baselines3's own algorithms: logs of exploration, and checkpoints."""
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.curiosity.base import record_bonus
@@ -18,6 +21,7 @@ class ExplorationCallback(BaseCallback):
     With each rollout it logs `coverage/...`, the cells that episodes have ended in, where
     environments give `info["behavior"]` as those of `curiosity_gym` do; `intrinsic/mean` and
     `intrinsic/max` of the steps since the last log; and the losses of the wrapper's last training.
+    It warns where a model that has trained goes on with a wrapper that is new.
 
     Args:
         verbose: As in SB3.
@@ -49,6 +53,7 @@ class ExplorationCallback(BaseCallback):
         return self._episodes.best_return
 
     def _on_training_start(self) -> None:
+        _warn_of_a_new_wrapper(self.model)
         grid = coverage_grid(self.training_env)
         if grid != self.coverage.grid:
             self._episodes = EpisodeRecord(grid)
@@ -67,6 +72,49 @@ class ExplorationCallback(BaseCallback):
         if self._intrinsic:
             record_bonus(self.logger, np.array(self._intrinsic))
             self._intrinsic.clear()
-        wrapper = unwrap_vec_wrapper(self.training_env, BonusVecEnvWrapper)
+        wrapper = _wrapper_of(self.model)
         for name, loss in ({} if wrapper is None else wrapper.metrics).items():
             self.logger.record(name, loss)
+
+
+class BonusCheckpointCallback(CheckpointCallback):
+    """SB3's `CheckpointCallback`, which also saves the `BonusVecEnvWrapper` of the model.
+
+    Beside `{name_prefix}_{timesteps}_steps.zip` there is a file for `BonusVecEnvWrapper.load`,
+    `{name_prefix}_bonus_{timesteps}_steps.pt`. All arguments are SB3's.
+
+    Raises:
+        ValueError: When `learn` begins, if the model's environment has no such wrapper.
+    """
+
+    def _init_callback(self) -> None:
+        if _wrapper_of(self.model) is None:
+            raise ValueError("`env` must be wrapped in a BonusVecEnvWrapper, it is not.")
+        super()._init_callback()
+
+    def _on_training_start(self) -> None:
+        _warn_of_a_new_wrapper(self.model)
+
+    def _on_step(self) -> bool:
+        wrapper = _wrapper_of(self.model)
+        # The model comes second, so that wherever there is one its wrapper is there too.
+        if wrapper is not None and self.n_calls % self.save_freq == 0:
+            wrapper.save(self._checkpoint_path("bonus_", extension="pt"))
+        return super()._on_step()
+
+
+def _wrapper_of(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
+    venv = model.get_env()
+    return None if venv is None else unwrap_vec_wrapper(venv, BonusVecEnvWrapper)
+
+
+def _warn_of_a_new_wrapper(model: BaseAlgorithm) -> None:
+    """Warn if a model that has trained goes on with a wrapper that has seen no step."""
+    wrapper = _wrapper_of(model)
+    has_trained = model.num_timesteps > 0 or model._n_updates > 0
+    if wrapper is not None and wrapper.is_new and has_trained:
+        warnings.warn(
+            "The model has trained, and its BonusVecEnvWrapper is new: the bonus begins anew. "
+            "Wrap the environment with BonusVecEnvWrapper.load to go on with what was saved.",
+            stacklevel=2,
+        )

@@ -79,6 +79,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     Attributes:
         metrics: Mean losses of the last training, which `ExplorationCallback` logs.
+        is_new: Whether it has learned of no step yet.
         training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
 
     Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
@@ -152,6 +153,11 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.buffer = TransitionBuffer(
             int(buffer_size), space, stored_action_size(action_space), seed=buffer_seed
         )
+
+    @property
+    def is_new(self) -> bool:
+        """See the class."""
+        return not self._has_trained and len(self.buffer) == 0
 
     # -- stepping -------------------------------------------------------------------------------
 

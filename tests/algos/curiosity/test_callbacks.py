@@ -1,4 +1,5 @@
 import json
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -8,9 +9,9 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import ConvertCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
-from curiosity_algos.curiosity.callbacks import ExplorationCallback
+from curiosity_algos.curiosity.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_gym import BehaviorWrapper
 
@@ -103,3 +104,87 @@ def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_las
     for row, part in zip(rows, (paid[:199], paid[199:399]), strict=True):
         assert row["intrinsic/mean"] == pytest.approx(np.mean(part))
         assert row["intrinsic/max"] == np.max(part) > row["intrinsic/mean"]
+
+
+def wrapped():
+    venv = make_vec_env("Pendulum-v1", n_envs=2)
+    settings = {"train_interval": 50, "n_updates": 2, "batch_size": 8, "device": "cpu"}
+    return BonusVecEnvWrapper(venv, bonus="rnd", **settings)
+
+
+class TestCheckpoints:
+    def test_each_model_has_its_wrapper(self, tmp_path, assert_same):
+        venv = VecNormalize(wrapped())
+        folder = tmp_path / "runs"
+        callback = BonusCheckpointCallback(60, str(folder), save_vecnormalize=True)
+        states, save = [], venv.venv.save
+        venv.venv.save = lambda path: states.append(venv.venv.state_dict()) or save(path)
+        train(venv, 80, callback)
+        names = {"rl_model_120_steps.zip", "rl_model_bonus_120_steps.pt"}
+        assert {path.name for path in folder.iterdir()} == {
+            *names,
+            "rl_model_vecnormalize_120_steps.pkl",
+        }
+        loaded = BonusVecEnvWrapper.load(
+            folder / "rl_model_bonus_120_steps.pt", make_vec_env("Pendulum-v1", n_envs=2)
+        )
+        assert_same(loaded.state_dict(), states[0])
+
+    def test_an_off_policy_algorithm_has_its_replay_buffer_too(self, tmp_path):
+        model = SAC("MlpPolicy", wrapped(), learning_starts=500, device="cpu")
+        settings = {"name_prefix": "sac", "save_replay_buffer": True}
+        model.learn(100, BonusCheckpointCallback(20, str(tmp_path), **settings))
+        for n in (40, 80):
+            for name in (f"{n}_steps.zip", f"bonus_{n}_steps.pt", f"replay_buffer_{n}_steps.pkl"):
+                assert (tmp_path / f"sac_{name}").is_file()
+
+    def test_a_killed_run_leaves_no_model_without_its_wrapper(self, tmp_path):
+        venv = wrapped()
+        venv.save = lambda path: (_ for _ in ()).throw(OSError("no space"))
+        with pytest.raises(OSError, match="no space"):
+            train(venv, 80, BonusCheckpointCallback(20, str(tmp_path)))
+        assert not list(tmp_path.iterdir())
+
+    def test_without_a_wrapper_it_would_save_none(self, tmp_path):
+        with pytest.raises(ValueError, match="`env` must be wrapped in a BonusVecEnvWrapper"):
+            train(make_vec_env("Pendulum-v1"), 10, BonusCheckpointCallback(5, str(tmp_path)))
+
+
+class TestFreshWrappers:
+    @pytest.fixture(params=[True, False], ids=["reset", "go on"])
+    def settings(self, request):
+        return {"total_timesteps": 160, "reset_num_timesteps": request.param}
+
+    @pytest.fixture(params=[0, 1], ids=["exploration", "checkpoint"])
+    def callback(self, request, tmp_path):
+        return [ExplorationCallback(), BonusCheckpointCallback(1000, str(tmp_path))][request.param]
+
+    @pytest.fixture
+    def trained(self, tmp_path):
+        venv = wrapped()
+        model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        model.learn(160).save(tmp_path / "model")
+        venv.save(tmp_path / "bonus.pt")
+        return lambda env: PPO.load(tmp_path / "model", env, device="cpu")
+
+    def test_a_model_that_has_trained_is_warned_of_one(self, trained, callback, settings):
+        model = trained(wrapped())
+        with pytest.warns(UserWarning, match="has trained, and its BonusVecEnvWrapper is new"):
+            model.learn(callback=callback, **settings)
+
+    def test_with_its_own_nothing_is_said(self, trained, callback, settings, tmp_path):
+        venv = make_vec_env("Pendulum-v1", n_envs=2)
+        model = trained(BonusVecEnvWrapper.load(tmp_path / "bonus.pt", venv, device="cpu"))
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+            model.learn(callback=callback, **settings)
+
+    def test_new_together_nothing_is_said(self, callback, settings):
+        model = PPO("MlpPolicy", wrapped(), n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+
+    def test_without_a_wrapper_nothing_is_said(self, trained, settings):
+        model = trained(make_vec_env("Pendulum-v1", n_envs=2))
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=ExplorationCallback(), **settings)

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 
 from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.quality_diversity import Fields, QualityDiversity
+from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityDiversity
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 
@@ -41,6 +42,7 @@ class AURORA(QualityDiversity):
     """
 
     archive: UnstructuredArchive
+    archive_class = UnstructuredArchive
 
     def __init__(
         self,
@@ -90,20 +92,22 @@ class AURORA(QualityDiversity):
 
     def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
         return UnstructuredArchive(
-            solution_dim=self.policy.mlp.n_parameters,
             measure_dim=self.latent_size,
             target_size=self.archive_size,
             k_neighbors=1,
-            seed=seed,
-            solution_dtype=np.float32,
-            extra_fields={
-                "seed": ((), np.int64),
-                "behavior": (self._n_behaviors, np.float64),
-                # The first generation tells how many states there are.
-                "states": (self._encoder.shape or (0, 0), np.float32),
-            },
-            net_arch=self.policy.net_arch,
+            **self._archive_kwargs(seed),
         )
+
+    def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
+        return self.latent_size
+
+    def _field_types(self) -> FieldTypes:
+        return {
+            **super()._field_types(),
+            "behavior": ((self._n_behaviors,), np.float64),
+            # The first generation tells how many states there are.
+            "states": (self._encoder.shape or (0, 0), np.float32),
+        }
 
     def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         if self._encoder.shape is None:

@@ -51,7 +51,8 @@ class CMAME(MAPElites):
             raise ValueError("`population_size` must be at least 2, got 1: CMA-ES compares.")
 
     def _step_size(self) -> float:
-        return float(self._emitter.part._opt.sigma)  # pyribs shows it nowhere else
+        (emitter,) = self._emitters.emitters
+        return float(emitter._opt.sigma)  # type: ignore[attr-defined]  # pyribs shows it nowhere else
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return EvolutionStrategyEmitter(

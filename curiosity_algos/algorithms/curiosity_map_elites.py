@@ -20,7 +20,7 @@ from curiosity_algos.curiosity.motivation import make_motivation
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.quality_diversity import Fields
+from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
 from curiosity_algos.search.emitters import TournamentEmitter
 from curiosity_gym.validation import check_at_least_one
 
@@ -95,13 +95,13 @@ class CuriosityMAPElites(MAPElites):
         self._curiosity = EliteCuriosity(self._motivation.bonus, self.n_kept, draws_seed)
         super()._make_search(search_seed)
 
-    def _extra_fields(self) -> dict[str, tuple[Any, Any]]:
+    def _field_types(self) -> FieldTypes:
         assert self.observation_space.shape is not None
         states = ((self.n_kept, *self.observation_space.shape), np.float32)
         n_actions = stored_action_size(self.action_space)
         dtype = np.int64 if isinstance(self.action_space, spaces.Discrete) else np.float32
         return {
-            **super()._extra_fields(),
+            **super()._field_types(),
             "observations": states,
             "actions": ((self.n_kept, n_actions), dtype),
             "next_observations": states,

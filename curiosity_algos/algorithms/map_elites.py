@@ -6,12 +6,15 @@ Mouret & Clune 2015, "Illuminating search spaces by mapping elites"
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.common.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.quality_diversity import QualityDiversity
@@ -24,11 +27,12 @@ class MAPElites(QualityDiversity):
     The grid spans the environment's `behavior_space`; memory is for the elites alone.
 
     Args:
-        env: As of every algorithm, with a bounded `behavior_space`.
-        n_cells: Cells along each dimension of the behavior.
+        env: As of every algorithm, with a `behavior_space`, bounded unless there is an `archive`.
+        n_cells: Cells along each dimension of the behavior, or a sequence of B such numbers. An
+            `archive` has its own.
 
     Raises:
-        ValueError: If the env has no bounded `behavior_space`, or one of too many cells.
+        ValueError: If the env has no bounded `behavior_space`, or `n_cells` does not fit it.
     """
 
     def __init__(
@@ -36,42 +40,51 @@ class MAPElites(QualityDiversity):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        n_cells: int = 50,
+        n_cells: int | Sequence[int] = 50,
         **kwargs: Any,
     ) -> None:
-        self.n_cells = n_cells
+        self.n_cells: int | list[int] = (
+            [*map(plain, n_cells)]
+            if isinstance(n_cells, list | tuple | np.ndarray)
+            else plain(n_cells)
+        )
         super().__init__(env, policy, **kwargs)
 
-    def _check_settings(self) -> None:
-        super()._check_settings()
-        check_at_least_one(n_cells=self.n_cells)
-        self._check_behaviors(self._behavior_space)
-
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
-        if space is None or not space.is_bounded() or not (space.low < space.high).all():
+        if space is None or not (_is_bounded(space) or self._own_archive is not None):
             raise ValueError(
                 "`env` must have a bounded `behavior_space`, for the grid to span: wrap it in "
                 "curiosity_gym.BehaviorWrapper."
             )
-        if self.n_cells ** space.shape[0] >= 2**63:
-            raise ValueError(
-                f"`n_cells` must make less than 2**63 cells, got {self.n_cells} in each of "
-                f"{space.shape[0]} dimensions."
-            )
+        super()._check_behaviors(space)
+        _check_cells(self._dims(space), self._measure_dim(space))
+
+    def _dims(self, space: spaces.Box[Any]) -> list[int]:
+        """Cells along each dimension."""
+        n_cells = self.n_cells
+        return n_cells if isinstance(n_cells, list) else [n_cells] * self._measure_dim(space)
 
     def _make_archive(self, seed: np.random.SeedSequence) -> SparseGridArchive:
         assert self._behavior_space is not None
         low, high = self._behavior_space.low.tolist(), self._behavior_space.high.tolist()
         return SparseGridArchive(
-            solution_dim=self.policy.mlp.n_parameters,
-            dims=(self.n_cells,) * len(low),
+            dims=self._dims(self._behavior_space),
             ranges=list(zip(low, high, strict=True)),
-            seed=seed,
-            solution_dtype=np.float32,
-            extra_fields=self._extra_fields(),
-            net_arch=self.policy.net_arch,
+            **self._archive_kwargs(seed),
         )
 
-    def _extra_fields(self) -> dict[str, tuple[Any, Any]]:
-        """Name: (shape, dtype) of what `_fields` gives of each elite."""
-        return {"seed": ((), np.int64)}
+
+def _is_bounded(space: spaces.Box[Any]) -> bool:
+    return space.is_bounded() and bool((space.low < space.high).all())
+
+
+def _check_cells(dims: list[int], n_dimensions: int) -> None:
+    for n_cells in dims:
+        check_at_least_one(n_cells=n_cells)
+    if len(dims) != n_dimensions:
+        raise ValueError(
+            "`n_cells` must be a whole number, or one for each dimension of the behavior, "
+            f"{n_dimensions}, got {dims}."
+        )
+    if math.prod(dims) >= 2**63:
+        raise ValueError(f"`n_cells` must make less than 2**63 cells, got {dims}.")

@@ -18,7 +18,7 @@ from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.arguments import check_parents
-from curiosity_algos.loops.quality_diversity import QualityDiversity
+from curiosity_algos.loops.quality_diversity import FieldTypes, QualityDiversity
 from curiosity_algos.novelty.motivation import behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
 from curiosity_gym.validation import check_at_least_one
@@ -38,6 +38,8 @@ class NSLC(QualityDiversity):
             paper's BD_s).
         archive_size: Elites held, within 10 %: a distance between them adapts.
     """
+
+    archive_class = UnstructuredArchive
 
     def __init__(
         self,
@@ -60,22 +62,24 @@ class NSLC(QualityDiversity):
         super()._check_settings()
         check_at_least_one(k=self.k, archive_size=self.archive_size)
         check_parents(self.n_parents, self.population_size)
-        self._check_behaviors(self._behavior_space)
+
+    def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
+        return behavior_size(self.behavior, self.observation_space, space)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
-        behavior_size(self.behavior, self.observation_space, space)
+        self._measure_dim(space)  # raises where there is no such behavior
+        super()._check_behaviors(space)
 
     def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
         return UnstructuredArchive(
-            solution_dim=self.policy.mlp.n_parameters,
-            measure_dim=behavior_size(self.behavior, self.observation_space, self._behavior_space),
+            measure_dim=self._measure_dim(self._behavior_space),
             target_size=self.archive_size,
             k_neighbors=self.k,
-            seed=seed,
-            solution_dtype=np.float32,
-            extra_fields={"seed": ((), np.int64), "behavior": (self._n_behaviors, np.float64)},
-            net_arch=self.policy.net_arch,
+            **self._archive_kwargs(seed),
         )
+
+    def _field_types(self) -> FieldTypes:
+        return {**super()._field_types(), "behavior": ((self._n_behaviors,), np.float64)}
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return ParetoEmitter(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import torch as th
 from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 
-from curiosity_algos.archives.files import read_archive, write_archive
+from curiosity_algos.archives.files import FIELDS, read_archive, write_archive
 from curiosity_algos.archives.store import Description, EliteStore
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.common.randomness import generator_state, load_generator_state
@@ -93,8 +93,9 @@ class EliteArchive(ArchiveBase):
     def _identities(self, slots: Int64Array) -> Int64Array:
         """The field "index" of the elites in these slots."""
 
+    @property
     @abstractmethod
-    def _settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """Keywords of this kind of archive, as JSON can hold them; those of any are not named."""
 
     @property
@@ -223,6 +224,37 @@ class EliteArchive(ArchiveBase):
         self._description[name] = (shape, self._description[name][1])
         self._begin()
 
+    def prepare(
+        self,
+        extra_fields: Mapping[str, tuple[Any, Any]],
+        net_arch: Sequence[int],
+        seed: np.random.SeedSequence,
+    ) -> None:
+        """Serve a search that keeps these fields of policies with these hidden layers.
+
+        Args:
+            extra_fields: See `EliteArchive`; an empty archive takes them over.
+            net_arch: See `EliteArchive`.
+            seed: Of `sample_elites` from now on.
+
+        Raises:
+            ValueError: If the archive has fields that the search does not keep, or elites without
+                those that it keeps.
+        """
+        fields = _checked_fields(extra_fields)
+        kept = {k: v for k, v in self._description.items() if k not in FIELDS}
+        if kept != fields and (not self.empty or kept.keys() - fields.keys()):
+            described = ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
+            raise ValueError(
+                f"`archive` must keep the extra fields {described} of each elite; an empty one "
+                "without extra fields is given them."
+            )
+        if self.empty:
+            self._description |= fields
+            self._begin()
+        self.net_arch = list(net_arch)
+        self._rng = np.random.default_rng(seed)
+
     # -- policies -------------------------------------------------------------------------------
 
     @property
@@ -267,8 +299,12 @@ class EliteArchive(ArchiveBase):
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
         """
-        settings = {"qd_score_offset": self.qd_score_offset, "net_arch": self.net_arch}
-        write_archive(path, type(self).__name__, settings | self._settings(), self.data())
+        write_archive(path, type(self).__name__, self._saved_settings(), self.data())
+
+    def _saved_settings(self) -> dict[str, Any]:
+        """Keywords that make the archive anew, as JSON can hold them."""
+        common = {"qd_score_offset": self.qd_score_offset, "net_arch": self.net_arch}
+        return {**common, **self.settings}
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:

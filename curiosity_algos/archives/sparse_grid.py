@@ -164,7 +164,9 @@ class SparseGridArchive(EliteArchive):
         self._cells = data["index"].tolist()
         self._slots = {cell: slot for slot, cell in enumerate(self._cells)}
 
-    def _settings(self) -> dict[str, Any]:
+    @property
+    def settings(self) -> dict[str, Any]:
+        """`dims` and `ranges`, as JSON can hold them."""
         return {
             "dims": self.dims.tolist(),
             "ranges": np.stack([self.lower_bounds, self.upper_bounds], axis=1).tolist(),

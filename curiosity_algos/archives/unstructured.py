@@ -165,13 +165,17 @@ class UnstructuredArchive(EliteArchive):
     def _identities(self, slots: Int64Array) -> Int64Array:
         return slots.astype(np.int64)
 
-    def _settings(self) -> dict[str, Any]:
+    @property
+    def settings(self) -> dict[str, Any]:
+        """`measure_dim`, `target_size` and `k_neighbors`, as JSON can hold them."""
         return {
             "measure_dim": int(self.measure_dim),
             "target_size": self.target_size,
             "k_neighbors": self.k_neighbors,
-            "threshold": self.threshold,
         }
+
+    def _saved_settings(self) -> dict[str, Any]:
+        return {**super()._saved_settings(), "threshold": self.threshold}
 
     def state_dict(self) -> dict[str, Any]:
         """As `EliteArchive`, and the threshold."""

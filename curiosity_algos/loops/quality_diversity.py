@@ -4,68 +4,93 @@ from __future__ import annotations
 
 import inspect
 import io
+import json
 import os
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import Any, Self
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 from ribs.emitters import EmitterBase, GaussianEmitter
 from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.common.foreign_state import ForeignPart
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
+from curiosity_algos.search.emitters import Emitters
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 Fields = dict[str, npt.NDArray[Any]]
+FieldTypes = dict[str, tuple[Any, Any]]
+MakeEmitters = Callable[[EliteArchive, Float32Array, int], list[EmitterBase]]
+"""From the archive, the parameters to begin at (n_parameters,) and a seed to pyribs' emitters."""
+
+POPULATION_SIZE = 56
 
 
 class QualityDiversity(EvolutionaryAlgorithm):
     """Emits policies, and keeps those that are new or better than their like.
 
-    A subclass says which archive and which emitter: `_make_archive` and `_make_emitter`; and, where
-    they are others, what places a policy in the archive (`_measures`) and what is kept of it
-    (`_fields`).
+    A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). Where they
+    are not the environment's behaviors, it also says what places a policy in the archive
+    (`_measures`, `_measure_dim`); and what is kept of each elite (`_fields`, `_field_types`).
 
     Args:
-        population_size: Policies a generation.
-        sigma: Standard deviation of mutations, above 0.
+        population_size: Policies a generation; with `emitters` it may be left out, and is the sum
+            of their batch sizes.
+        sigma: Standard deviation of mutations, above 0; `emitters` have their own.
+        archive: Where elites are kept, instead of the algorithm's own archive: one of
+            `curiosity_algos.archives` whose `solution_dim` and `measure_dim` are the algorithm's.
+            Elites that it holds are where the search begins. An empty one is made to keep what the
+            algorithm keeps of each elite, and its draws follow `seed`. `load` takes it again.
+        emitters: A function of the archive, the parameters to begin at (n_parameters,) and a seed,
+            a whole number, that returns a list of pyribs' emitters: they emit the policies, instead
+            of the algorithm's own emitter. `load` takes it again.
 
     Attributes:
         archive: The elites; of each is kept the parameters, the return, what places it, and the
             seed of its episode.
         history: The archive's statistics after each generation.
+
+    Raises:
+        ValueError: If an argument is out of its range, or `archive` or `emitters` do not fit.
     """
 
     archive: EliteArchive
+    archive_class: ClassVar[type[Any]] = EliteArchive
+    """Which archives the algorithm can work on."""
 
     def __init__(
         self,
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        population_size: int = 56,
+        population_size: int = POPULATION_SIZE,
         sigma: float = 0.3,
+        archive: EliteArchive | None = None,
+        emitters: MakeEmitters | None = None,
         **kwargs: Any,
     ) -> None:
         self.population_size = population_size
         self.sigma = sigma
+        self.emitters = emitters
+        self._own_archive = archive
+        self._given: dict[str, list[str]] = {}
         super().__init__(env, policy, **kwargs)
 
     # -- what an algorithm writes ---------------------------------------------------------------
 
     @abstractmethod
     def _make_archive(self, seed: np.random.SeedSequence) -> EliteArchive:
-        """An empty archive."""
+        """The algorithm's own archive, empty."""
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         """What emits policies for `self.archive`, beginning at `x0` (n_parameters,).
@@ -80,6 +105,14 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """What places each individual in the archive, (P, measure_dim)."""
         return rollouts.behaviors
 
+    def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
+        """Length of `_measures`, where behaviors lie in `space`."""
+        return 0 if space is None else int(space.shape[0])
+
+    def _field_types(self) -> FieldTypes:
+        """Name: (shape, dtype) of what `_fields` gives of each elite."""
+        return {"seed": ((), np.int64)}
+
     def _fields(self, rollouts: Rollouts) -> Fields:
         """What is kept of each individual, an array (P, ...) for each extra field."""
         fields: Fields = {"seed": np.full(len(rollouts), self._episodes.current)}
@@ -92,29 +125,98 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """B, the length of the environment's behavior; 0 where it has none."""
         return 0 if self._behavior_space is None else int(self._behavior_space.shape[0])
 
+    def _archive_kwargs(self, seed: np.random.SeedSequence) -> dict[str, Any]:
+        """Keywords of every archive of policies."""
+        return {
+            "solution_dim": self.policy.mlp.n_parameters,
+            "seed": seed,
+            "solution_dtype": np.float32,
+            "extra_fields": self._field_types(),
+            "net_arch": self.policy.net_arch,
+        }
+
     # -- the search -----------------------------------------------------------------------------
 
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(population_size=self.population_size)
         check_positive(sigma=self.sigma)
+        if not isinstance(self._own_archive, self.archive_class | None):
+            raise ValueError(
+                f"`archive` must be of the class {self.archive_class.__name__} in "
+                f"curiosity_algos.archives, got {type(self._own_archive).__name__}."
+            )
+        if not (self.emitters is None or callable(self.emitters)):
+            raise ValueError(
+                "`emitters` must be a function of archive, x0 and seed that returns a list of "
+                f"pyribs' emitters, got {self.emitters!r}."
+            )
+        self._check_behaviors(self._behavior_space)
+
+    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
+        if self._own_archive is not None:
+            n_measures = self._measure_dim(space)
+            if self._own_archive.measure_dim != n_measures:
+                raise ValueError(
+                    f"`archive` must have a `measure_dim` of {n_measures}, as what places a policy "
+                    f"in it, got {self._own_archive.measure_dim}."
+                )
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         self._begin_archive(seed)
 
     def _begin_archive(self, seed: np.random.SeedSequence) -> None:
-        """Hold an empty archive, and an emitter that begins anew."""
+        """Hold the archive, and emitters that begin anew."""
         start_seed, archive_seed, emitter_seed = seed.spawn(3)
         start = np.random.default_rng(start_seed)
         x0 = INITIAL_DEVIATION * start.standard_normal(self.policy.mlp.n_parameters)
-        self.archive = self._make_archive(archive_seed)
+        self._check_given("archive", _kinds(self._own_archive))
+        if self._own_archive is None:
+            self.archive = self._make_archive(archive_seed)
+        else:
+            self.archive = self._prepared(self._own_archive, archive_seed)
         self.history = ArchiveHistory()
-        emitter = self._make_emitter(x0.astype(np.float32), integer_seed(emitter_seed))
-        self._emitter = ForeignPart(emitter)
+        self._emitters = self._make_emitters(x0.astype(np.float32), integer_seed(emitter_seed))
+
+    def _prepared(self, archive: EliteArchive, seed: np.random.SeedSequence) -> EliteArchive:
+        """The user's archive, made to keep policies of this search."""
+        n_parameters, net_arch = self.policy.mlp.n_parameters, self.policy.net_arch
+        if archive.solution_dim != n_parameters or archive.net_arch not in (None, net_arch):
+            raise ValueError(
+                f"`archive` must hold policies of {n_parameters} parameters with the hidden layers "
+                f"{net_arch}, got {archive.solution_dim} and {archive.net_arch}."
+            )
+        archive.prepare(self._field_types(), net_arch, seed)
+        return archive
+
+    def _make_emitters(self, x0: Float32Array, seed: int) -> Emitters:
+        """The algorithm's own emitter, or those of the user's function."""
+        if self.emitters is None:
+            self._check_given("emitters", [])
+            return Emitters([self._make_emitter(x0, seed)], x0)
+        emitters = Emitters(self.emitters(self.archive, x0, seed), x0)
+        self._check_given("emitters", _kinds(*emitters.emitters))
+        emitters.state_dict()  # raises where no checkpoint could hold them
+        if self.population_size not in (POPULATION_SIZE, emitters.batch_size):
+            raise ValueError(
+                f"`population_size` must be the {emitters.batch_size} policies that `emitters` "
+                f"emit, or be left out, got {self.population_size}."
+            )
+        self.population_size = emitters.batch_size
+        return emitters
+
+    def _check_given(self, name: str, kinds: list[str]) -> None:
+        """Raise ValueError unless `load` was given parts of the kinds that the model had."""
+        expected = self._given.setdefault(name, kinds)
+        if kinds != expected:
+            raise ValueError(
+                f"`{name}` must be passed to `load` as it was to the saved model: "
+                f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
+            )
 
     def _ask(self) -> Float32Array:
         # Made anew each time: after an env's error the old one would wait for what never comes.
-        self._scheduler = Scheduler(self.archive, [self._emitter.part])
+        self._scheduler = Scheduler(self.archive, self._emitters.emitters)
         asked: Float32Array = self._scheduler.ask().astype(np.float32)
         return asked
 
@@ -128,28 +230,36 @@ class QualityDiversity(EvolutionaryAlgorithm):
             own = {"archive/threshold": self.archive.threshold}
         else:
             own = {"archive/coverage": float(stats.coverage)}
+        if self.emitters is None:
+            own["search/sigma"] = self._step_size()
         return {
             "archive/size": len(self.archive),
             "archive/qd_score": float(stats.qd_score),
             "archive/best": float(stats.obj_max),
-            "search/sigma": self._step_size(),
             **own,
         }
 
     def _step_size(self) -> float:
-        """Standard deviation of the mutations."""
+        """Standard deviation of the mutations of the algorithm's own emitter."""
         return self.sigma
 
     def _center(self) -> Float32Array:
         best = self.archive.best_elite
-        center: Float32Array = self._emitter.part.x0 if best is None else best["solution"]
+        center: Float32Array = self._emitters.x0 if best is None else best["solution"]
         return center.astype(np.float32)
 
     def _forget_behaviors(self) -> None:
+        if self._own_archive is not None:
+            self._own_archive.clear()
         self._begin_archive(np.random.SeedSequence(self._episodes.draw()))
 
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        names, variables = super()._get_torch_save_params()
+        return ["archive", *names], variables  # an argument, but at work under its own name
+
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_scheduler"]
+        passed_again = ["emitters", "_own_archive"]
+        return [*super()._excluded_save_params(), "_scheduler", *passed_again]
 
     @classmethod
     def load(
@@ -157,20 +267,31 @@ class QualityDiversity(EvolutionaryAlgorithm):
         path: str | os.PathLike[str] | io.BufferedIOBase,
         env: AnyEnv | None = None,
         *args: Any,
+        archive: EliteArchive | None = None,
+        emitters: MakeEmitters | None = None,
         **kwargs: Any,
     ) -> Self:
         """Load a model, see `EvolutionaryAlgorithm.load`.
 
+        Args:
+            path: See `EvolutionaryAlgorithm.load`, as for every argument not named here.
+            env: See `EvolutionaryAlgorithm.load`.
+            *args: See `EvolutionaryAlgorithm.load`.
+            archive: Of the class and settings of the constructor's `archive`, where it had one: the
+                file's elites take the place of its own.
+            emitters: As the constructor's `emitters`, where it had any.
+            **kwargs: See `EvolutionaryAlgorithm.load`.
+
         Raises:
-            ValueError: Also if `kwargs` would replace a setting that archive or emitter were made
-                with.
+            ValueError: Also if `archive` or `emitters` are missing or others, or `kwargs` would
+                replace a setting that archive or emitters were made with.
         """
-        ours = cls.__mro__[: cls.__mro__.index(EvolutionaryAlgorithm)]
-        fixed = {name for each in ours for name in inspect.signature(each).parameters}
-        fixed -= inspect.signature(EvolutionaryAlgorithm).parameters.keys()
+        own_keywords, common = (inspect.signature(each) for each in (cls, EvolutionaryAlgorithm))
+        fixed = own_keywords.parameters.keys() - common.parameters.keys()
         for name in sorted(fixed & (kwargs | (kwargs.get("custom_objects") or {})).keys()):
             raise ValueError(f"`{name}` must be left as it was saved: make a new {cls.__name__}.")
-        return super().load(path, env, *args, **kwargs)
+        own = {"_own_archive": archive, "emitters": emitters}
+        return super().load(path, env, *args, **own, **kwargs)
 
     # -- acting ---------------------------------------------------------------------------------
 
@@ -203,3 +324,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
             return super().predict(observation, state, episode_start, deterministic)
         finally:
             self.policy.vector[:] = acting
+
+
+def _kinds(*parts: object) -> list[str]:
+    """What tells parts apart that the user passed; a file holds no more of them."""
+    settings = [f" {json.dumps(p.settings)}" if isinstance(p, EliteArchive) else "" for p in parts]
+    names = [type(part).__name__ for part in parts]
+    return [name + each for name, each in zip(names, settings, strict=True) if name != "NoneType"]

@@ -2,18 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import torch as th
 from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase, GaussianEmitter
 
+from curiosity_algos.common.foreign_state import foreign_state, load_foreign_state
 from curiosity_algos.search.pareto import pareto_best
 
 Batch = dict[str, npt.NDArray[Any]]
 Float32Array = npt.NDArray[np.float32]
+
+
+class Emitters:
+    """pyribs' emitters, held where a checkpoint asks for `state_dict`.
+
+    Args:
+        emitters: A list of at least one of pyribs' kind.
+        x0: (n_parameters,) where they begin.
+
+    Attributes:
+        emitters: As given.
+        x0: As given.
+
+    Raises:
+        ValueError: If `emitters` is no such list.
+    """
+
+    def __init__(self, emitters: list[EmitterBase], x0: Float32Array) -> None:
+        _check_emitters(emitters)
+        self.emitters = emitters
+        self.x0 = x0
+
+    @property
+    def batch_size(self) -> int:
+        """Solutions that they emit in all."""
+        return sum(_batch_size(emitter) for emitter in self.emitters)
+
+    def state_dict(self) -> dict[str, Any]:
+        """The emitters' attributes, see `foreign_state`, and where they began.
+
+        Raises:
+            ValueError: If an emitter has an attribute that a checkpoint cannot hold.
+        """
+        try:
+            states = {str(i): foreign_state(each) for i, each in enumerate(self.emitters)}
+        except TypeError as error:
+            raise ValueError(f"`emitters` must have a state that can be saved: {error}") from error
+        return {"x0": th.from_numpy(self.x0.copy()), **states}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave, of as many emitters of the same classes."""
+        self.x0 = state["x0"].cpu().numpy().copy()
+        for i, emitter in enumerate(self.emitters):
+            load_foreign_state(emitter, state[str(i)])
+
+
+def _check_emitters(emitters: Any) -> None:
+    is_valid = isinstance(emitters, list) and all(map(_can_emit, emitters))
+    if not is_valid or not emitters or len(set(map(id, emitters))) < len(emitters):
+        raise ValueError(
+            "`emitters` must return a list of different pyribs emitters that have a `batch_size` "
+            f"and need no gradients, got {emitters!r}."
+        )
+
+
+def _can_emit(emitter: Any) -> bool:
+    needs_gradients = hasattr(emitter, "batch_size_dqd")
+    return isinstance(emitter, EmitterBase) and _batch_size(emitter) > 0 and not needs_gradients
+
+
+def _batch_size(emitter: Any) -> int:
+    """Solutions that an emitter emits; pyribs' base class does not say."""
+    return int(getattr(emitter, "batch_size", 0))
 
 
 class TournamentEmitter(GaussianEmitter):
@@ -92,6 +157,11 @@ class ParetoEmitter(EmitterBase):
         self._batch_size = batch_size
         self._rng = np.random.default_rng(seed)
         self._parents = x0[None].astype(archive.dtypes["solution"])
+
+    @property
+    def batch_size(self) -> int:
+        """Offspring of a generation."""
+        return self._batch_size
 
     def ask(self) -> Float32Array:
         """Offspring (batch_size, n_parameters), the parents by turns."""

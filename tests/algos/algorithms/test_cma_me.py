@@ -46,13 +46,13 @@ def test_its_emitter_improves_the_sphere_in_100_dimensions(es):
     model = make_cma_me(es=es)
     assert model.policy.mlp.n_parameters == 100
     fields = {"seed": np.zeros(56, dtype=np.int64)}
-    scheduler = Scheduler(model.archive, [model._emitter.part])
+    scheduler = Scheduler(model.archive, [model._emitters.emitters[0]])
     climb(scheduler, 1, **fields)
     first = model.archive.stats
     climb(scheduler, 99, **fields)
     assert model.archive.stats.obj_max > 0.8 * first.obj_max  # objectives are below 0
     assert len(model.archive) > 2 * first.num_elites
-    assert model._emitter.part.restarts >= 9
+    assert model._emitters.emitters[0].restarts >= 9
 
 
 def test_it_is_pyribs_cma_me_on_a_dense_grid():
@@ -66,7 +66,7 @@ def test_it_is_pyribs_cma_me_on_a_dense_grid():
         objective_dtype=np.float64,
         measures_dtype=np.float64,
     )
-    kwargs = {"x0": model._emitter.part.x0, "sigma0": 0.5, "batch_size": 56, "seed": 2}
+    kwargs = {"x0": model._emitters.emitters[0].x0, "sigma0": 0.5, "batch_size": 56, "seed": 2}
     kwargs |= {"ranker": "2imp", "restart_rule": 10}
     schedulers = [
         Scheduler(archive, [EvolutionStrategyEmitter(archive, **kwargs)])
@@ -86,7 +86,7 @@ def test_the_logged_step_size_is_the_emitters(make_model, make_maze):
     for _ in range(4):
         rollouts = model.evaluator.evaluate(model._ask(), 0)
         sizes.append(model._tell(rollouts)["search/sigma"])
-        assert sizes[-1] == model._emitter.part._opt.sigma
+        assert sizes[-1] == model._emitters.emitters[0]._opt.sigma
     assert len(set(sizes)) > 1
 
 
@@ -95,7 +95,7 @@ def test_it_starts_anew_from_an_elite_every_few_generations(make_model, make_eas
     for n_restarts in range(1, 4):
         model.learn(1, reset_num_timesteps=False)
         model.learn(1, reset_num_timesteps=False)
-        emitter = model._emitter.part
+        emitter = model._emitters.emitters[0]
         assert emitter.restarts == n_restarts
         elites = model.archive.data("solution")
         assert (elites == emitter._opt.mean).all(axis=1).any()

@@ -11,7 +11,7 @@ from curiosity_gym import BehaviorWrapper
 def test_parents_are_the_most_curious_of_their_tournaments(make_model, make_easy_maze):
     model = make_model(CuriosityMAPElites, make_easy_maze(), tournament_size=4).learn(2000)
     drawn, scored = [], []
-    sample, emitter = model.archive.sample_elites, model._emitter.part
+    sample, emitter = model.archive.sample_elites, model._emitters.emitters[0]
     model.archive.sample_elites = lambda n: drawn.append(sample(n)) or drawn[-1]
     emitter._sigma = np.float32(0.0)
     asked = model._ask()

@@ -28,7 +28,7 @@ def test_parents_are_the_best_in_novelty_and_local_competition(make_model, make_
         scores = np.stack([info["novelty"], info["local_competition"]], axis=1)
         chosen = {
             i
-            for parent in model._emitter.part._parents
+            for parent in model._emitters.emitters[0]._parents
             for i in np.flatnonzero((asked == parent).all(axis=1))
         }
         best = front(scores)

@@ -1,11 +1,24 @@
 """What every algorithm with an archive does."""
 
+import re
+
 import gymnasium as gym
 import numpy as np
 import pytest
+from ribs.archives import GridArchive
+from ribs.emitters import (
+    EvolutionStrategyEmitter,
+    GaussianEmitter,
+    GeneticAlgorithmEmitter,
+    GradientArborescenceEmitter,
+    IsoLineEmitter,
+)
 from stable_baselines3.common.callbacks import BaseCallback
 
+import curiosity_gym
 from curiosity_algos import AURORA, CMAME, NSLC, CuriosityMAPElites, MAPElites
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.evaluation.policies import act
 
 WITH_ARCHIVES = [NSLC, MAPElites, CMAME, AURORA, CuriosityMAPElites]
@@ -196,3 +209,312 @@ def test_curiosity_goes_on_in_another_maze(make_model, make_maze):
 def test_errors_name_the_argument(algorithm, make_model, make_maze, name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):
         make_model(algorithm, make_maze(), **{name: value})
+
+
+def iso_line(archive, x0, seed):
+    return [IsoLineEmitter(archive, x0=x0, iso_sigma=0.1, batch_size=9, seed=seed)]
+
+
+def gaussian(archive, x0, seed):
+    """MAP-Elites' own."""
+    return [GaussianEmitter(archive, sigma=0.3, x0=x0, batch_size=6, seed=seed)]
+
+
+def genetic(archive, x0, seed):
+    operator = {"operator": "isoline", "operator_kwargs": {"iso_sigma": 0.1, "line_sigma": 0.2}}
+    return [GeneticAlgorithmEmitter(archive, x0=x0, batch_size=6, seed=seed, **operator)]
+
+
+def strategies(archive, x0, seed):
+    kinds = ["cma_es", "sep_cma_es", "lm_ma_es", "openai_es"]
+    kwargs = {"sigma0": 0.1, "x0": x0, "batch_size": 6, "seed": seed}
+    improving = [EvolutionStrategyEmitter(archive, es=es, **kwargs) for es in kinds]
+    return [*improving, EvolutionStrategyEmitter(archive, ranker="2rd", **kwargs)]
+
+
+def mixed(archive, x0, seed):
+    return iso_line(archive, x0, seed) + gaussian(archive, x0, seed + 1)
+
+
+class WithList(GaussianEmitter):
+    """Holds what no rule covers."""
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        self.seen = [1, 2]
+
+
+class TestEmitters:
+    def test_the_algorithms_own_make_its_own_run(self, make_model, make_easy_maze, assert_same_run):
+        plain = make_model(MAPElites, make_easy_maze()).learn(2000)
+        given = make_model(MAPElites, make_easy_maze(), emitters=gaussian).learn(2000)
+        assert_same_run(plain, given)
+
+    def test_theirs_are_the_policies(self, algorithm, make_model, make_easy_maze):
+        callback, mutants = Population(), []
+
+        class Spy(GaussianEmitter):
+            def ask(self):
+                mutants.append(super().ask())
+                return mutants[-1]
+
+        def spies(archive, x0, seed):
+            sizes = (4, 7)
+            return [Spy(archive, sigma=0.2, x0=x0, batch_size=n, seed=seed + n) for n in sizes]
+
+        model = make_model(algorithm, make_easy_maze(), emitters=spies, population_size=11)
+        model.learn(2000, callback=callback)
+        assert model.population_size == 11
+        assert {len(rollouts) for rollouts in callback.rollouts} == {11}
+        emitted = {row.tobytes() for row in np.concatenate(mutants).astype(np.float32)}
+        elites = {row.tobytes() for row in model.archive.data("solution")}
+        assert len(elites) > 1
+        assert elites <= emitted
+        assert model.archive.verify(make_easy_maze()).share == 1.0
+
+    def test_no_step_size_is_logged_for_them(self, make_model, make_maze):
+        for emitters, keys in [(None, {"search/sigma"}), (iso_line, set())]:
+            model = make_model(MAPElites, make_maze(), emitters=emitters, population_size=56)
+            metrics = model._tell(model.evaluator.evaluate(model._ask(), 0))
+            assert {"search/sigma"} & metrics.keys() == keys
+
+    @pytest.mark.parametrize("emitters", [iso_line, gaussian, genetic, strategies, mixed])
+    def test_a_loaded_model_goes_on(
+        self, make_model, make_easy_maze, tmp_path, assert_same_run, emitters
+    ):
+        one = make_model(MAPElites, make_easy_maze(), emitters=emitters, population_size=56)
+        one.learn(3000).save(tmp_path / "model")
+        other = MAPElites.load(tmp_path / "model", make_easy_maze(), emitters=emitters)
+        for model in (one, other):
+            model.learn(3000, reset_num_timesteps=False)
+        assert_same_run(one, other)
+
+    def test_of_any_algorithm_a_loaded_model_goes_on(
+        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+    ):
+        one = make_model(algorithm, make_easy_maze(), emitters=iso_line, population_size=9)
+        one.learn(2000).save(tmp_path / "model")
+        other = algorithm.load(tmp_path / "model", env=make_easy_maze(), emitters=iso_line)
+        for model in (one, other):
+            model.learn(2000, reset_num_timesteps=False)
+        assert_same_run(one, other)
+
+    def test_load_takes_them_again(self, make_model, make_maze, tmp_path):
+        make_model(MAPElites, make_maze(), emitters=mixed, population_size=15).save(
+            tmp_path / "given"
+        )
+        make_model(MAPElites, make_maze()).save(tmp_path / "plain")
+        names = "IsoLineEmitter, GaussianEmitter"
+        wrong = [
+            ("given", None, f"{names}, got none"),
+            ("given", gaussian, f"{names}, got GaussianEmitter"),
+            ("plain", mixed, f"none, got {names}"),
+        ]
+        for file, emitters, what in wrong:
+            with pytest.raises(
+                ValueError, match=f"^`emitters` must be passed to `load` .*: {what}"
+            ):
+                MAPElites.load(tmp_path / file, emitters=emitters)
+
+    def test_before_the_first_generation_the_start_acts(self, make_model, make_maze, tmp_path):
+        def elsewhere(archive, x0, seed):
+            starts = np.ones((9, len(x0)))
+            return [IsoLineEmitter(archive, initial_solutions=starts, batch_size=9, seed=seed)]
+
+        model = make_model(MAPElites, make_maze(), emitters=elsewhere, population_size=9, seed=None)
+        model.save(tmp_path / "model")
+        loaded = MAPElites.load(tmp_path / "model", emitters=elsewhere)
+        assert model.policy.vector.any()
+        np.testing.assert_array_equal(loaded.policy.vector, model.policy.vector)
+
+    @pytest.mark.parametrize(
+        "made",
+        [
+            lambda *args: gaussian(*args)[0],
+            lambda *args: [],
+            lambda *args: gaussian(*args) * 2,
+            lambda *args: ["isoline"],
+            lambda archive, x0, seed: [
+                GradientArborescenceEmitter(
+                    archive, x0=x0, sigma0=0.1, lr=0.1, batch_size=5, seed=seed
+                )
+            ],
+        ],
+    )
+    def test_they_must_be_a_list_of_emitters(self, make_model, make_maze, made):
+        with pytest.raises(ValueError, match=r"^`emitters` must return a list of different pyribs"):
+            make_model(MAPElites, make_maze(), emitters=made)
+
+    def test_they_come_from_a_function(self, make_model, make_maze):
+        with pytest.raises(ValueError, match=r"^`emitters` must be a function"):
+            make_model(MAPElites, make_maze(), emitters=["isoline"])
+
+    def test_their_state_must_fit_a_checkpoint(self, make_model, make_maze):
+        def unsaved(archive, x0, seed):
+            return [WithList(archive, sigma=0.3, x0=x0, batch_size=6, seed=seed)]
+
+        with pytest.raises(ValueError, match=r"^`emitters` must have a state .* seen is a list"):
+            make_model(MAPElites, make_maze(), emitters=unsaved)
+
+    def test_they_say_how_many(self, make_model, make_maze):
+        with pytest.raises(ValueError, match=r"^`population_size` must be the 9 .* got 20"):
+            make_model(MAPElites, make_maze(), emitters=iso_line, population_size=20)
+
+
+def make_grid(space, n_parameters, n_cells=50, **changes):
+    ranges = list(zip(space.low.tolist(), space.high.tolist(), strict=True))
+    settings = {"dims": [n_cells] * len(ranges), "ranges": ranges, "solution_dtype": np.float32}
+    return SparseGridArchive(solution_dim=n_parameters, **(settings | changes))
+
+
+def make_own(algorithm, make_model, make_maze, **changes):
+    """An archive that fits a small model of the algorithm."""
+    model = make_model(algorithm, make_maze())
+    sizes = {"solution_dim": model.policy.mlp.n_parameters, "solution_dtype": np.float32}
+    if isinstance(model.archive, SparseGridArchive):
+        return make_grid(model._behavior_space, sizes["solution_dim"], **changes)
+    settings = sizes | model.archive.settings | changes
+    return UnstructuredArchive(**settings)
+
+
+def pendulum(n_behaviors, bound=8.0):
+    """Short episodes, whose behavior is the beginning of the final observation."""
+    return curiosity_gym.BehaviorWrapper(
+        gym.make("Pendulum-v1", max_episode_steps=20),
+        lambda env, observation, info: observation[:n_behaviors],
+        gym.spaces.Box(-bound, bound, (n_behaviors,)),
+    )
+
+
+class TestArchive:
+    def test_one_like_the_algorithms_makes_its_run(
+        self, algorithm, make_model, make_easy_maze, assert_same_run
+    ):
+        own = make_own(algorithm, make_model, make_easy_maze)
+        plain = make_model(algorithm, make_easy_maze()).learn(3000)
+        given = make_model(algorithm, make_easy_maze(), archive=own).learn(3000)
+        assert given.archive is own
+        assert_same_run(plain, given)
+        assert own.verify(make_easy_maze()).share == 1.0
+
+    def test_it_decides_who_is_kept(self, make_model, make_easy_maze):
+        own = make_own(MAPElites, make_model, make_easy_maze, n_cells=2)
+        model = make_model(MAPElites, make_easy_maze(), archive=own).learn(3000)
+        assert model.archive.cells == 2**4
+        np.testing.assert_array_equal(own.index_of(own.data("measures")), own.data("index"))
+
+    def test_a_grid_algorithm_takes_one_without_cells(self, make_model, make_easy_maze):
+        n_parameters = make_model(MAPElites, make_easy_maze()).policy.mlp.n_parameters
+        own = UnstructuredArchive(
+            solution_dim=n_parameters, measure_dim=4, target_size=9, k_neighbors=1
+        )
+        model = make_model(MAPElites, make_easy_maze(), archive=own).learn(3000)
+        assert 1 < len(model.archive) <= 9
+        assert own.verify(make_easy_maze()).share == 1.0
+
+    def test_its_ranges_need_no_bounded_behaviors(self, make_model):
+        env = pendulum(1, bound=np.inf)
+        own = SparseGridArchive(solution_dim=21, dims=[9], ranges=[(-1.0, 1.0)])
+        model = make_model(MAPElites, env, archive=own).learn(500)
+        assert len(model.archive) > 1
+
+    def test_a_search_begins_with_its_elites(self, make_model, make_easy_maze, tmp_path):
+        make_model(MAPElites, make_easy_maze()).learn(3000).archive.save(tmp_path / "elites")
+        own = SparseGridArchive.load(tmp_path / "elites")
+        n_elites, solutions = len(own), own.data("solution")
+        model = make_model(MAPElites, make_easy_maze(), archive=own, seed=9)
+        np.testing.assert_array_equal(model._center(), own.best_elite["solution"])
+        model._emitters.emitters[0]._sigma = np.float32(0.0)
+        assert {row.tobytes() for row in model._ask()} <= {row.tobytes() for row in solutions}
+        assert len(model.learn(2000).archive) >= n_elites
+
+    def test_its_draws_follow_the_seed(self, make_model, make_easy_maze, assert_same_run):
+        runs = []
+        for seed in (1, 2):
+            own = make_own(MAPElites, make_model, make_easy_maze, seed=seed)
+            runs.append(make_model(MAPElites, make_easy_maze(), archive=own).learn(2000))
+        assert_same_run(*runs)
+
+    def test_another_maze_starts_anew(self, algorithm, make_model, make_maze):
+        own = make_own(algorithm, make_model, make_maze)
+        model = make_model(algorithm, make_maze(), archive=own).learn(6 * 50)
+        assert len(own) > 0
+        model.set_env(make_maze(layout="snake"))
+        assert model.archive is own
+        assert len(own) == 0
+        model.learn(6 * 50)
+        assert own.verify(make_maze(layout="snake")).share == 1.0
+
+    def test_a_loaded_model_goes_on(
+        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+    ):
+        own = [make_own(algorithm, make_model, make_easy_maze) for _ in range(2)]
+        one = make_model(algorithm, make_easy_maze(), archive=own[0]).learn(2000)
+        one.save(tmp_path / "model")
+        other = algorithm.load(tmp_path / "model", env=make_easy_maze(), archive=own[1])
+        assert other.archive is own[1]
+        for model in (one, other):
+            model.learn(2000, reset_num_timesteps=False)
+        assert_same_run(one, other)
+
+    def test_load_takes_it_again(self, make_model, make_maze, tmp_path):
+        own, other = (make_own(MAPElites, make_model, make_maze, n_cells=n) for n in (3, 4))
+        make_model(MAPElites, make_maze(), archive=own).learn(1).save(tmp_path / "given")
+        make_model(MAPElites, make_maze()).save(tmp_path / "plain")
+        with pytest.raises(ValueError, match=r"^`archive` must be passed to `load` .*, got none"):
+            MAPElites.load(tmp_path / "given")
+        wrong = [("given", r"\[3, 3, 3, 3\]"), ("plain", "none")]
+        for file, what in wrong:
+            with pytest.raises(ValueError, match=rf"^`archive` must be passed .*{what}.*, got .*4"):
+                MAPElites.load(tmp_path / file, archive=other)
+
+    def refuse(self, message, model, make_env, own):
+        before = own.field_list if isinstance(own, SparseGridArchive) else None
+        with pytest.raises(ValueError, match=f"^`archive` must {re.escape(message)}"):
+            model(MAPElites, make_env(), archive=own)
+        if before is not None:
+            assert own.field_list == before
+            assert own.net_arch is None
+
+    def test_it_must_fit(self, make_model, make_maze):
+        four = {"dims": [2] * 4, "ranges": [(0.0, 1.0)] * 4}
+        n = make_model(MAPElites, make_maze()).policy.mlp.n_parameters
+        for message, changes in [
+            ("hold policies of", {"solution_dim": n + 1, **four}),
+            ("have a `measure_dim` of 4", {"dims": [2], "ranges": [(0, 1)]}),
+            ("keep the extra fields seed ()", {**four, "extra_fields": {"note": ((), float)}}),
+        ]:
+            own = SparseGridArchive(**({"solution_dim": n} | changes))
+            self.refuse(message, make_model, make_maze, own)
+        full = SparseGridArchive(solution_dim=n, **four)
+        full.add_single(np.zeros(n), 1.0, np.zeros(4))
+        self.refuse("keep the extra fields seed ()", make_model, make_maze, full)
+
+    def test_hidden_layers_must_fit(self, make_model, make_maze):
+        n = make_model(MAPElites, make_maze()).policy.mlp.n_parameters
+        own = SparseGridArchive(
+            solution_dim=n, dims=[2] * 4, ranges=[(0.0, 1.0)] * 4, net_arch=[4, 4]
+        )
+        with pytest.raises(ValueError, match=r"^`archive` must hold policies of .* \[4\], got"):
+            make_model(MAPElites, make_maze(), archive=own)
+
+    def test_pyribs_own_is_refused(self, make_model, make_maze):
+        dense = GridArchive(solution_dim=5, dims=[2] * 4, ranges=[(0.0, 1.0)] * 4)
+        self.refuse("be of the class EliteArchive", make_model, make_maze, dense)
+
+    @pytest.mark.parametrize("algorithm", [NSLC, AURORA])
+    def test_of_some_algorithms_it_has_no_cells(self, algorithm, make_model, make_maze):
+        grid = SparseGridArchive(solution_dim=5, dims=[2], ranges=[(0.0, 1.0)])
+        with pytest.raises(ValueError, match=r"^`archive` must be of the class Unstructured"):
+            make_model(algorithm, make_maze(), archive=grid)
+
+    def test_an_env_of_other_behaviors_leaves_it(self, make_model):
+        one = pendulum(2)
+        own = SparseGridArchive(solution_dim=21, dims=[3, 3], ranges=[(-1.0, 1.0)] * 2)
+        model = make_model(MAPElites, one, archive=own).learn(100)
+        n_elites = len(own)
+        with pytest.raises(
+            ValueError, match=r"^`archive` must have a `measure_dim` of 3, .* got 2"
+        ):
+            model.set_env(pendulum(3))
+        assert len(own) == n_elites > 0

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.maze.plots import draw_layout
 from curiosity_gym.validation import check_at_least_one, check_choice
@@ -19,8 +20,11 @@ if TYPE_CHECKING:
     from curiosity_algos.archives.base import EliteArchive
 
 Float64 = npt.NDArray[np.float64]
+Cells = tuple[Float64, Float64, Float64]
+"""Values (nx, ny), and the cells' edges along x (nx + 1,) and y (ny + 1,)."""
 
 STATISTICS = {"objective": "max", "elites": "count"}
+DEFAULT_CELLS = 50
 LABELS = {"objective": "best objective", "elites": "elites in a cell"}
 
 
@@ -30,18 +34,20 @@ def plot_archive(
     *,
     by: str = "objective",
     dimensions: tuple[int, int] = (0, 1),
-    n_cells: int = 50,
+    n_cells: int | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Plot a heat map of an archive's elites over two of the behavior's dimensions.
 
     Args:
         archive: Holds the elites; it may be empty.
-        layout: The maze whose walls are drawn and whose width and height the cells span; elites
-            outside are left out. By default, the cells span the elites' own range.
-        by: "objective": the best objective of the elites in a cell; "elites": how many it holds.
+        layout: The maze whose walls are drawn. Cells that are not the archive's own span its width
+            and height, and elites outside are left out; without it they span the elites' range.
+        by: "objective": the best objective of the elites in a cell, whatever their other
+            dimensions; "elites": how many they are.
         dimensions: Which entries of the behavior are x and y.
-        n_cells: Cells along each of the two.
+        n_cells: Cells along each of the two. None: those of the archive, with its own bounds, where
+            it is a grid; else 50.
         ax: Axes to draw on; new ones by default.
 
     Returns:
@@ -51,7 +57,7 @@ def plot_archive(
         ValueError: `by`, `dimensions` or `n_cells` is none of what it may be.
     """
     check_choice(tuple(STATISTICS), by=by)
-    check_at_least_one(n_cells=n_cells)
+    check_at_least_one(n_cells=DEFAULT_CELLS if n_cells is None else n_cells)
     behaviors = archive.behaviors
     _check_dimensions(dimensions, behaviors.shape[1])
     if ax is None:
@@ -60,9 +66,11 @@ def plot_archive(
         ax = plt.figure(figsize=(7, 6), layout="constrained").add_subplot()
     _draw_frame(ax, layout, dimensions)
     if len(behaviors):
-        positions, objective = behaviors[:, list(dimensions)], archive.data("objective")
-        spans = _spans(positions, layout)
-        _draw_cells(ax, positions, objective, by=by, n_cells=n_cells, spans=spans)
+        if n_cells is None and _is_grid(archive):
+            cells = _own_cells(archive, dimensions, by)
+        else:
+            cells = _new_cells(archive, dimensions, by, n_cells or DEFAULT_CELLS, layout)
+        _draw_cells(ax, *cells, by=by)
     return ax
 
 
@@ -94,15 +102,38 @@ def _spans(positions: Float64, layout: MazeLayout | None) -> Float64:
     return np.array([[0.0, layout.width], [0.0, layout.height]])
 
 
-def _draw_cells(
-    ax: Axes, positions: Float64, objective: Float64, *, by: str, n_cells: int, spans: Float64
-) -> None:
-    from matplotlib.colors import LogNorm
+def _is_grid(archive: EliteArchive) -> TypeGuard[SparseGridArchive]:
+    """Whether the archive's own cells are of behaviors."""
+    return isinstance(archive, SparseGridArchive) and "behavior" not in archive.field_list
+
+
+def _own_cells(archive: SparseGridArchive, dimensions: tuple[int, int], by: str) -> Cells:
     from scipy.stats import binned_statistic_2d
 
-    cells, x_edges, y_edges, _ = binned_statistic_2d(
-        *positions.T, objective, STATISTICS[by], bins=n_cells, range=spans
-    )
+    cells = archive.int_to_grid_index(archive.data("index"))[:, list(dimensions)]
+    bins = [np.arange(archive.dims[dimension] + 1) - 0.5 for dimension in dimensions]
+    values, *_ = binned_statistic_2d(*cells.T, archive.data("objective"), STATISTICS[by], bins)
+    return values, archive.boundaries[dimensions[0]], archive.boundaries[dimensions[1]]
+
+
+def _new_cells(
+    archive: EliteArchive,
+    dimensions: tuple[int, int],
+    by: str,
+    n_cells: int,
+    layout: MazeLayout | None,
+) -> Cells:
+    from scipy.stats import binned_statistic_2d
+
+    positions, objective = archive.behaviors[:, list(dimensions)], archive.data("objective")
+    spans = _spans(positions, layout)
+    cells = binned_statistic_2d(*positions.T, objective, STATISTICS[by], n_cells, range=spans)
+    return cells.statistic, cells.x_edge, cells.y_edge
+
+
+def _draw_cells(ax: Axes, cells: Float64, x_edges: Float64, y_edges: Float64, *, by: str) -> None:
+    from matplotlib.colors import LogNorm
+
     norm = None
     if by == "elites":
         norm = LogNorm(1, max(10, cells.max()))

@@ -11,6 +11,7 @@ from matplotlib.collections import PatchCollection, QuadMesh
 from matplotlib.colors import LogNorm, to_rgba
 
 from curiosity_algos.archives.plots import plot_archive
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_gym.maze.layouts import BUILT_IN, MazeLayout
 from curiosity_gym.maze.viewer import FLOOR, WALL
 
@@ -90,6 +91,59 @@ def test_cells_show_their_best_objective(layout):
             expected[ix, iy] = np.fmax(expected[ix, iy], objective)
     assert np.isnan(expected).any()
     np.testing.assert_array_equal(shown(ax), expected)
+
+
+GRID = {"dims": [5, 3, 4, 7], "ranges": [(0, 40), (0, 20), (-1.0, 1.0), (2.0, 3.0)]}
+
+
+def make_grid(n=300):
+    """Elites in four dimensions, some of them beyond the bounds."""
+    archive = SparseGridArchive(solution_dim=1, **GRID)
+    rng, (low, high) = np.random.default_rng(0), np.transpose(GRID["ranges"])
+    measures = rng.uniform(1.1 * low - 0.1 * high, 1.1 * high - 0.1 * low, (n, 4))
+    archive.add(np.zeros((n, 1)), rng.normal(size=n), measures)
+    return archive
+
+
+def brute_force(archive, x, y, by):
+    """What a walk over all elites finds in each cell of two dimensions of their grid."""
+    found = np.full((archive.dims[x], archive.dims[y]), np.nan)
+    for elite in archive:
+        cell = [int(i) for i in np.unravel_index(elite["index"], tuple(archive.dims))]
+        value = elite["objective"] if by == "objective" else 1.0
+        before = found[cell[x], cell[y]]
+        together = max(before, value) if by == "objective" else before + value
+        found[cell[x], cell[y]] = value if np.isnan(before) else together
+    return found
+
+
+@pytest.mark.parametrize("layout", [None, WIDE])
+@pytest.mark.parametrize("by", ["objective", "elites"])
+@pytest.mark.parametrize("dimensions", [(0, 1), (0, 2), (3, 1), (2, 3)])
+def test_a_grid_is_shown_in_its_own_cells(dimensions, by, layout):
+    archive = make_grid()
+    ax = plot_archive(archive, layout, dimensions=dimensions, by=by)
+    expected = brute_force(archive, *dimensions, by)
+    assert np.nanmax(expected) > np.nanmin(expected)
+    np.testing.assert_array_equal(shown(ax), expected)
+    for edges, dimension in zip(edges_of(ax), dimensions, strict=True):
+        np.testing.assert_allclose(edges, archive.boundaries[dimension])
+
+
+def test_a_grid_is_shown_in_other_cells_on_request():
+    ax = plot_archive(make_grid(), dimensions=(0, 2), n_cells=9)
+    assert shown(ax).shape == (9, 9)
+    assert np.nansum(shown(plot_archive(make_grid(), by="elites", n_cells=9))) == len(make_grid())
+
+
+def test_cells_of_something_else_are_not_shown():
+    archive = SparseGridArchive(
+        solution_dim=1, extra_fields={"behavior": ((2,), np.float64)}, **GRID
+    )
+    archive.add_single([0.0], 3.0, [1, 1, 0, 2], behavior=[7.0, 8.0])
+    x_edges, y_edges = edges_of(plot_archive(archive))
+    assert len(x_edges) == len(y_edges) == 51
+    assert x_edges[0] <= 7.0 <= x_edges[-1]
 
 
 @pytest.mark.parametrize("by", ["objective", "elites"])

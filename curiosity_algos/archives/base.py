@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -16,7 +18,7 @@ from curiosity_algos.archives.files import FIELDS, read_archive, write_archive
 from curiosity_algos.archives.store import Description, EliteStore
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_gym.validation import check_choice
+from curiosity_gym.validation import check_at_least_one, check_choice
 
 if TYPE_CHECKING:
     from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -27,6 +29,8 @@ Batch = dict[str, npt.NDArray[Any]]
 
 RESERVED = {"solution", "objective", "measures", "index", "about", "file", "allow_pickle"}
 """No names of extra fields: what every archive has, and what its file and numpy's writer take."""
+PLACES = ("objective", "measures", "behavior")
+"""What elites are compared by."""
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
 
@@ -65,9 +69,10 @@ class EliteArchive(ArchiveBase):
         net_arch: Sequence[int] | None = None,
     ) -> None:
         super().__init__(solution_dim=solution_dim, objective_dim=(), measure_dim=measure_dim)
+        if not is_finite(qd_score_offset):
+            raise ValueError(f"`qd_score_offset` must be a finite number, got {qd_score_offset!r}.")
         self.qd_score_offset = float(qd_score_offset)
-        # Plain integers: the file's JSON knows no others.
-        self.net_arch = None if net_arch is None else np.asarray(net_arch).tolist()
+        self.net_arch = None if net_arch is None else _checked_widths(net_arch)
         self._rng = np.random.default_rng(seed)
         self._description: Description = {
             "solution": (_as_shape(solution_dim), np.dtype(solution_dtype)),
@@ -315,18 +320,36 @@ class EliteArchive(ArchiveBase):
             ValueError: If it holds no archive of this class.
         """
         settings, data = read_archive(path, cls.__name__)
-        own = ("solution", "objective", "measures", "index")
+        try:
+            return cls._restored(settings, data)
+        except (OverflowError, TypeError, ValueError) as error:
+            raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
+
+    @classmethod
+    def _restored(cls, settings: dict[str, Any], data: Batch) -> Self:
+        """The archive of a file, every entry of which is checked."""
+        _check_matrices(data)
         archive = cls(
             **settings,
             solution_dim=data["solution"].shape[1],
             solution_dtype=data["solution"].dtype,
-            extra_fields={k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in own},
+            extra_fields={k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in FIELDS},
         )
-        try:
-            archive._put(data)
-        except ValueError as error:
-            raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
+        if archive._saved_settings() != settings:  # such as text for hidden layers
+            raise ValueError(f"Its settings must be like {archive._saved_settings()}.")
+        archive._check_elites(data)
+        archive._put(data)
         return archive
+
+    def _check_elites(self, data: Batch) -> None:
+        """Raise ValueError unless these could be the elites of an archive of this description."""
+        for name, dtype in self.dtypes.items():
+            if data[name].dtype != dtype:
+                raise ValueError(f"`{name}` must be of type {dtype}, got {data[name].dtype}.")
+        self._checked({name: array for name, array in data.items() if name != "index"})
+        index = data["index"]
+        if index.shape != data["objective"].shape or len(np.unique(index)) < len(index):
+            raise ValueError("`index` must be another one for each elite.")
 
     def state_dict(self) -> dict[str, Any]:
         """Elites and the state of `sample_elites`, for exact resume."""
@@ -413,8 +436,10 @@ class EliteArchive(ArchiveBase):
             wanted = (n, *shape)
             if data[name].shape != wanted:
                 raise ValueError(f"`{name}` must be of shape {wanted}, got {data[name].shape}.")
-            if name in ("objective", "measures") and not np.isfinite(data[name]).all():
+            if name in PLACES and not np.isfinite(data[name]).all():
                 raise ValueError(f"`{name}` must be finite.")
+            if name == "seed" and (data[name] < 0).any():
+                raise ValueError("`seed` must be at least 0.")
         return data
 
 
@@ -438,7 +463,40 @@ def _checked_fields(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
         raise ValueError(f"`extra_fields` must not hold {', '.join(sorted(taken))}: it is taken.")
     if any(dtype.kind not in "biuf" for _, dtype in fields.values()):
         raise ValueError("`extra_fields` must hold types of numbers or truth values.")
+    _check_known(fields)
     return fields
+
+
+def _check_known(fields: Description) -> None:
+    """Raise ValueError where `verify` could not use a field that it knows."""
+    shape, dtype = fields.get("seed", ((), np.dtype(np.int64)))
+    if shape != () or dtype.kind not in "iu":
+        raise ValueError(f"`seed` must be one whole number of each elite, got {dtype} {shape}.")
+    shape, dtype = fields.get("behavior", ((0,), np.dtype(np.float64)))
+    if len(shape) != 1 or dtype.kind != "f":
+        raise ValueError(f"`behavior` must be a vector of floats, got {dtype} {shape}.")
+
+
+def _check_matrices(data: Batch) -> None:
+    """Raise ValueError unless solutions and measures are rows of numbers."""
+    for name in ("solution", "measures"):
+        if data[name].ndim != 2 or data[name].dtype.kind not in "biuf":
+            raise ValueError(
+                f"`{name}` must be rows of numbers, got {data[name].dtype} {data[name].shape}."
+            )
+
+
+def is_finite(value: Any) -> bool:
+    """Whether it is a finite real number."""
+    return isinstance(value, Real) and math.isfinite(value)
+
+
+def _checked_widths(net_arch: Sequence[int]) -> list[int]:
+    """Hidden layers as plain integers: the file's JSON knows no others."""
+    widths: list[int] = np.atleast_1d(np.asarray(net_arch)).tolist()
+    for width in widths:
+        check_at_least_one(net_arch=width)
+    return widths
 
 
 def _as_shape(shape: int | Sequence[int]) -> tuple[int, ...]:

@@ -7,7 +7,7 @@ for 81 GiB. What enters, what it is worth and what is sampled are the same, bit 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from typing import Any
 
 import numpy as np
@@ -60,10 +60,6 @@ class SparseGridArchive(EliteArchive):
         self.dims = np.array(dims, dtype=np.int64)
         self.lower_bounds, self.upper_bounds = np.array(ranges, dtype=np.float64).T
         self.interval_size = self.upper_bounds - self.lower_bounds
-        self.boundaries = [
-            np.linspace(low, high, n + 1)
-            for low, high, n in zip(self.lower_bounds, self.upper_bounds, self.dims, strict=True)
-        ]
         super().__init__(
             solution_dim=solution_dim,
             measure_dim=len(self.dims),
@@ -83,6 +79,12 @@ class SparseGridArchive(EliteArchive):
     def cells(self) -> int:
         """Number of cells, taken or not."""
         return math.prod(int(n) for n in self.dims)
+
+    @property
+    def boundaries(self) -> list[Float64Array]:
+        """Edges (n + 1,) of the n cells along each dimension."""
+        spans = zip(self.lower_bounds, self.upper_bounds, self.dims, strict=True)
+        return [np.linspace(low, high, n + 1) for low, high, n in spans]
 
     def index_of(self, measures: npt.ArrayLike) -> Int64Array:
         """Cells (n,) of behaviors (n, measure_dim).
@@ -180,10 +182,10 @@ def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Arr
     return by_worth[firsts]
 
 
-def _check_grid(dims: Collection[int], ranges: Collection[tuple[float, float]]) -> None:
-    if len(dims) == 0 or not all(isinstance(n, int | np.integer) and n >= 1 for n in dims):
+def _check_grid(dims: Sequence[int], ranges: Sequence[tuple[float, float]]) -> None:
+    if not _is_list(dims) or not all(map(_is_count, dims)):
         raise ValueError(f"`dims` must hold whole numbers of at least 1, got {dims!r}.")
-    if len(dims) != len(ranges) or not all(_is_range(bounds) for bounds in ranges):
+    if not _is_list(ranges) or len(dims) != len(ranges) or not all(map(_is_range, ranges)):
         raise ValueError(
             "`ranges` must hold finite (lower, upper) bounds for each of `dims`, lower below "
             f"upper, got {ranges!r}."
@@ -192,5 +194,14 @@ def _check_grid(dims: Collection[int], ranges: Collection[tuple[float, float]]) 
         raise ValueError(f"`dims` must make less than 2**63 cells, got {dims!r}.")
 
 
+def _is_list(values: Any) -> bool:
+    return isinstance(values, Sized) and len(values) > 0
+
+
+def _is_count(n: Any) -> bool:
+    return isinstance(n, int | np.integer) and bool(n >= 1)
+
+
 def _is_range(bounds: tuple[float, float]) -> bool:
-    return np.shape(bounds) == (2,) and bool(np.isfinite(bounds).all() and bounds[0] < bounds[1])
+    is_pair = np.shape(bounds) == (2,) and np.asarray(bounds).dtype.kind in "iuf"
+    return is_pair and bool(np.isfinite(bounds).all() and bounds[0] < bounds[1])

@@ -21,6 +21,7 @@ from curiosity_algos.archives.base import (
     EliteArchive,
     Float64Array,
     Int64Array,
+    is_finite,
 )
 from curiosity_gym.validation import check_at_least_one
 
@@ -54,7 +55,7 @@ class UnstructuredArchive(EliteArchive):
         threshold: Smallest distance from all elites that makes a solution new.
 
     Raises:
-        ValueError: If `target_size` or `k_neighbors` is below 1.
+        ValueError: If `target_size` or `k_neighbors` is below 1, or `threshold` below 0.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class UnstructuredArchive(EliteArchive):
         net_arch: Sequence[int] | None = None,
     ) -> None:
         check_at_least_one(target_size=target_size, k_neighbors=k_neighbors)
+        if not is_finite(threshold) or threshold < 0.0:
+            raise ValueError(f"`threshold` must be finite and at least 0, got {threshold!r}.")
         self.target_size = target_size
         self.k_neighbors = k_neighbors
         self.threshold = threshold
@@ -164,6 +167,11 @@ class UnstructuredArchive(EliteArchive):
 
     def _identities(self, slots: Int64Array) -> Int64Array:
         return slots.astype(np.int64)
+
+    def _check_elites(self, data: Batch) -> None:
+        super()._check_elites(data)
+        if not np.array_equal(data["index"], np.arange(len(data["index"]))):
+            raise ValueError("`index` must number the elites from 0 on.")
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import zipfile
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from curiosity_algos.archives import files
 from curiosity_algos.archives.base import EliteArchive
@@ -295,3 +297,254 @@ def _pickled():
     file = io.BytesIO()
     np.save(file, np.array([print], dtype=object))
     return file.getvalue()
+
+
+def make_unstructured(n=12):
+    archive = UnstructuredArchive(
+        solution_dim=6,
+        measure_dim=2,
+        target_size=20,
+        k_neighbors=3,
+        threshold=0.01,
+        solution_dtype=np.float32,
+        extra_fields=EXTRA,
+        net_arch=[8, 4],
+        seed=1,
+    )
+    elites = make_archive(n).data()
+    del elites["index"]
+    archive.add(**elites)
+    return archive
+
+
+def read(path):
+    """Settings and elites as they stand in a file."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    return json.loads(str(arrays.pop("about"))), arrays
+
+
+def write(path, about, arrays):
+    np.savez(path, about=np.array(json.dumps(about)), **arrays)
+
+
+def damage(path, change):
+    """Let `change` edit settings and elites of a file."""
+    about, arrays = read(path)
+    change(about["settings"], arrays)
+    write(path, about, arrays)
+
+
+MAKERS = pytest.mark.parametrize(
+    "make", [make_archive, make_unstructured], ids=["grid", "unstructured"]
+)
+
+
+class TestDamagedContent:
+    """Files whose every byte is as it was written, by a program that wrote nonsense."""
+
+    def refuse(self, make, path, change, message):
+        archive = make(12)
+        archive.save(path)
+        damage(path, change)
+        name = type(archive).__name__
+        with pytest.raises(ValueError, match=rf"^`path` must (hold|be) a .*{name}.*{message}"):
+            type(archive).load(path)
+
+    @MAKERS
+    @pytest.mark.parametrize(
+        "name", ["solution", "objective", "measures", "seed", "behavior", "solved", "index"]
+    )
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda array: array[:-1],
+            lambda array: array[..., None],
+            lambda array: array.ravel()[0],
+            lambda array: array.astype(str),
+            lambda array: array.astype(complex),
+            lambda array: np.full_like(array, np.datetime64("now"), dtype="datetime64[s]"),
+        ],
+        ids=["fewer", "deeper", "scalar", "text", "complex", "dates"],
+    )
+    def test_of_each_field(self, tmp_path, make, name, change):
+        if name == "solved" and change(np.ones((1, 1))).ndim > 2:
+            return  # a field of the user's own may have any shape
+
+        def edit(settings, arrays):
+            arrays[name] = change(arrays[name])
+
+        self.refuse(make, tmp_path / "elites.npz", edit, f"`({name}|objective|extra_fields)` must")
+
+    @MAKERS
+    @pytest.mark.parametrize("name", ["objective", "measures", "behavior"])
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_numbers_that_are_not_finite(self, tmp_path, make, name, value):
+        def edit(settings, arrays):
+            arrays[name][3] = value
+
+        self.refuse(make, tmp_path / "elites.npz", edit, f"`{name}` must be finite")
+
+    @MAKERS
+    def test_a_cell_that_is_taken_twice(self, tmp_path, make):
+        def edit(settings, arrays):
+            arrays["index"][3] = arrays["index"][4]
+            arrays["measures"][3] = arrays["measures"][4]
+
+        self.refuse(make, tmp_path / "elites.npz", edit, "`index` must")
+
+    @MAKERS
+    def test_seeds_below_zero(self, tmp_path, make):
+        def edit(settings, arrays):
+            arrays["seed"][0] = -1
+
+        self.refuse(make, tmp_path / "elites.npz", edit, "`seed` must be at least 0")
+
+    @pytest.mark.parametrize("name", ["objective", "measures", "index"])
+    def test_types_of_another_size(self, tmp_path, name):
+        def edit(settings, arrays):
+            arrays[name] = arrays[name].astype(arrays[name].dtype.kind + "4")
+
+        self.refuse(make_archive, tmp_path / "elites.npz", edit, f"`{name}` must be of type")
+
+    @MAKERS
+    @pytest.mark.parametrize("whole", [None, [], "text", 3, {}, {"color": 1}, {"seed": 1}])
+    def test_other_settings(self, tmp_path, make, whole):
+        archive, path = make(12), tmp_path / "elites.npz"
+        archive.save(path)
+        about, arrays = read(path)
+        write(path, about | {"settings": whole}, arrays)
+        with pytest.raises(ValueError, match=r"^`path` must "):
+            type(archive).load(path)
+
+    @MAKERS
+    @pytest.mark.parametrize("value", [None, "text", [], [1, [2]], {}, -1, 0.5, 1e999, [0.5, "a"]])
+    def test_settings_of_another_kind(self, tmp_path, make, value):
+        archive, path = make(12), tmp_path / "elites.npz"
+        archive.save(path)
+        about, arrays = read(path)
+        fine = {("net_arch", "None"), ("net_arch", "[]"), ("threshold", "0.5")}
+        fine |= {("qd_score_offset", "-1"), ("qd_score_offset", "0.5")}
+        for name in about["settings"]:
+            if (name, str(value)) not in fine:
+                write(path, about | {"settings": about["settings"] | {name: value}}, arrays)
+                with pytest.raises(ValueError, match=r"^`path` must hold a whole"):
+                    type(archive).load(path)
+
+    @MAKERS
+    def test_settings_that_are_more_or_fewer(self, tmp_path, make):
+        for name in make(12)._saved_settings():
+            self.refuse(make, tmp_path / "elites.npz", lambda s, arrays, k=name: s.pop(k), "")
+        for name in ("seed", "color", "solution_dim", "extra_fields"):
+            more = lambda s, arrays, k=name: s.update({k: None})  # noqa: E731
+            self.refuse(make, tmp_path / "elites.npz", more, "")
+
+    def test_cells_without_end_cost_nothing(self, tmp_path):
+        def edit(settings, arrays):
+            settings["dims"] = [2**31, 2**31]
+
+        self.refuse(make_archive, tmp_path / "elites.npz", edit, "cells of another")
+
+    def test_members_that_are_no_arrays(self, tmp_path):
+        make_archive(5).save(tmp_path / "elites.npz")
+        with zipfile.ZipFile(tmp_path / "elites.npz", "a") as file:
+            file.writestr("note", b"text")
+        with pytest.raises(ValueError, match="is not a whole file of this package"):
+            SparseGridArchive.load(tmp_path / "elites.npz")
+
+    def test_arrays_too_large_for_any_memory(self, tmp_path):
+        make_archive(5).save(tmp_path / "elites.npz")
+        header = io.BytesIO()
+        shape = {"descr": "<f8", "fortran_order": False, "shape": (2**50,)}
+        np.lib.format.write_array_header_1_0(header, shape)
+        with zipfile.ZipFile(tmp_path / "elites.npz", "a") as file:
+            file.writestr("huge.npy", header.getvalue())
+        with pytest.raises(ValueError, match="is not a whole file of this package"):
+            SparseGridArchive.load(tmp_path / "elites.npz")
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-3, 2**70) | st.floats() | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=6,
+)
+CHANGES = [
+    lambda array, rng: array[: rng.integers(len(array) + 1)],
+    lambda array, rng: rng.permutation(array),
+    lambda array, rng: array[rng.integers(len(array), size=len(array))],
+    lambda array, rng: array.astype(rng.choice(["f4", "f8", "i8", "u1", "?", "U5", "c8"])),
+    lambda array, rng: array.reshape(-1),
+    lambda array, rng: array[:, None],
+    lambda array, rng: array * np.where(rng.random(array.shape) < 0.1, np.nan, 1),
+    lambda array, rng: np.where(rng.random(array.shape) < 0.1, -array.astype(float), array),
+    lambda array, rng: array.T,
+]
+
+
+def assert_lives(archive, path):
+    """It does what an archive does, and what it saves is what it loads."""
+    archive.sample_elites(3)
+    assert archive.stats.num_elites == len(archive)
+    assert archive.nearest(archive.behaviors[0]).shape == (archive.solution_dim,)
+    assert archive.data("seed").shape == (len(archive),)
+    archive.save(path)
+    np.testing.assert_equal(type(archive).load(path).data(), archive.data())
+    more = {name: array for name, array in archive.data().items() if name != "index"}
+    archive.add(**more)
+
+
+def load_damaged(kind, path):
+    """Load, and use what was loaded; refusals name the argument."""
+    archive, refusal = None, "`path` must "
+    try:
+        archive = kind.load(path)
+    except ValueError as error:
+        refusal = str(error)
+    assert refusal.startswith("`path` must ")
+    assert "\n" not in refusal
+    if archive is not None and not archive.empty:
+        assert_lives(archive, path)
+
+
+HOSTILE = settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+
+class TestRandomDamage:
+    """Whatever stands in a file, it is refused, or it is an archive."""
+
+    @MAKERS
+    @HOSTILE
+    @given(data=st.data())
+    def test_of_content(self, tmp_path, make, data):
+        archive, path = make(12), tmp_path / "elites.npz"
+        archive.save(path)
+        about, arrays = read(path)
+        rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+        for name in data.draw(st.lists(st.sampled_from(sorted(arrays)), max_size=2)):
+            if arrays[name].ndim:
+                arrays[name] = data.draw(st.sampled_from(CHANGES))(arrays[name], rng)
+        for name in data.draw(st.lists(st.sampled_from(sorted(about["settings"])), max_size=1)):
+            about["settings"][name] = data.draw(VALUES)
+        write(path, about, arrays)
+        load_damaged(type(archive), path)
+
+    @MAKERS
+    @HOSTILE
+    @given(data=st.data())
+    def test_of_bytes_whose_checksums_are_right(self, tmp_path, make, data):
+        archive, path = make(12), tmp_path / "elites.npz"
+        archive.save(path)
+        with zipfile.ZipFile(path) as file:
+            members = {name: bytearray(file.read(name)) for name in file.namelist()}
+        for _ in range(data.draw(st.integers(1, 4))):
+            member = members[data.draw(st.sampled_from(sorted(members)))]
+            position = data.draw(st.integers(0, min(len(member), 200) - 1))
+            member[position] = data.draw(st.integers(0, 255))
+        with zipfile.ZipFile(path, "w") as file:
+            for name, content in members.items():
+                file.writestr(name, bytes(content))
+        load_damaged(type(archive), path)

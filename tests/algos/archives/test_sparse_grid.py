@@ -325,10 +325,12 @@ class TestSize:
 
 
 class TestWrongGrids:
-    @pytest.mark.parametrize("dims", [[], [0, 2], [-1, 2], [2.5, 2], [np.nan, 2], ["2", 2]])
+    @pytest.mark.parametrize(
+        "dims", [[], [0, 2], [-1, 2], [2.5, 2], [np.nan, 2], ["2", 2], [2, [2]], "22", 5]
+    )
     def test_dims(self, dims):
         with pytest.raises(ValueError, match="`dims` must hold whole numbers of at least 1"):
-            SparseGridArchive(solution_dim=1, dims=dims, ranges=[(0, 1)] * len(dims))
+            SparseGridArchive(solution_dim=1, dims=dims, ranges=[(0, 1)] * 2)
 
     @pytest.mark.parametrize(
         "ranges",
@@ -341,6 +343,9 @@ class TestWrongGrids:
             [(0, 1), (np.nan, 1)],
             [(0, 1), (0, 1, 2)],
             [0, 1],
+            ["ab", "cd"],
+            "ab",
+            None,
         ],
     )
     def test_ranges(self, ranges):

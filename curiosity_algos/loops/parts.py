@@ -12,11 +12,10 @@ def stateful_parts(model: BaseAlgorithm) -> list[str]:
     """Names of all attributes with a `state_dict` and a `load_state_dict`.
 
     The policy and its networks are left out, which Stable-Baselines3 knows of, and so are arguments
-    of the constructor and what no file holds: the part that works with one has its state, or `load`
-    is given it again.
+    of the constructor: the part that works with one has its state, or `load` is given it again.
     """
-    left_out = {*inspect.signature(type(model)).parameters, *model._excluded_save_params()}
-    return [name for name in vars(model) if name not in left_out and _is_part(model, name)]
+    arguments = inspect.signature(type(model)).parameters
+    return [name for name in vars(model) if name not in arguments and _is_part(model, name)]
 
 
 def _is_part(model: BaseAlgorithm, name: str) -> bool:

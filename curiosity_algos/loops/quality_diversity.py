@@ -255,7 +255,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         names, variables = super()._get_torch_save_params()
-        return ["archive", *names], variables  # an argument, but at work under its own name
+        # The archive at work has the name of an argument.
+        return ["archive", *(name for name in names if name != "_own_archive")], variables
 
     def _excluded_save_params(self) -> list[str]:
         passed_again = ["emitters", "_own_archive"]

@@ -122,6 +122,26 @@ def test_mazes_within_a_time_limit_run_compiled(kind, make_easy_maze, play, asse
     assert rollouts.success.any()
 
 
+def test_vector_mazes_with_a_limit_run_compiled(make_easy_maze, play, assert_equal_episodes):
+    maze = make_easy_maze().unwrapped
+    envs = gym.make_vec(
+        "CuriosityMaze-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        layout=maze.layout,
+        horizon=64,
+        max_episode_steps=30,
+    )
+    evaluator = make_evaluator(envs, {"net_arch": []})
+    assert isinstance(evaluator, MazeEvaluator)
+    rng = np.random.default_rng(0)
+    parameters = rng.normal(0, 1, (40, evaluator.n_parameters)).astype(np.float32)
+    oracle = wrappers.TimeLimit(make_easy_maze(), 30)
+    rollouts = evaluator.evaluate(parameters, 0)
+    assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
+    assert rollouts.success.any()
+
+
 def test_mazes_of_different_limits_are_not_taken_for_one():
     makers = [lambda n=n: wrappers.TimeLimit(gym.make(HARD), n) for n in (5, 7)]
     evaluator = make_evaluator(DummyVecEnv(makers), SMALL)

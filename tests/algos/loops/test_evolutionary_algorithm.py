@@ -546,7 +546,7 @@ class TestEvaluator:
         plain.learn(GENERATION)
         model.learn(GENERATION)
         assert halved.n_calls == model.generation
-        assert model.best_return == plain.best_return / 2.0
+        assert model._best_return == plain._best_return / 2.0
 
     def test_another_env_keeps_it(self, make_model, make_easy_maze, make_maze):
         halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)

@@ -28,7 +28,7 @@ def _import(extra: str, module: str) -> ModuleType:
     except ImportError as error:
         raise DependencyNotInstalled(
             f"This needs {module}, which cannot be imported ({error}): run "
-            f'`pip install "curiosity[{extra}]"`.'
+            f'`pip install "curiosity-search[{extra}]"`.'
         ) from error
     except Exception as error:
         if "MUJOCO_GL" not in os.environ:

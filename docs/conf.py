@@ -2,7 +2,7 @@
 
 from curiosity_gym import __version__
 
-project = "curiosity"
+project = "curiosity-search"
 author = "The curiosity authors"
 project_copyright = "2026, The curiosity authors"
 release = __version__
@@ -41,4 +41,4 @@ napoleon_custom_sections = [
 ]
 
 html_theme = "furo"
-html_title = f"curiosity {release}"
+html_title = f"{project} {release}"

@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import re
 import tomllib
 from pathlib import Path
 
@@ -11,7 +12,14 @@ import pytest
 
 import curiosity_gym  # noqa: F401
 
-PYPROJECT = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+ROOT = Path(__file__).parent.parent
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+DISTRIBUTION = PYPROJECT["project"]["name"]
+ANOTHER_DISTRIBUTION = re.compile(
+    r"""["'`]curiosity\\?\[ | pip3?\ install\b[^\n]*[\s"'`]curiosity(?![\w-])""", re.VERBOSE
+)
+"""Text that installs the distribution `curiosity`, which is not ours."""
+FOLDERS = ["benchmarks", "curiosity_algos", "curiosity_gym", "docs", "examples", "tests"]
 MODULES = {
     "control": ["dm_control.suite", "imageio", "mujoco.batch", "packaging", "shimmy"],
     "robotics": ["gymnasium_robotics", "mujoco"],
@@ -33,6 +41,37 @@ def require(extra):
         pytest.skip(f"the extra {extra} is not installed")
 
 
+def texts():
+    """Every source and page of the repository but this file."""
+    patterns = [f"{folder}/**/*.{kind}" for folder in FOLDERS for kind in ("md", "py")]
+    found = {path for pattern in ["*.*", "Makefile", *patterns] for path in ROOT.glob(pattern)}
+    return sorted(path for path in found - {Path(__file__)} if path.is_file())
+
+
+def test_no_file_tells_users_to_install_a_package_of_others():
+    found = [
+        f"{path.relative_to(ROOT)}: {match[0]}"
+        for path in texts()
+        for match in ANOTHER_DISTRIBUTION.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("command", "is_wrong"),
+    [
+        ("pip install 'curiosity[render]'", True),
+        ('pip install -U "curiosity"', True),
+        ("pip install curiosity", True),
+        (f"pip install {DISTRIBUTION}", False),
+        (f'pip install "{DISTRIBUTION}[render]"', False),
+        ("scores = curiosity[best]", False),
+    ],
+)
+def test_commands_that_install_a_package_of_others_are_found(command, is_wrong):
+    assert bool(ANOTHER_DISTRIBUTION.search(command)) == is_wrong
+
+
 def test_every_extra_for_users_is_here():
     collections = {"all", "bench", "dev", "docs"}
     assert set(MODULES) == set(PYPROJECT["project"]["optional-dependencies"]) - collections
@@ -40,8 +79,8 @@ def test_every_extra_for_users_is_here():
 
 def test_the_tests_install_every_extra_that_has_an_environment():
     dev = PYPROJECT["project"]["optional-dependencies"]["dev"]
-    own = next(entry for entry in dev if entry.startswith("curiosity["))
-    assert set(ENVS) <= set(own.removeprefix("curiosity[").removesuffix("]").split(","))
+    own = next(entry for entry in dev if entry.startswith(f"{DISTRIBUTION}["))
+    assert set(ENVS) <= set(own.removeprefix(f"{DISTRIBUTION}[").removesuffix("]").split(","))
 
 
 @pytest.mark.parametrize("extra", MODULES)

@@ -26,7 +26,7 @@ class ControlEnv(SparseSingleEnv):
         `CuriosityControl-Stacker-v0`       stacker     42           5
         =================================== =========== ============ =======
 
-        `pip install "curiosity[control]"` installs what they need.
+        `pip install "curiosity-search[control]"` installs what they need.
 
     Action Space:
         `Box(-1, 1, (A,), float32)`, a share of each actuator's strength. Actions outside are

@@ -157,6 +157,6 @@ def _import_pygame() -> Any:
         import pygame
     except ImportError as error:
         raise DependencyNotInstalled(
-            'render_mode="human" needs pygame: pip install "curiosity[render]".'
+            'render_mode="human" needs pygame: pip install "curiosity-search[render]".'
         ) from error
     return pygame

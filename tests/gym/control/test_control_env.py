@@ -144,7 +144,7 @@ class TestEveryTask:
         )
         message = run_python(code).strip()
         assert message.count("\n") == 0
-        assert 'pip install "curiosity[control]"' in message
+        assert 'pip install "curiosity-search[control]"' in message
 
 
 class TestStep:

@@ -136,7 +136,9 @@ class TestShow:
     def test_missing_pygame_is_named(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "pygame", None)
         viewer = make_viewer()
-        with pytest.raises(DependencyNotInstalled, match=r'pip install "curiosity\[render\]"\.$'):
+        with pytest.raises(
+            DependencyNotInstalled, match=r'pip install "curiosity-search\[render\]"\.$'
+        ):
             viewer.show(viewer.draw(AT_REST, NO_BEAMS))
 
 

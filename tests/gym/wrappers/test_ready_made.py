@@ -426,7 +426,7 @@ class TestExtras:
         with pytest.raises(DependencyNotInstalled) as caught:
             gym.make(env_id)
         assert any(f"needs {name}, " in str(caught.value) for name in MODULES[extra])
-        assert str(caught.value).endswith(f'`pip install "curiosity[{extra}]"`.')
+        assert str(caught.value).endswith(f'`pip install "curiosity-search[{extra}]"`.')
         assert "\n" not in str(caught.value)
 
     @MARKS["control"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import sys
 import warnings
 from types import ModuleType
 
@@ -22,13 +23,22 @@ def import_extra(extra: str, *modules: str) -> tuple[ModuleType, ...]:
         return tuple(_import(extra, module) for module in modules)
 
 
+def install_command(extra: str) -> str:
+    """The command that installs the extra `extra` of this package on this Python."""
+    command = f'pip install "curiosity-search[{extra}]"'
+    if extra == "control" and sys.version_info >= (3, 13):
+        # Its labmaze has no wheel there, and nothing here uses that.
+        return f"{command} && pip install --no-deps dm-control"
+    return command
+
+
 def _import(extra: str, module: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
         raise DependencyNotInstalled(
             f"This needs {module}, which cannot be imported ({error}): run "
-            f'`pip install "curiosity-search[{extra}]"`.'
+            f"`{install_command(extra)}`."
         ) from error
     except Exception as error:
         if "MUJOCO_GL" not in os.environ:

@@ -1,6 +1,5 @@
 """The benchmarks run and print figures; how fast anything is, no test says."""
 
-import importlib.util
 import math
 import re
 import subprocess
@@ -33,9 +32,6 @@ TITLES = {
     "diversity": ["diversity: share of the time", "diversity: peak memory"],
     "cold_start": ["cold_start: fresh processes"],
 }
-needs_control = pytest.mark.skipif(
-    importlib.util.find_spec("dm_control") is None, reason="needs the extra control"
-)
 
 
 def benchmark(*arguments, module="run"):
@@ -58,7 +54,7 @@ def medians(printed):
     [
         ["population", "python_loop"],
         ["vector"],
-        pytest.param(["control"], marks=needs_control),
+        pytest.param(["control"], marks=pytest.mark.extra("control")),
         ["learn"],
         ["td3"],
         ["novelty"],
@@ -95,7 +91,7 @@ def test_a_missing_peer_leaves_a_note(monkeypatch):
     assert notes == ["Kheperax is left out: the package jax is not installed."]
 
 
-@needs_control
+@pytest.mark.extra("control")
 @pytest.mark.parametrize("name", CONTROL)
 def test_bare_physics_replays_the_evaluation(name):
     import mujoco
@@ -116,7 +112,7 @@ def test_bare_physics_replays_the_evaluation(name):
         assert behavior.tobytes() == rollouts.behaviors[i].tobytes()
 
 
-@needs_control
+@pytest.mark.extra("control")
 def test_a_stream_repeats_the_episode_after_a_reset():
     from benchmarks import control
 
@@ -127,7 +123,7 @@ def test_a_stream_repeats_the_episode_after_a_reset():
     assert streams[4:, 1].tolist() == streams[:2, 1].tolist()
 
 
-@needs_control
+@pytest.mark.extra("control")
 def test_baselines_count_successes():
     result = benchmark("--quick", module="baselines")
     assert result.returncode == 0, result.stderr
@@ -137,7 +133,7 @@ def test_baselines_count_successes():
     assert all(0 <= int(count) <= 3 for row in rows[2:] for count in row[1:])
 
 
-@needs_control
+@pytest.mark.extra("control")
 @pytest.mark.parametrize("draw", [baselines.uniform, baselines.bang_bang])
 def test_open_loop_counts_what_single_envs_succeed_in(draw):
     env = gym.make("CuriosityControl-BallInCup-v0", horizon=200)

@@ -56,10 +56,12 @@ def test_training_example_writes_its_report(tmp_path):
     assert re.search(r"Coverage: \d+\.\d% of the reachable cells", printed)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if snippets(p)], ids=lambda p: p.name)
-def test_snippets_of_a_page_run_in_their_order(page, tmp_path):
+@pytest.mark.parametrize(
+    "program", [pytest.param("\n".join(snippets(p)), id=p.name) for p in PAGES if snippets(p)]
+)
+def test_snippets_of_a_page_run_in_their_order(program, tmp_path):
     # With a guard, as snippets with subprocesses would otherwise start themselves again.
-    lines = "\n".join(snippets(page)).splitlines()
+    lines = program.splitlines()
     script = tmp_path / "snippets.py"
     script.write_text("if __name__ == '__main__':\n" + "".join(f"    {line}\n" for line in lines))
     run_python([script], tmp_path)

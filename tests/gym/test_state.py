@@ -22,8 +22,6 @@ from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.registration import SPECS
 
-pytest.importorskip("dm_control")
-
 MODES = list(AutoresetMode)
 IDS = [env_id for env_id, spec in SPECS.items() if "vector_entry_point" in spec]
 NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])
@@ -223,6 +221,7 @@ class TestFrames:
         others.load_state_dict(envs.state_dict())
         np.testing.assert_array_equal(others.render(), envs.render())
 
+    @pytest.mark.extra("control")
     @pytest.mark.parametrize("task", ["ball_in_cup", "finger", "stacker"])
     def test_of_a_control_task_are_those_of_the_original(self, task):
         env, other = (ControlEnv(task, render_mode="rgb_array") for _ in range(2))
@@ -266,6 +265,7 @@ for env_id, keywords, state, actions in pickle.load(sys.stdin.buffer):
 """
 
 
+@pytest.mark.extra("control")
 def test_goes_on_in_another_process():
     jobs, expected = [], []
     for env_id in ("CuriosityMaze-Hard-v0", "CuriosityControl-Finger-v0"):
@@ -281,6 +281,7 @@ def test_goes_on_in_another_process():
     assert ran.stdout.decode().split() == expected, ran.stderr.decode()
 
 
+@pytest.mark.extra("control")
 class TestFailedPhysics:
     def test_leaves_no_state_but_takes_one(self, assert_identical):
         env, twin = ControlEnv("stacker"), ControlEnv("stacker")

@@ -1,9 +1,6 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-
-pytest.importorskip("dm_control")
-
 from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
@@ -14,6 +11,8 @@ from curiosity_algos.evaluation.control import ControlEvaluator
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.core import SimulationError
+
+pytestmark = pytest.mark.extra("control")
 
 NAMES = {"BallInCup": 0.5, "Finger": 1.0, "Stacker": 0.3}
 """A task, and a deviation of policies of which some succeed within `HORIZON` steps."""

@@ -1,7 +1,5 @@
 """Control tasks and other packages' tasks, made sparse, under every algorithm."""
 
-import importlib.util
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -18,22 +16,8 @@ from curiosity_gym.wrappers.behavior import BehaviorWrapper
 from curiosity_gym.wrappers.sparse import SparseRewardWrapper
 
 HORIZON = 30
-EXTRAS = {"Control": "dm_control", "Maze": "gymnasium_robotics", "SwingUp": "shimmy"}
-
-
-def needs(env_id):
-    """A mark that skips a task whose extra is missing."""
-    is_missing = any(
-        part in env_id and importlib.util.find_spec(module) is None
-        for part, module in EXTRAS.items()
-    )
-    return pytest.mark.skipif(is_missing, reason="needs an extra")
-
-
 ENV_IDS = [
-    pytest.param(env_id, marks=needs(env_id))
-    for env_id in SPECS
-    if env_id.startswith(("CuriosityControl-", "CuriositySparse-"))
+    env_id for env_id in SPECS if env_id.startswith(("CuriosityControl-", "CuriositySparse-"))
 ]
 OFF_POLICY = {"learning_starts": 20, "buffer_size": 500, "batch_size": 16, "train_freq": 4}
 PEERS = {PPO: {"n_steps": 64, "n_epochs": 2}, SAC: OFF_POLICY, TD3: OFF_POLICY}

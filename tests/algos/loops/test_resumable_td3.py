@@ -104,6 +104,7 @@ class TestResume:
         resumed.learn(300 - 150, reset_num_timesteps=False)
         assert_same_run(whole, resumed)
 
+    @pytest.mark.extra("control")
     def test_control_tasks_go_on(self, make, tmp_path, assert_same_run):
         def make_env():
             return gym.make("CuriosityControl-BallInCup-v0", horizon=50)

@@ -16,7 +16,7 @@ from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.core import SimulationError
 from curiosity_gym.registration import SPECS
 
-pytest.importorskip("dm_control")
+pytestmark = pytest.mark.extra("control")
 
 IDS = {spec["kwargs"]["task"]: env_id for env_id, spec in SPECS.items() if "Control" in env_id}
 SIZES = {"ball_in_cup": (8, 2, 4, 50), "finger": (12, 2, 3, 50), "stacker": (42, 5, 2, 100)}

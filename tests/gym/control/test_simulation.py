@@ -12,7 +12,10 @@ from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.core import SimulationError
 
-pytest.importorskip("dm_control")
+pytestmark = pytest.mark.extra("control")
+
+FORKS = "ignore:This process:DeprecationWarning"
+"""From 3.12 on Python warns of every fork of a process that has threads."""
 
 N_STEPS = 1000
 
@@ -192,7 +195,7 @@ print(ended[0] == child, ended[1])
     ],
 )
 def test_a_forked_process_may_forget_what_it_inherited(act):
-    command = [sys.executable, "-c", FORK.format(act=act)]
+    command = [sys.executable, "-W", FORKS, "-c", FORK.format(act=act)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert (ran.stdout.split(), ran.stderr) == (["True", "0"], "")
 

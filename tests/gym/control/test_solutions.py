@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from curiosity_algos.evaluation.policies import act, build_mlp
 from curiosity_gym.control.tasks import TASKS
 
-pytest.importorskip("dm_control")
+pytestmark = pytest.mark.extra("control")
 
 POLICIES = np.load(Path(__file__).parent / "policies.npz")
 NAMES = {"BallInCup": "ball_in_cup", "Finger": "finger", "Stacker": "stacker"}

@@ -6,7 +6,7 @@ import pytest
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS, Stacker
 
-pytest.importorskip("dm_control")
+pytestmark = pytest.mark.extra("control")
 
 N_EPISODES = 200
 

@@ -13,7 +13,7 @@ from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
 from curiosity_gym.core import SimulationError
 
-pytest.importorskip("dm_control")
+pytestmark = pytest.mark.extra("control")
 
 N_ENVS = 4
 MODES = list(AutoresetMode)

@@ -13,7 +13,10 @@ from gymnasium.error import ResetNeeded
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
 
-pytest.importorskip("dm_control")
+pytestmark = pytest.mark.extra("control")
+
+FORKS = "ignore:This process:DeprecationWarning"
+"""From 3.12 on Python warns of every fork of a process that has threads."""
 
 
 def has_opengl():
@@ -34,7 +37,7 @@ def run_python(code, **environment):
     """What a fresh interpreter prints, and what it complains of."""
     kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
     ran = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-W", FORKS, "-c", code],
         env=kept | environment,
         capture_output=True,
         text=True,

@@ -115,3 +115,19 @@ def test_importing_the_algorithms_needs_no_extra():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert ran.stdout.strip() == "[]"
+
+
+def test_spaces_are_subscripted_by_type_checkers_alone():
+    """Gymnasium's spaces can be subscripted since 1.4 only."""
+    code = (
+        "import importlib, stable_baselines3\n"
+        "from gymnasium import spaces\n"
+        "def refuse(cls, item):\n"
+        "    raise TypeError(f'{cls.__name__}[{item}]')\n"
+        "for space in (spaces.Box, spaces.Dict, spaces.Discrete, spaces.Tuple):\n"
+        "    space.__class_getitem__ = classmethod(refuse)\n"
+        f"for module in {[name for name, _ in modules()]}:\n"
+        "    importlib.import_module(module)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium as gym
 import numpy as np
@@ -27,7 +27,7 @@ from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.icm import ICM
 
 FloatArray = npt.NDArray[np.float64]
-MakeBonus = Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]
+MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
 
 N_STATES, N_ACTIONS, N_ENTRIES = 20, 3, 6
 N_SIGNALS, N_CHANNELS = 4, 4

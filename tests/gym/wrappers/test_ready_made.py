@@ -78,6 +78,7 @@ class TestEveryTask:
     def test_passes_both_checks(self, env_id):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", "Setting the shape on", module=r"dm_control\.")
             warnings.filterwarnings("ignore", ".*minimum value is -infinity")
             warnings.filterwarnings("ignore", ".*maximum value is infinity")
             env = gym.make(env_id)

@@ -1,3 +1,4 @@
+# The interpreter that .venv is made with: 3.11 or newer (make clean && make test PYTHON=python3.13).
 PYTHON ?= python3
 
 .DEFAULT_GOAL := help

@@ -8,6 +8,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
 
 import curiosity_gym  # noqa: F401
 
@@ -113,3 +114,24 @@ def test_steps_a_task_through_shimmy():
     observation = env.step(env.action_space.sample())[0]
     assert observation["position"].shape == (4,)
     env.close()
+
+
+def lower_bounds():
+    """What users install, at its oldest: name, version; on Python 3.11."""
+    project = PYPROJECT["project"]
+    extras = project["optional-dependencies"]
+    for entry in project["dependencies"] + [e for name in MODULES for e in extras[name]]:
+        requirement = Requirement(entry)
+        if requirement.marker is None or requirement.marker.evaluate({"python_version": "3.11"}):
+            yield from (
+                (requirement.name, bound.version)
+                for bound in requirement.specifier
+                if bound.operator == ">="
+            )
+
+
+def test_the_oldest_versions_are_the_lower_bounds():
+    lines = (ROOT / "constraints-lowest.txt").read_text().splitlines()
+    pins = dict(line.split("==") for line in lines if not line.startswith("#"))
+    bounds = dict(lower_bounds())
+    assert {name: pins[name] for name in bounds} == bounds

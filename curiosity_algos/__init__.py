@@ -1,13 +1,15 @@
-"""Curiosity-driven policy search behind Stable-Baselines3's API."""
+"""Curiosity-driven policy search behind Stable-Baselines3's API.
 
-from curiosity_algos.algorithms.aurora import AURORA
+The algorithms with archives are imported when they are first asked for: pyribs, which they need,
+takes longer to import than all else.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from curiosity_algos.algorithms.canonical_es import CanonicalES
-from curiosity_algos.algorithms.cma_me import CMAME
 from curiosity_algos.algorithms.curiosity_es import CuriosityES
-from curiosity_algos.algorithms.curiosity_map_elites import CuriosityMAPElites
-from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.algorithms.nses import NSES
-from curiosity_algos.algorithms.nslc import NSLC
 from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.curiosity.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
@@ -16,6 +18,13 @@ from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper, ICMVecEnvWrapp
 from curiosity_algos.evaluation.evaluator import make_evaluator, register_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.presets import load_preset
+
+if TYPE_CHECKING:
+    from curiosity_algos.algorithms.aurora import AURORA
+    from curiosity_algos.algorithms.cma_me import CMAME
+    from curiosity_algos.algorithms.curiosity_map_elites import CuriosityMAPElites
+    from curiosity_algos.algorithms.map_elites import MAPElites
+    from curiosity_algos.algorithms.nslc import NSLC
 
 __all__ = [
     "AURORA",
@@ -38,3 +47,25 @@ __all__ = [
     "make_evaluator",
     "register_evaluator",
 ]
+
+_WITH_ARCHIVES = {
+    "AURORA": "aurora",
+    "CMAME": "cma_me",
+    "CuriosityMAPElites": "curiosity_map_elites",
+    "MAPElites": "map_elites",
+    "NSLC": "nslc",
+}
+"""Name: module of the algorithms that need pyribs."""
+
+
+def __getattr__(name: str) -> object:
+    """Import an algorithm with an archive (PEP 562)."""
+    if name not in _WITH_ARCHIVES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value: object = getattr(import_module(f"{__name__}.algorithms.{_WITH_ARCHIVES[name]}"), name)
+    globals()[name] = value  # asked for once
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(globals().keys() | set(__all__))

@@ -1,0 +1,81 @@
+"""What `import curiosity_algos` brings with it, and that nothing is missing for it."""
+
+import pathlib
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+import curiosity_algos
+
+ROOT = pathlib.Path(__file__).parents[2]
+WITH_ARCHIVES = ["AURORA", "CMAME", "CuriosityMAPElites", "MAPElites", "NSLC"]
+HEAVY = ["ribs", "sklearn", "pandas", "matplotlib", "scipy.stats", "numpy_groupies"]
+
+
+def run(code):
+    """What a fresh process prints."""
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return ran.stdout.strip()
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import curiosity_algos; dir(curiosity_algos); hasattr(curiosity_algos, 'nothing')",
+        "from curiosity_algos import CuriosityES, ICMVecEnvWrapper, NSES, TD3ICM, make_evaluator",
+    ],
+)
+def test_without_archives_no_pyribs(statement):
+    found = f"[name for name in {HEAVY} if name in sys.modules]"
+    assert run(f"import sys; {statement}; print({found})") == "[]"
+
+
+def test_training_and_saving_need_no_pyribs():
+    code = """
+import io, sys
+from curiosity_algos import NSES
+model = NSES("CuriosityMaze-Hard-v0", population_size=4, n_parents=2, seed=0).learn(1)
+file = io.BytesIO()
+model.save(file)
+file.seek(0)
+NSES.load(file)
+print("ribs" in sys.modules)
+"""
+    assert run(code) == "False"
+
+
+def test_algorithms_with_archives_come_when_asked_for():
+    names = ", ".join(WITH_ARCHIVES)
+    code = f"from curiosity_algos import {names}; print(*[a.__name__ for a in ({names})])"
+    assert run(code).split() == WITH_ARCHIVES
+
+
+@pytest.mark.parametrize("name", WITH_ARCHIVES)
+def test_they_are_pickled_by_name(name):
+    algorithm = getattr(curiosity_algos, name)
+    assert pickle.loads(pickle.dumps(algorithm)) is algorithm
+
+
+def test_a_pickle_finds_its_class_in_a_fresh_process():
+    pickled = pickle.dumps(curiosity_algos.MAPElites)
+    assert run(f"import pickle; print(pickle.loads({pickled!r}).__name__)") == "MAPElites"
+
+
+def test_every_public_name_is_there():
+    code = "from curiosity_algos import *; import curiosity_algos; print(NSLC.__name__, *dir())"
+    assert {"NSLC", *curiosity_algos.__all__} <= set(run(code).split())
+    assert curiosity_algos._WITH_ARCHIVES.keys() == set(WITH_ARCHIVES)
+    assert set(curiosity_algos.__all__) <= set(dir(curiosity_algos))
+    for name in curiosity_algos.__all__:
+        assert callable(getattr(curiosity_algos, name))
+
+
+def test_other_names_are_missing():
+    with pytest.raises(AttributeError, match="module 'curiosity_algos' has no attribute 'Nothing'"):
+        curiosity_algos.Nothing  # noqa: B018
+    with pytest.raises(ImportError, match="cannot import name 'Nothing'"):
+        from curiosity_algos import Nothing  # noqa: F401

@@ -28,7 +28,7 @@ Int64Array = npt.NDArray[np.int64]
 Batch = dict[str, npt.NDArray[Any]]
 
 RESERVED = {"solution", "objective", "measures", "index", "about", "file", "allow_pickle"}
-"""No names of extra fields: what every archive has, and what its file and numpy's writer take."""
+"""Names that no extra field may have: fields of every archive, and those that its file uses."""
 PLACES = ("objective", "measures", "behavior")
 """What elites are compared by."""
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
@@ -92,7 +92,7 @@ class EliteArchive(ArchiveBase):
 
     @abstractmethod
     def _insert(self, data: Batch) -> Batch:
-        """Take a checked batch in; what came of each solution (`status`, `value`, ...)."""
+        """Take a checked batch in; (n,) `status`, `value`, ... of its solutions, as `add`."""
 
     @abstractmethod
     def _identities(self, slots: Int64Array) -> Int64Array:
@@ -224,7 +224,7 @@ class EliteArchive(ArchiveBase):
         self._begin()
 
     def reshape_field(self, name: str, shape: tuple[int, ...]) -> None:
-        """Give a field of an empty archive the shape that only its first elites have told."""
+        """Give a field of an empty archive another shape, known from its first elites on."""
         assert self.empty
         self._description[name] = (shape, self._description[name][1])
         self._begin()
@@ -290,7 +290,7 @@ class EliteArchive(ArchiveBase):
         return solution
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
-        """Play every elite again, and see whether it comes to what is kept of it.
+        """Play every elite again, and compare its return and behavior with those kept.
 
         See `curiosity_algos.archives.verify.verify`.
         """

@@ -1,4 +1,4 @@
-"""How an archive came to what it is."""
+"""The statistics of an archive, generation by generation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ArchiveHistory:
         self._rows: list[list[float]] = []
 
     def record(self, timesteps: int, stats: ArchiveStats) -> None:
-        """Append what the archive is after a generation of `timesteps`."""
+        """Append the statistics of an archive after a generation of `timesteps`."""
         before = self._rows[-1][0] if self._rows else 0.0
         values = [
             before + timesteps,

@@ -1,4 +1,4 @@
-"""Matplotlib figures of an archive: what its elites are worth, or how many, by behavior."""
+"""Heat maps of an archive over the behavior: the best objectives, or the numbers of elites."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def plot_archive(
         The axes; cells without elites are transparent.
 
     Raises:
-        ValueError: `by`, `dimensions` or `n_cells` is none of what it may be.
+        ValueError: If `by`, `dimensions` or `n_cells` is out of its range.
     """
     check_choice(tuple(STATISTICS), by=by)
     check_at_least_one(n_cells=DEFAULT_CELLS if n_cells is None else n_cells)

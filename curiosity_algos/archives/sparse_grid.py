@@ -34,11 +34,11 @@ class SparseGridArchive(EliteArchive):
         solution_dim: See `EliteArchive`, as for every argument not named here.
         dims: Cells along each dimension of the behavior.
         ranges: (lower, upper) bound of each; behaviors beyond count in the cell at the edge.
-        qd_score_offset: Likewise.
-        seed: Likewise.
-        solution_dtype: Likewise.
-        extra_fields: Likewise.
-        net_arch: Likewise.
+        qd_score_offset: See `EliteArchive`.
+        seed: See `EliteArchive`.
+        solution_dtype: See `EliteArchive`.
+        extra_fields: See `EliteArchive`.
+        net_arch: See `EliteArchive`.
 
     Raises:
         ValueError: If `dims` and `ranges` do not fit, or there are 2**63 cells or more.

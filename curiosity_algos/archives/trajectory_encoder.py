@@ -26,7 +26,7 @@ HIDDEN = (32, 16)
 
 
 def sample_states(rollouts: Rollouts, n: int) -> Float32Array:
-    """N states of each trajectory, evenly spaced from its first to its last, (P, n, O)."""
+    """States (P, n, O) of each trajectory, n of them, evenly spaced from first to last."""
     observations, _ = rollouts.trajectories
     times = np.round(np.linspace(0.0, rollouts.lengths, n)).astype(np.int64).T
     states = observations[np.arange(len(rollouts))[:, None], times]
@@ -35,12 +35,12 @@ def sample_states(rollouts: Rollouts, n: int) -> Float32Array:
 
 
 def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:
-    """Few trajectories at a time: standardized copies of a whole archive would take its memory."""
+    """Batches of few trajectories: standardized copies of all would take an archive's memory."""
     return [states[begin : begin + size] for begin in range(0, len(states), size)]
 
 
 class TrajectoryEncoder:
-    """Describes trajectories by what an autoencoder needs to draw them again.
+    """AURORA's behaviors: the code that an autoencoder reconstructs a trajectory from.
 
     Args:
         n_dimensions: Of the latent space.
@@ -79,7 +79,7 @@ class TrajectoryEncoder:
 
     def begin(self, rollouts: Rollouts) -> tuple[int, int]:
         """Make the networks for trajectories as long as the longest of these; `shape`."""
-        # Two at least: all that a single one would show is the start, the same for all.
+        # At least two: a single one would be the start, which is the same for all.
         n_states = max(2, math.ceil(self.share * int(rollouts.lengths.max())))
         return self._build(n_states, rollouts.final_observations.shape[1])
 
@@ -102,7 +102,7 @@ class TrajectoryEncoder:
         return sample_states(rollouts, self.shape[0])
 
     def train(self, states: Float32Array) -> None:
-        """Learn to draw trajectories (n, n_states, O) again.
+        """Learn to reconstruct trajectories (n, n_states, O).
 
         The scale of the states is taken anew: it grows with what is explored.
         """

@@ -1,7 +1,7 @@
 """An archive without cells: elites keep a distance that adapts to hold their number.
 
 For behaviors that no grid can number, such as a learned latent space (Cully 2019, AURORA; the size
-control follows Grillotti & Cully 2022 in what it achieves) or a whole state (NSLC).
+control has the aim of Grillotti & Cully 2022, by other means) or a whole state (NSLC).
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ class UnstructuredArchive(EliteArchive):
 
     Args:
         solution_dim: See `EliteArchive`, as for every argument not named here.
-        measure_dim: Likewise.
+        measure_dim: See `EliteArchive`.
         target_size: Elites held, within 10 % once there are so many.
         k_neighbors: Neighbors that count for `novelty` and `local_competition`.
         threshold: Of the first elites; 0 after `clear`, and after `remeasure` while there are
             fewer than `target_size`.
-        qd_score_offset: Likewise.
-        seed: Likewise.
-        solution_dtype: Likewise.
-        extra_fields: Likewise.
-        net_arch: Likewise.
+        qd_score_offset: See `EliteArchive`.
+        seed: See `EliteArchive`.
+        solution_dtype: See `EliteArchive`.
+        extra_fields: See `EliteArchive`.
+        net_arch: See `EliteArchive`.
 
     Attributes:
         threshold: Smallest distance from all elites that makes a solution new.

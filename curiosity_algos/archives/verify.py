@@ -38,7 +38,7 @@ class Archive(Protocol):
 
     @property
     def behaviors(self) -> npt.NDArray[np.float64]:
-        """What the elites came to, (n, B)."""
+        """Behaviors of the elites, (n, B)."""
         ...
 
     def data(self) -> Any:
@@ -48,7 +48,7 @@ class Archive(Protocol):
 
 @dataclass(frozen=True)
 class Verification:
-    """What playing the elites again came to.
+    """The result of playing the elites again.
 
     Attributes:
         share: Share of the elites whose return and behavior came out the same in every bit; 1 for

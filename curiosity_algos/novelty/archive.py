@@ -29,7 +29,7 @@ LARGEST = 1e150
 class NoveltyArchive:
     """Keeps every behavior, and finds the nearest of them by Euclidean distance in raw units.
 
-    Two k-d trees cover it: a large one that is seldom built, and a small one of what came since,
+    Two k-d trees cover it: a large one that is seldom built, and a small one of later points,
     which every `add` builds. They hold equal behaviors once: policies stuck in the same corner
     would otherwise fill a leaf that no tree can split. What counts for speed is the degrees of
     freedom: the 36 numbers that a robot observes in a maze follow from 4, and are found fast, but

@@ -1,4 +1,4 @@
-"""Emitters beside pyribs' own: who becomes a parent decides what a search is."""
+"""Emitters beside pyribs' own, which differ in who becomes a parent; and several held as one."""
 
 from __future__ import annotations
 

@@ -144,9 +144,9 @@ class NetworkBonus(th.nn.Module):
 
     # Torch's hints are of its overloads and of a plain module's tensors: the optimizer is in here.
     def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]
-        """Weights, statistics and the optimizer's state."""
+        """Weights, statistics and the optimizer's moments."""
         state: dict[str, Any] = super().state_dict(*args, **kwargs)
-        return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()})
+        return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()["state"]})
 
     # As above.
     def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
@@ -156,14 +156,31 @@ class NetworkBonus(th.nn.Module):
             RuntimeError: If it is that of another bonus, or of other networks, as torch has it.
         """
         try:
+            moments = self._moments(state["optimizer"])
+            _check_finite(state["modules"].values())
             super().load_state_dict(state["modules"], *args, **kwargs)
-        except (KeyError, RuntimeError) as error:
+        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
             raise RuntimeError("`bonus` must be made as the one that was saved.") from error
-        # Torch would keep the given tensors as the optimizer's own, and train on in them.
-        optimizer = copy.deepcopy(state["optimizer"])
-        for given, own in zip(optimizer["param_groups"], self.optimizer.param_groups, strict=True):
-            given["lr"] = own["lr"]
-        self.optimizer.load_state_dict(optimizer)
+        groups = self.optimizer.state_dict()["param_groups"]
+        self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
+
+    def _moments(self, saved: Mapping[int, Mapping[str, th.Tensor]]) -> dict[int, Any]:
+        """A copy of Adam's moments, in which torch would train on; it checks no shape itself."""
+        trained = self.optimizer.param_groups[0]["params"]
+        if saved and set(saved) != set(range(len(trained))):
+            raise RuntimeError("The optimizer's state is of other networks.")
+        for i, moments in saved.items():
+            shapes = {name: tuple(moment.shape) for name, moment in moments.items()}
+            shape = tuple(trained[i].shape)
+            if shapes != {"step": (), "exp_avg": shape, "exp_avg_sq": shape}:
+                raise RuntimeError("The optimizer's state is of other networks.")
+            _check_finite(moments.values())
+        return copy.deepcopy(dict(saved))
+
+
+def _check_finite(tensors: Iterable[th.Tensor]) -> None:
+    if not all(bool(th.isfinite(tensor).all()) for tensor in tensors):
+        raise RuntimeError("The state holds NaN or infinity.")
 
 
 def train(

@@ -63,9 +63,28 @@ class TransitionBuffer:
         return {**held, "next": self._next, "generator": self._generator.get_state()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave."""
-        self.size = len(state["actions"])
-        for name, column in self._columns.items():
-            column[: self.size] = state[name]
-        self._next = state["next"]
+        """Take over what `state_dict` gave; of a larger buffer the newest.
+
+        Raises:
+            ValueError: If it holds other transitions than this buffer would.
+        """
+        self._check(state)
+        n = len(state["actions"])
+        rows, place = th.arange(n), state["next"]
+        if n != self.capacity:
+            rows = rows.roll(-place)[-self.capacity :]
+            place = len(rows)
         self._generator.set_state(state["generator"].cpu())
+        for name, column in self._columns.items():
+            column[: len(rows)] = state[name][rows]
+        self.size, self._next = len(rows), place % self.capacity
+
+    def _check(self, state: Mapping[str, Any]) -> None:
+        n = len(state["actions"])
+        for name, column in self._columns.items():
+            values = state[name]
+            is_alike = values.shape == (n, *column.shape[1:]) and values.dtype == column.dtype
+            if not is_alike or not th.isfinite(values).all():
+                raise ValueError(f"`{name}` must be {n} rows of {tuple(column.shape[1:])}, finite.")
+        if type(state["next"]) is not int or not 0 <= state["next"] <= n:
+            raise ValueError(f"`next` must be from 0 to {n}, got {state['next']!r}.")

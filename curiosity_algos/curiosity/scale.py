@@ -53,7 +53,18 @@ class BonusScale:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave."""
-        self._sums = state["sums"].cpu().numpy().copy()
-        self._statistics.mean, self._statistics.var = map(np.array, state["statistics"][:2])
-        self._statistics.count = state["statistics"][2]
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If it is of another number of environments, or no numbers.
+        """
+        sums, numbers = state["sums"].cpu().numpy().copy(), np.array(state["statistics"])
+        if sums.shape != self._sums.shape or sums.dtype != np.float64:
+            raise ValueError(f"`sums` must be {len(self._sums)} numbers.")
+        if numbers.shape != (3,) or numbers.dtype != np.float64:
+            raise ValueError("`statistics` must be three numbers.")
+        if not (np.isfinite([*sums, *numbers]).all() and numbers[1] >= 0.0 and numbers[2] > 0.0):
+            raise ValueError("`sums` and `statistics` must be finite, variance and count positive.")
+        self._sums = sums
+        self._statistics.mean, self._statistics.var = map(np.array, numbers[:2])
+        self._statistics.count = float(numbers[2])

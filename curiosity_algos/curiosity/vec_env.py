@@ -4,47 +4,42 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import nullcontext
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.utils import get_device
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.common.checkpoint import check_plain, is_plain
-from curiosity_algos.common.environment_state import environment_states, load_environment_states
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.plain_files import (
-    as_arrays,
-    as_tensors,
-    plain,
-    read_plain,
-    write_plain,
-)
+from curiosity_algos.common.plain_files import plain
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.curiosity.base import Bonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.scale import BonusScale
+from curiosity_algos.curiosity.wrapper_file import (
+    SETTINGS,
+    check_actions,
+    check_counters,
+    check_fits,
+    last_observations,
+    read_wrapper,
+    resume_episodes,
+    sound,
+    write_wrapper,
+)
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share
 
-FORMAT = "curiosity bonus wrapper 1"
 DEFAULTS = {"icm": {"learning_rate": 1e-4}}
 """Keywords of bonuses where users give none: faster, the module outruns a policy on its own."""
-SETTINGS = (
-    "bonus_kwargs",
-    "weight",
-    "extrinsic",
-    "gamma",
-    "train_interval",
-    "n_updates",
-    "batch_size",
-)
-"""Keywords of the constructor that the wrapper holds under the same names."""
 
 
 class BonusVecEnvWrapper(VecEnvWrapper):
@@ -105,16 +100,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         seed: int | None = None,
         device: th.device | str = "auto",
     ) -> None:
-        if not isinstance(venv, VecEnv):
-            raise ValueError(f"`venv` must be a VecEnv of Stable-Baselines3, got {venv!r}.")
-        if unwrap_vec_normalize(venv) is not None:
-            # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
-            raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
+        _check_venv(venv)
         check_bonus_choice(bonus, bonus_kwargs or {})
         check_positive(weight=weight)
-        check_share(gamma=gamma)
-        if gamma == 1.0:
-            raise ValueError("`gamma` must be below 1: the sum would grow for ever.")
+        _check_discount(gamma)
         check_at_least_one(train_interval=train_interval, n_updates=n_updates)
         check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
         check_seed(seed)
@@ -247,14 +236,34 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` of a wrapper with the same settings gave."""
-        self.bonus.load_state_dict(state["bonus"])
-        self.buffer.load_state_dict(state["buffer"])
+        """Take over what `state_dict` of a wrapper with the same settings gave.
+
+        Raises:
+            ValueError: If it is another's.
+        """
+        self._load_all_but_the_bonus(state)
+        self._load_bonus(state["bonus"])
+
+    def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
+        check_counters(state)
+        check_actions(state["buffer"]["actions"], self.action_space)
+        shape = (self.num_envs, *(self.observation_space.shape or ()))
+        dtype = np.uint8 if self._has_images else np.float32
+        observations = last_observations(state["observations"], shape, dtype)
         self._scale.load_state_dict(state["scale"])
-        self._observations = state["observations"].cpu().numpy().copy()
+        self.buffer.load_state_dict(state["buffer"])
+        self._observations = observations
         self._n_untrained = state["n_untrained"]
         self._has_trained = state["has_trained"]
         self.metrics = dict(state["metrics"])
+
+    def _load_bonus(self, state: Mapping[str, Any]) -> None:
+        before = self.bonus.state_dict()
+        try:
+            self.bonus.load_state_dict(state)
+        except Exception as error:  # a bonus of one's own may raise any
+            self.bonus.load_state_dict(before)
+            raise ValueError("`bonus` must be made as the one that was saved.") from error
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
@@ -267,16 +276,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If the state of a bonus of your own holds what no file of torch may.
         """
-        settings = {name: getattr(self, name) for name in SETTINGS}
-        settings |= {"buffer_size": self.buffer.capacity, "bonus": self._name}
-        state, environments = self.state_dict(), as_tensors(environment_states(self.venv))
-        check_plain(state, "bonus")
-        saved: dict[str, Any] = {"spaces": self._spaces(), "settings": settings, "state": state}
-        saved["environments"] = environments if is_plain(environments) else None
-        write_plain(path, saved, FORMAT)
-
-    def _spaces(self) -> list[dict[str, Any]]:
-        return [_described(space) for space in (self.observation_space, self.action_space)]
+        held = {"bonus": self._name, "buffer_size": self.buffer.capacity}
+        write_wrapper(
+            path,
+            venv=self.venv,
+            settings={name: getattr(self, name) for name in SETTINGS if name not in held} | held,
+            state=self.state_dict(),
+        )
 
     @classmethod
     def load(
@@ -302,45 +308,37 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             FileNotFoundError: If there is no such file.
             ValueError: If it is damaged, foreign, or does not fit `venv` or `bonus`.
         """
-        saved = read_plain(path, FORMAT, what="BonusVecEnvWrapper")
-        settings = saved["settings"]
-        if settings["bonus"] is None and bonus is None:
-            raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
-        if settings["bonus"] is not None and bonus is not None:
-            raise ValueError(f"`bonus` must be None, it was saved as {settings['bonus']!r}.")
-        settings["bonus"] = settings["bonus"] or bonus
-        wrapper = cls(venv, **settings, device=device)
-        n_envs = len(saved["state"]["scale"]["sums"])
-        if n_envs != venv.num_envs or wrapper._spaces() != saved["spaces"]:
-            raise ValueError(
-                f"`venv` must have {n_envs} environments with the spaces that were saved, got "
-                f"{venv.num_envs} with {venv.observation_space} and {venv.action_space}."
-            )
-        try:
-            wrapper.load_state_dict(saved["state"])
-        except (KeyError, RuntimeError) as error:
-            raise ValueError("`bonus` must be made as the one that was saved.") from error
-        wrapper._resume_episodes(as_arrays(saved["environments"]))
+        _check_venv(venv)
+        device = get_device(device)
+        saved = read_wrapper(path)
+        check_fits(saved, path, venv, bonus)
+        settings = saved["settings"] | ({} if bonus is None else {"bonus": bonus})
+        # What fails with a bonus of the user's own is not the file's fault.
+        blamed = partial(sound, path) if bonus is None else nullcontext
+        with blamed():
+            wrapper = cls(venv, **settings, device=device)
+        with sound(path):
+            wrapper._load_all_but_the_bonus(saved["state"])
+        with blamed():
+            wrapper._load_bonus(saved["state"]["bonus"])
+        with sound(path):
+            resume_episodes(venv, saved["environments"])
         return wrapper
-
-    def _resume_episodes(self, states: list[Any] | None) -> None:
-        """Bring the environments below to where they were, if they can go there."""
-        if states is None:
-            return
-        self.venv.reset()
-        try:
-            load_environment_states(self.venv, states)
-        except ValueError:  # others of the same spaces: all of them begin an episode
-            self.venv.reset()
 
 
 ICMVecEnvWrapper = BonusVecEnvWrapper
 """Another name of the wrapper, whatever its bonus."""
 
 
-def _described(space: spaces.Space[Any]) -> dict[str, Any]:
-    """All of a Discrete or a Box, in plain values, to be compared."""
-    if isinstance(space, spaces.Discrete):
-        return {"n": int(space.n)}
-    assert isinstance(space, spaces.Box)
-    return {"dtype": str(space.dtype), "low": space.low.tolist(), "high": space.high.tolist()}
+def _check_venv(venv: object) -> None:
+    if not isinstance(venv, VecEnv):
+        raise ValueError(f"`venv` must be a VecEnv of Stable-Baselines3, got {venv!r}.")
+    if unwrap_vec_normalize(venv) is not None:
+        # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
+        raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
+
+
+def _check_discount(gamma: float) -> None:
+    check_share(gamma=gamma)
+    if gamma == 1.0:
+        raise ValueError("`gamma` must be below 1: the sum would grow for ever.")

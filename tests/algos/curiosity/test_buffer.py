@@ -100,3 +100,34 @@ def test_images_stay_bytes():
     assert set(places.tolist()) == {1, 2, 3, 4}
     assert th.equal(observations, pictures[places])
     assert th.equal(next_observations, pictures[places + 1])
+
+
+@pytest.mark.parametrize("n", [3, 10, 17])
+@pytest.mark.parametrize("capacity", [4, 30])
+def test_a_state_of_another_capacity_gives_its_newest(n, capacity):
+    one, other = fill(make_buffer(), n), make_buffer(capacity=capacity)
+    other.load_state_dict(one.state_dict())
+    newest = range(max(0, n - min(10, capacity)), n)
+    assert held(other) == set(newest)
+    fill(other, 1, first=100)
+    assert held(other) == {*newest[-(capacity - 1) :], 100}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("next", 9),
+        ("next", -1),
+        ("next", 1.0),
+        ("actions", th.zeros(3, 1)),
+        ("observations", th.zeros(5, 7)),
+        ("observations", th.full((5, 2), float("nan"))),
+        ("next_observations", th.zeros(5, 2, dtype=th.float64)),
+    ],
+)
+def test_another_state_changes_nothing(assert_same, name, value):
+    buffer = fill(make_buffer(), 5)
+    before = buffer.state_dict()
+    with pytest.raises(ValueError, match="must be"):
+        buffer.load_state_dict(before | {name: value})
+    assert_same(buffer.state_dict(), before)

@@ -164,8 +164,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.venv.step_async(actions)
 
     def step_wait(self) -> VecEnvStepReturn:
-        """End a step; the rewards are those that the algorithm is to learn from."""
+        """End a step; the rewards are those that the algorithm is to learn from.
+
+        Raises:
+            ValueError: If observations or rewards are not finite, or an info is no dictionary.
+        """
         observations, rewards, dones, infos = self.venv.step_wait()
+        _check_step(rewards, infos)
         before, after = self._observations, self._stored(observations)
         self._observations = after
         bonus = self._visit(before, self._last_observations(after, dones, infos))
@@ -336,6 +341,13 @@ def _check_venv(venv: object) -> None:
     if unwrap_vec_normalize(venv) is not None:
         # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
+
+
+def _check_step(rewards: npt.NDArray[Any], infos: list[dict[str, Any]]) -> None:
+    if not np.isfinite(rewards).all():
+        raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
+    if not all(isinstance(info, dict) for info in infos):
+        raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
 
 
 def _check_discount(gamma: float) -> None:

@@ -253,6 +253,28 @@ class TestRewards:
             play(venv, 4)
         assert len(venv.buffer) == 2 * max(n - 1, 0)
 
+    @pytest.mark.parametrize("extrinsic", [True, False])
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_a_reward_that_is_not_finite_is_named(self, value, extrinsic):
+        class Broken(Count):
+            def step(self, action):
+                observation, _, *others = super().step(action)
+                return observation, value if self.n == 3 else 0.0, *others
+
+        venv = wrap(make_venv(env=Broken), extrinsic=extrinsic)
+        with pytest.raises(ValueError, match="`env` must give finite rewards, it gave NaN"):
+            play(venv, 4)
+        assert len(venv.buffer) == 4
+
+    def test_an_info_that_is_none_is_named(self):
+        venv = make_venv()
+        step_wait = venv.step_wait
+        venv.step_wait = lambda: (*step_wait()[:3], [{}, None])
+        wrapper = wrap(venv)
+        with pytest.raises(ValueError, match="`env` must give a dictionary as info with each step"):
+            play(wrapper, 1)
+        assert len(wrapper.buffer) == 0
+
 
 class TestTraining:
     def test_it_trains_when_enough_has_come(self):

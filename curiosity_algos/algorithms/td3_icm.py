@@ -128,7 +128,7 @@ class TD3ICM(ResumableTD3):
     def load_replay_buffer(
         self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True
     ) -> None:
-        """As in SB3; bonus and weight stay the model's own.
+        """As in SB3; bonus and weight stay the model's own. Only for files that you trust.
 
         Raises:
             ValueError: If the file holds no replay buffer of this class.

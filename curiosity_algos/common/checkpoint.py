@@ -6,8 +6,9 @@ import io
 import json
 import os
 import pathlib
+import pickle
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from io import BufferedWriter
 from typing import Any
@@ -17,8 +18,14 @@ import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import save_to_zip_file
 
+from curiosity_algos.common.plain_json import decode, encode
+
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what parts have collected, ours and Stable-Baselines3's."""
+_PICKLED = ":serialized:"
+"""Key of an attribute that Stable-Baselines3 writes with cloudpickle."""
+_NEEDED = {"policy_class", "policy_kwargs", "observation_space", "action_space", "verbose"}
+"""Attributes without which no model can be made."""
 
 
 @contextmanager
@@ -64,6 +71,8 @@ def save_model(
     path: str | os.PathLike[str] | io.BufferedIOBase,
     exclude: Iterable[str] | None,
     include: Iterable[str] | None,
+    *,
+    plain: bool = False,
     **extra: Any,
 ) -> None:
     """Save a model as Stable-Baselines3 does, but in a file that appears only once it is whole.
@@ -73,40 +82,109 @@ def save_model(
         path: Of the file, or a file object; `.zip` is added where it has no suffix.
         exclude: Attributes to leave out; "buffer" leaves out the transitions of the parts.
         include: Attributes to save although they are left out by default.
+        plain: Write attributes as `read_attributes` takes them, without cloudpickle where that is
+            possible.
         **extra: Attributes that the file is to have, whatever the model has.
 
     Raises:
         OSError: If it cannot be written; an older file is then as it was.
-        ValueError: If the state of a user's bonus could not be read back; likewise.
+        ValueError: If the state of a part could not be read back; an older file is then as it was.
     """
-    names = set(exclude or ()), set(include or ())
-    if isinstance(path, io.BufferedIOBase):
-        _write_model(model, path, *names, extra)
-        return
-    with atomic_file(checkpoint_path(path)) as file:
-        _write_model(model, file, *names, extra)
-
-
-def _write_model(
-    model: BaseAlgorithm,
-    file: io.BufferedIOBase,
-    exclude: set[str],
-    include: set[str],
-    extra: dict[str, Any],
-) -> None:
-    parameters = model.get_parameters()
-    check_plain(parameters, "bonus")  # all else that has a state is ours, or torch's
+    exclude, include = set(exclude or ()), set(include or ())
+    parameters = _parameters(model, exclude)
     parts = {name.partition(".")[0] for name in parameters}
     left_out = (exclude | set(model._excluded_save_params()) | parts) - include
     data = {key: value for key, value in model.__dict__.items() if key not in left_out}
     data |= extra
     data["algorithm"] = type(model).__name__  # tells a file's reader which class to load it with
+    if plain:
+        data = {name: _encoded(value) for name, value in data.items()}
+    if isinstance(path, io.BufferedIOBase):
+        save_to_zip_file(path, data=data, params=parameters)
+        return
+    with atomic_file(checkpoint_path(path)) as file:
+        save_to_zip_file(file, data=data, params=parameters)
+
+
+def _parameters(model: BaseAlgorithm, exclude: Set[str]) -> dict[str, Any]:
+    """The states of the model's parts, as the file holds them."""
+    parameters = model.get_parameters()
+    check_plain(parameters, "bonus")  # all else that has a state is ours, or torch's
     if exclude & TRANSITIONS:
         for state in parameters.values():
             # A user's bonus may have a tensor of that name.
             if isinstance(state.get("buffer"), dict):
                 del state["buffer"]
-    save_to_zip_file(file, data=data, params=parameters)
+    return parameters
+
+
+def _encoded(value: Any) -> Any:
+    """`value` in terms of JSON, or as it is where only cloudpickle can write it."""
+    try:
+        return encode(value)
+    except TypeError:
+        return value
+
+
+def read_attributes(
+    file: pathlib.Path | io.BufferedIOBase,
+    algorithm: str,
+    given: Mapping[str, Any],
+    *,
+    allow_pickle: bool,
+) -> dict[str, Any]:
+    """What a file says about a model's attributes, read without running code.
+
+    Args:
+        file: What `check_is_checkpoint` gave.
+        algorithm: As `check_is_checkpoint` was given it.
+        given: Attributes to take in place of those in the file.
+        allow_pickle: Leave out what only cloudpickle can read, in place of an error.
+
+    Raises:
+        ValueError: If the file needs cloudpickle, or its attributes are damaged.
+    """
+    data = _read_data(file)
+    pickled = pickled_attributes(file) - given.keys()
+    if pickled and not allow_pickle:
+        names = " and ".join(f"`{_argument(name)}`" for name in sorted(pickled))
+        raise ValueError(
+            f"{names} must be given to `load` (as keywords): {file} holds objects that are read by "
+            "running code. Pass allow_pickle=True if you trust whoever made the file."
+        )
+    try:
+        read = {name: decode(value) for name, value in data.items() if name not in pickled}
+    except ValueError:
+        read = {}
+    # A text here would be the id of an environment to make, whose module is imported.
+    if not (read.keys() | pickled >= _NEEDED) or "env" in read:
+        raise ValueError(f"`path` must be a saved {algorithm}, {file} is damaged.")
+    return {**read, **{name: value for name, value in given.items() if name in data}}
+
+
+def pickled_attributes(file: pathlib.Path | io.BufferedIOBase) -> set[str]:
+    """Names of the attributes that only cloudpickle can read."""
+    data = _read_data(file)
+    return {name for name, value in data.items() if isinstance(value, dict) and _PICKLED in value}
+
+
+def _argument(attribute: str) -> str:
+    return "policy" if attribute == "policy_class" else attribute
+
+
+@contextmanager
+def plain_tensors(file: pathlib.Path | io.BufferedIOBase, algorithm: str) -> Iterator[None]:
+    """Say what is wrong where torch refuses to run the code in a file.
+
+    Raises:
+        ValueError: If the block raised an UnpicklingError.
+    """
+    try:
+        yield
+    except pickle.UnpicklingError as error:
+        raise ValueError(
+            f"`path` must be a saved {algorithm}, {file} holds more than tensors and plain values."
+        ) from error
 
 
 def is_plain(value: Any) -> bool:
@@ -164,7 +242,17 @@ def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
         with zipfile.ZipFile(file) as archive:
             if archive.testzip() is not None:
                 return None
-            name = json.loads(archive.read("data")).get("algorithm")
+        name = _read_data(file).get("algorithm")
     except (zipfile.BadZipFile, AttributeError, EOFError, KeyError, OSError, ValueError):
         return None
     return name if isinstance(name, str) else None
+
+
+def _read_data(file: pathlib.Path | io.BufferedIOBase) -> Any:
+    """The file's JSON; a file object stays where it is."""
+    begin = file.tell() if isinstance(file, io.BufferedIOBase) else 0
+    with zipfile.ZipFile(file) as archive:
+        data = json.loads(archive.read("data"))
+    if isinstance(file, io.BufferedIOBase):
+        file.seek(begin)
+    return data

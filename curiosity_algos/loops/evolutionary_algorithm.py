@@ -19,7 +19,13 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.checkpoint import check_is_checkpoint, save_model
+from curiosity_algos.common.checkpoint import (
+    check_is_checkpoint,
+    pickled_attributes,
+    plain_tensors,
+    read_attributes,
+    save_model,
+)
 from curiosity_algos.common.randomness import EpisodeSeeds
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import describe
@@ -359,7 +365,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         return ["policy", *stateful_parts(self)], []
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice"]
+        # A generation begins its episodes anew: the last observations are of no use.
+        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts"]
+        return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
 
     def save(
         self,
@@ -369,7 +377,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     ) -> None:
         """Save everything that a run needs to go on bit for bit.
 
-        The file takes the place of an older one only once it is wholly on disk.
+        The file takes the place of an older one only once it is wholly on disk. Settings are JSON
+        and arrays; objects of your own, such as a policy's class, are written with cloudpickle.
 
         Args:
             path: Of the file; `.zip` is added where it has no suffix.
@@ -379,40 +388,81 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
         """
-        save_model(self, path, exclude, include)
+        aliases = {policy: name for name, policy in self.policy_aliases.items()}
+        policy = aliases.get(self.policy_class, self.policy_class)
+        save_model(self, path, exclude, include, plain=True, policy_class=policy)
 
     @classmethod
     def load(
         cls,
         path: str | os.PathLike[str] | io.BufferedIOBase,
         env: AnyEnv | None = None,
-        *args: Any,
+        device: th.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
+        *,
+        allow_pickle: bool = False,
         **kwargs: Any,
     ) -> Self:
-        """Load a model.
+        """Load a model, without running code that the file holds.
 
         Args:
             path: Of the file; `.zip` may be left out.
             env: As in the constructor; None: the model can predict, and learn after `set_env`.
-            *args: As in SB3 (`device`, `custom_objects`, ...).
-            **kwargs: As in SB3; other names replace the model's attributes, `evaluator` among them.
+            device: As in the constructor.
+            custom_objects: By name, what to take in place of the attributes in the file.
+            print_system_info: As in SB3.
+            force_reset: As in SB3.
+            allow_pickle: Also read objects of classes that are not of this package, which can run
+                any code: only for files that you trust.
+            **kwargs: Other names replace the model's attributes, objects that the file could only
+                hold with cloudpickle among them (`policy=MyPolicy`, `bonus=my_bonus`), and
+                `evaluator`, which no file holds.
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class.
+            ValueError: If the file is truncated, or no model of this class; if it holds objects
+                that are not given here; if a keyword would replace a setting that what is in the
+                file was made with.
             RuntimeError: If a `bonus` given here is made in another way than the one saved.
         """
-        path = check_is_checkpoint(path, cls.__name__)
+        name = cls.__name__
+        file = check_is_checkpoint(path, name)
         env = open_env(env)
+        # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
+        custom = {k: v for k, v in (custom_objects or {}).items() if k != "learning_rate"}
+        if "policy" in kwargs:
+            custom["policy_class"] = kwargs.pop("policy")
         if "evaluator" in kwargs:
             kwargs["_evaluator_choice"] = kwargs.pop("evaluator")
-        if kwargs.get("custom_objects"):
-            # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
-            kept = {k: v for k, v in kwargs["custom_objects"].items() if k != "learning_rate"}
-            kwargs["custom_objects"] = kept
-        # `_wrap_env` takes a VectorEnv too.
-        model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
+        given = custom | kwargs
+        for fixed in sorted(cls._fixed_settings() & given.keys() - pickled_attributes(file)):
+            raise ValueError(f"`{fixed}` must be left as it was saved: make a new {name}.")
+        attributes = read_attributes(file, name, given, allow_pickle=allow_pickle)
+        if isinstance(attributes.get("policy_class"), str):
+            attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
+        with plain_tensors(file, name):
+            model = super().load(
+                file,
+                env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
+                device,
+                attributes,
+                print_system_info,
+                force_reset,
+                **kwargs,
+            )
         if model.env is not None:
             model._match_env(model.env)
         model._show_best()
         return model
+
+    @classmethod
+    def _policy_of(cls, alias: str) -> type[BasePolicy]:
+        check_choice(tuple(cls.policy_aliases), policy=alias)
+        return cls.policy_aliases[alias]
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        """Settings that `load` cannot replace."""
+        return set()

@@ -287,12 +287,14 @@ class QualityDiversity(EvolutionaryAlgorithm):
             ValueError: Also if `archive` or `emitters` are missing or others, or `kwargs` would
                 replace a setting that archive or emitters were made with.
         """
-        own_keywords, common = (inspect.signature(each) for each in (cls, EvolutionaryAlgorithm))
-        fixed = own_keywords.parameters.keys() - common.parameters.keys()
-        for name in sorted(fixed & (kwargs | (kwargs.get("custom_objects") or {})).keys()):
-            raise ValueError(f"`{name}` must be left as it was saved: make a new {cls.__name__}.")
         own = {"_own_archive": archive, "emitters": emitters}
         return super().load(path, env, *args, **own, **kwargs)
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        """What archive and emitters were made with."""
+        own, common = (inspect.signature(each) for each in (cls, EvolutionaryAlgorithm))
+        return own.parameters.keys() - common.parameters.keys() - {"archive", "emitters"}
 
     # -- acting ---------------------------------------------------------------------------------
 

@@ -31,7 +31,12 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3 import CnnPolicy, MlpPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
-from curiosity_algos.common.checkpoint import TRANSITIONS, check_is_checkpoint, save_model
+from curiosity_algos.common.checkpoint import (
+    TRANSITIONS,
+    check_is_checkpoint,
+    plain_tensors,
+    save_model,
+)
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
@@ -481,25 +486,29 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         *args: Any,
         **kwargs: Any,
     ) -> Self:
-        """Load a model.
+        """Load a model of a file that you trust.
+
+        As in SB3, schedules, noise and spaces are read with cloudpickle, which runs whatever code
+        the file holds.
 
         Args:
             path: Of the file; `.zip` may be left out.
             env: As in the constructor; None: the model can predict, and learn after `set_env`.
             *args: As in SB3 (`device`, `custom_objects`, ...).
-            **kwargs: Likewise; other names replace the model's attributes.
+            **kwargs: As in SB3; other names replace the model's attributes.
 
         Raises:
             FileNotFoundError: If there is no such file.
             ValueError: If the file is truncated, or no model of this class.
             RuntimeError: If a `bonus` given here is made in another way than the one saved.
         """
-        path = check_is_checkpoint(path, cls.__name__)
+        file = check_is_checkpoint(path, cls.__name__)
         env = open_env(env)
         if env is not None:
             _check_env(env)
-        # `_wrap_env` takes a VectorEnv too.
-        model = super().load(path, env, *args, **kwargs)  # type: ignore[arg-type]
+        with plain_tensors(file, cls.__name__):
+            # `_wrap_env` takes a VectorEnv too.
+            model = super().load(file, env, *args, **kwargs)  # type: ignore[arg-type]
         if model.env is not None:
             model._match_env()
         return model

@@ -2,8 +2,10 @@
 
 import copy
 import json
+import pickle
 import random
 import signal
+import zipfile
 
 import gymnasium as gym
 import numpy as np
@@ -382,6 +384,13 @@ class TestErrors:
     def test_a_budget_is_finite(self, make, make_maze, budget):
         with pytest.raises(ValueError, match="`total_timesteps` must be finite"):
             make(make_maze()).learn(budget)
+
+    def test_code_among_the_tensors_never_runs(self, make, make_maze, tmp_path):
+        make(make_maze()).save(tmp_path / "model.zip")
+        with zipfile.ZipFile(tmp_path / "model.zip", "a") as archive:
+            archive.writestr("hidden.pth", pickle.dumps(print))
+        with pytest.raises(ValueError, match="holds more than tensors and plain values"):
+            TD3ICM.load(tmp_path / "model")
 
     def test_a_loaded_model_needs_an_env(self, make, make_maze, tmp_path):
         make(make_maze()).save(tmp_path / "model")

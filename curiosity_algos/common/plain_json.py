@@ -1,0 +1,111 @@
+"""Attributes of a model as JSON, which is read back without running code.
+
+Where JSON has no word for a value, a dictionary of one key stands for it, and the key names the
+kind: `{":array:": {"dtype": "float32", "shape": [2], "bytes": "..."}}`. The kinds are few, and none
+of them names a class or a module, so that a file cannot choose what is called.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from curiosity_gym.core import CoverageGrid
+
+_PLAIN = (bool, int, float, str, type(None))
+_NUMBERS = "biuf"
+"""Kinds of numpy's types that are written byte by byte."""
+
+
+def encode(value: Any) -> Any:
+    """`value` in terms of JSON; tuples become lists, and paths text.
+
+    Raises:
+        TypeError: If it holds an object of a kind that has no description here.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        return {":array:": _describe_array(np.asarray(value))}
+    if isinstance(value, _PLAIN):
+        return value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, list | tuple):
+        return [encode(each) for each in value]
+    if isinstance(value, Mapping):
+        return {str(key): encode(each) for key, each in value.items()}
+    for kind, (cls, describe, _) in _KINDS.items():
+        if isinstance(value, cls):
+            return {kind: encode(describe(value))}
+    raise TypeError(f"JSON has no description of a {type(value).__name__}.")
+
+
+def decode(value: Any) -> Any:
+    """What `encode` was given, in new objects.
+
+    Raises:
+        ValueError: If a description is not one that `encode` gives.
+    """
+    if isinstance(value, list):
+        return [decode(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    kind = next(iter(value), None)
+    if len(value) == 1 and kind in (":array:", *_KINDS):
+        return _decode_kind(kind, value[kind])
+    return {key: decode(each) for key, each in value.items()}
+
+
+def _decode_kind(kind: str, description: Any) -> Any:
+    try:
+        if kind == ":array:":
+            return _array(**description)
+        return _KINDS[kind][2](**decode(description))
+    except (AssertionError, AttributeError, TypeError, ValueError) as error:
+        raise ValueError(f"The description of a {kind.strip(':')} is damaged.") from error
+
+
+def _describe_array(array: npt.NDArray[Any]) -> dict[str, Any]:
+    if array.dtype.kind not in _NUMBERS:
+        raise TypeError(f"JSON has no description of an array of {array.dtype}.")
+    data = base64.b64encode(array.tobytes()).decode()
+    return {"dtype": array.dtype.name, "shape": list(array.shape), "bytes": data}
+
+
+def _array(dtype: str, shape: list[int], bytes: str) -> Any:
+    """An array, or numpy's scalar where there are no dimensions."""
+    array = np.frombuffer(base64.b64decode(bytes), dtype=np.dtype(dtype)).reshape(shape)
+    return array.copy() if shape else array[()]
+
+
+def _box(low: npt.NDArray[Any], high: npt.NDArray[Any]) -> spaces.Box[Any]:
+    return spaces.Box(low, high, dtype=low.dtype.type)
+
+
+def _grid(dimensions: list[int], projections: dict[str, list[int]], **others: Any) -> CoverageGrid:
+    kept = {name: tuple(entries) for name, entries in projections.items()}
+    return CoverageGrid(tuple(dimensions), projections=kept, **others)
+
+
+_KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any]]] = {
+    ":box:": (spaces.Box, lambda box: {"low": box.low, "high": box.high}, _box),
+    ":discrete:": (
+        spaces.Discrete,
+        lambda space: {"n": int(space.n), "start": int(space.start)},
+        lambda n, start: spaces.Discrete(n, start=start),
+    ),
+    ":deque:": (deque, lambda items: {"iterable": list(items), "maxlen": items.maxlen}, deque),
+    ":coverage_grid:": (
+        CoverageGrid,
+        lambda grid: {field.name: getattr(grid, field.name) for field in fields(grid)},
+        _grid,
+    ),
+}
+"""Key: what it stands for, the keywords that describe one, and what makes one of them."""

@@ -265,7 +265,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     ) -> Self:
         """Search until the generation that reaches the budget has ended.
 
-        Ctrl-C takes effect at the end of the running generation, so that the model can be saved.
+        Ctrl-C takes effect at the end of the running generation, so that the model can be saved; a
+        second one at once.
 
         Args:
             total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
@@ -290,7 +291,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             callback.init_callback(self)
         callback.on_training_start({"self": self, "total_timesteps": total}, {})
         while self.num_timesteps < total:
-            with deferred_interrupt():
+            with deferred_interrupt("the generation"):
                 callback.on_rollout_start()
                 rollouts, metrics = self._run_generation()
                 callback.update_locals({"rollouts": rollouts})

@@ -1,19 +1,23 @@
-"""Ctrl-C that waits for the end of a generation."""
+"""Ctrl-C that waits until what has begun is done."""
 
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 
 @contextmanager
-def deferred_interrupt() -> Iterator[None]:
-    """Hold the first Ctrl-C back until the block ends; a second one interrupts at once.
+def deferred_interrupt(what: str) -> Iterator[None]:
+    """Hold the first Ctrl-C back until the block ends, and say so; a second one interrupts at once.
 
     A model is then always interrupted between two generations, where it can be saved and resumed.
+
+    Args:
+        what: What the block does, for the line on stderr: "the generation".
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -24,6 +28,7 @@ def deferred_interrupt() -> Iterator[None]:
     def hold(number: int, frame: FrameType | None) -> None:
         received.append(number)
         signal.signal(signal.SIGINT, previous)
+        _say(f"Ctrl-C: waiting for the end of {what}; press it again to stop at once.")
 
     # Only Python's own Ctrl-C is held: another handler is the user's, and stays in charge.
     is_default = previous is signal.default_int_handler
@@ -36,3 +41,9 @@ def deferred_interrupt() -> Iterator[None]:
             signal.signal(signal.SIGINT, previous)
     if received:
         raise KeyboardInterrupt
+
+
+def _say(line: str) -> None:
+    # A write that the signal came into, or a closed stderr: neither must end the block.
+    with suppress(OSError, RuntimeError, ValueError):
+        print(line, file=sys.stderr, flush=True)

@@ -285,7 +285,8 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
     ) -> Self:
         """Train until the rollout that reaches the budget has ended.
 
-        Ctrl-C takes effect after a step or a training, so that the model can be saved.
+        Ctrl-C takes effect after a step or a training, so that the model can be saved; a second one
+        at once.
 
         Args:
             total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
@@ -352,7 +353,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         callback.on_rollout_start()
         goes_on = True
         while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
-            with deferred_interrupt():
+            with deferred_interrupt("the step"):
                 step = self._step(env, replay_buffer, action_noise, learning_starts)
                 callback.update_locals({**step, "train_freq": train_freq})
                 goes_on = callback.on_step()
@@ -360,7 +361,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
         if goes_on:
             callback.on_rollout_end()
-            with deferred_interrupt():
+            with deferred_interrupt("the rollout"):
                 self._end_rollout()
         return rollout
 
@@ -419,7 +420,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """As in SB3, but not to be interrupted in the midst of it."""
-        with deferred_interrupt():
+        with deferred_interrupt("the training"):
             self._train_parts(batch_size)
             super().train(gradient_steps, batch_size)
             self._begin_rollout()

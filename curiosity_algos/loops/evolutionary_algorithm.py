@@ -39,6 +39,7 @@ from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_m
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
 from curiosity_algos.loops.constructors import AlgorithmType
+from curiosity_algos.loops.generation import as_step
 from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.progress_bar import ProgressBar
@@ -52,7 +53,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     here: the budget, callbacks, logging, coverage, the best policy, save and load.
 
     A timestep is one environment step of one individual. Callbacks are called once a generation, so
-    their frequencies count generations.
+    their frequencies count generations; in their `locals` it is the last step of as many episodes
+    as there are individuals (`rewards`, `dones`, `infos`), beside the `rollouts` themselves.
 
     Args:
         env: An environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv. Observations must be
@@ -163,6 +165,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             self.observation_space, self.action_space, **self.policy_kwargs
         )  # type: ignore[assignment]
         self._coverage = Coverage(self._coverage_grid)
+        self._generation_values: dict[str, Any] = {}
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
         self._episodes = EpisodeSeeds(episode_seed)
         self._make_search(search_seed)
@@ -289,28 +292,39 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         if progress_bar:
             callback = CallbackList([callback, ProgressBar()])
             callback.init_callback(self)
-        callback.on_training_start({"self": self, "total_timesteps": total}, {})
+        arguments = {"log_interval": log_interval, "tb_log_name": name}
+        callback.on_training_start({"self": self, "total_timesteps": total, **arguments}, {})
         while self.num_timesteps < total:
             with deferred_interrupt("the generation"):
                 callback.on_rollout_start()
-                rollouts, metrics = self._run_generation()
-                callback.update_locals({"rollouts": rollouts})
+                step = self._run_generation()
+                self._update_current_progress_remaining(min(self.num_timesteps, total), total)
+                self._update_info_buffer(step["infos"], step["dones"])
+                callback.update_locals(step)
                 callback.on_rollout_end()
                 if log_interval is not None and self.generation % log_interval == 0:
-                    self._log(rollouts, metrics)
+                    self.dump_logs()
                 if not callback.on_step():
                     break
         callback.on_training_end()
         return self
 
-    def _run_generation(self) -> tuple[Rollouts, Mapping[str, float]]:
+    def _run_generation(self) -> dict[str, Any]:
+        """What callbacks find in their `locals`, see `as_step`."""
         assert self.evaluator is not None
         parameters = self._ask()
         rollouts = self.evaluator.evaluate(parameters, self._episodes.draw())
         self._check_rollouts(rollouts)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
-        return rollouts, metrics
+        self._generation_values = {
+            "rollout/ep_rew_mean": rollouts.returns.mean(),
+            "rollout/ep_rew_max": rollouts.returns.max(),
+            "rollout/ep_len_mean": rollouts.lengths.mean(),
+            "rollout/success_rate": rollouts.success.mean(),
+            **metrics,
+        }
+        return as_step(rollouts, self._seconds())
 
     def _check_rollouts(self, rollouts: Rollouts) -> None:
         """Raise ValueError where the env gave what nothing can be learned from."""
@@ -342,15 +356,16 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         found = self._best_parameters if self._has_reward else None
         self.policy.vector[:] = self._center() if found is None else found
 
-    def _log(self, rollouts: Rollouts, metrics: Mapping[str, float]) -> None:
-        elapsed = max((time.time_ns() - self.start_time) / 1e9, 1e-9)
+    def _seconds(self) -> float:
+        """Since `learn` began."""
+        return max((time.time_ns() - self.start_time) / 1e9, 1e-9)
+
+    def dump_logs(self) -> None:
+        """Write the log of the last generation."""
+        fps = int((self.num_timesteps - self._num_timesteps_at_start) / self._seconds())
         values: dict[str, Any] = {
-            "rollout/ep_rew_mean": rollouts.returns.mean(),
-            "rollout/ep_rew_max": rollouts.returns.max(),
-            "rollout/ep_len_mean": rollouts.lengths.mean(),
-            "rollout/success_rate": rollouts.success.mean(),
-            **metrics,
-            "time/fps": int((self.num_timesteps - self._num_timesteps_at_start) / elapsed),
+            **self._generation_values,
+            "time/fps": fps,
             "time/generations": self.generation,
             "time/total_timesteps": self.num_timesteps,
         }
@@ -366,8 +381,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         return ["policy", *stateful_parts(self)], []
 
     def _excluded_save_params(self) -> list[str]:
-        # A generation begins its episodes anew: the last observations are of no use.
-        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts"]
+        # A generation begins episodes and log anew: what was seen last is of no use.
+        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts", "_generation_values"]
         return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
 
     def save(

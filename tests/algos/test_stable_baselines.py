@@ -1,10 +1,25 @@
 """Stable-Baselines3's own tools work on every algorithm of this package."""
 
+import csv
+import importlib
+import pkgutil
+
 import numpy as np
 import pytest
+import sb3_contrib
+import stable_baselines3
+from sb3_contrib.common.maskable.callbacks import MaskableEvalCallback
 from stable_baselines3.common.callbacks import (
+    BaseCallback,
+    CallbackList,
     CheckpointCallback,
+    ConvertCallback,
     EvalCallback,
+    EventCallback,
+    EveryNTimesteps,
+    LogEveryNTimesteps,
+    ProgressBarCallback,
+    StopTrainingOnMaxEpisodes,
     StopTrainingOnNoModelImprovement,
     StopTrainingOnRewardThreshold,
 )
@@ -89,3 +104,88 @@ def test_tensorboard_gets_a_folder_for_each_run(any_algorithm, make_model, make_
 def test_no_log_interval_is_no_log(any_algorithm, make_model, make_easy_maze, capsys):
     make_model(any_algorithm, make_easy_maze(), verbose=1).learn(300, log_interval=None)
     assert "total_timesteps" not in capsys.readouterr().out
+
+
+def exported(package):
+    """Every callback in the modules of a package."""
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        for thing in vars(importlib.import_module(module.name)).values():
+            if isinstance(thing, type) and issubclass(thing, BaseCallback):
+                yield thing
+
+
+ABSTRACT = {BaseCallback, EventCallback}
+MADE = {
+    CallbackList: lambda env, folder: CallbackList([LogEveryNTimesteps(100)]),
+    CheckpointCallback: lambda env, folder: CheckpointCallback(1, folder, save_replay_buffer=True),
+    ConvertCallback: lambda env, folder: ConvertCallback(lambda locals_, globals_: True),
+    EvalCallback: lambda env, folder: EvalCallback(env, eval_freq=64, n_eval_episodes=1),
+    MaskableEvalCallback: lambda env, folder: MaskableEvalCallback(
+        env, eval_freq=64, n_eval_episodes=1, use_masking=False
+    ),
+    EveryNTimesteps: lambda env, folder: EveryNTimesteps(100, LogEveryNTimesteps(1)),
+    LogEveryNTimesteps: lambda env, folder: LogEveryNTimesteps(100),
+    ProgressBarCallback: lambda env, folder: ProgressBarCallback(),
+    StopTrainingOnMaxEpisodes: lambda env, folder: StopTrainingOnMaxEpisodes(3, verbose=1),
+    StopTrainingOnNoModelImprovement: lambda env, folder: EvalCallback(
+        env, callback_after_eval=StopTrainingOnNoModelImprovement(1), eval_freq=64
+    ),
+    StopTrainingOnRewardThreshold: lambda env, folder: EvalCallback(
+        env, callback_on_new_best=StopTrainingOnRewardThreshold(0.1), eval_freq=64
+    ),
+}
+"""How each callback is made, of those that Stable-Baselines3 and sb3-contrib export."""
+
+
+def test_every_callback_is_known():
+    assert {*exported(stable_baselines3), *exported(sb3_contrib)} == {*MADE, *ABSTRACT}
+
+
+@pytest.mark.parametrize("callback", MADE, ids=lambda callback: callback.__name__)
+def test_every_callback_works(any_algorithm, make_model, make_easy_maze, tmp_path, callback):
+    if callback is ProgressBarCallback:
+        pytest.importorskip("rich")
+    made = MADE[callback](Monitor(make_easy_maze()), str(tmp_path))
+    model = make_model(any_algorithm, make_easy_maze()).learn(600, callback=made)
+    assert model.num_timesteps > 0
+    assert made.n_calls > 0
+
+
+def test_training_stops_after_so_many_episodes(any_algorithm, make_model, make_maze, capsys):
+    callback = StopTrainingOnMaxEpisodes(10, verbose=1)
+    model = make_model(any_algorithm, make_maze()).learn(1e9, callback=callback)
+    episodes = 10 if any_algorithm is TD3ICM else 12  # of two generations
+    assert (callback.n_episodes, model.num_timesteps) == (episodes, episodes * 50)
+    assert f"{any_algorithm.__name__} model reached max_episodes=10" in capsys.readouterr().out
+
+
+def test_logs_come_every_so_many_timesteps(any_algorithm, make_model, make_maze, tmp_path):
+    model = make_model(any_algorithm, make_maze())
+    model.set_logger(configure(str(tmp_path), ["csv"]))
+    model.learn(1200, callback=LogEveryNTimesteps(600), log_interval=None)
+    with open(tmp_path / "progress.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["time/total_timesteps"]) for row in rows] == [600, 1200]
+    assert {"rollout/ep_rew_mean", "rollout/ep_len_mean", "coverage/all"} <= rows[0].keys()
+
+
+def test_callbacks_find_episodes_and_progress(any_algorithm, make_model, make_maze):
+    seen = []
+
+    def callback(locals_, globals_):
+        model = locals_["self"]
+        ended = [info for info in locals_["infos"] if "episode" in info]
+        assert len(locals_["rewards"]) == len(locals_["infos"]) == len(locals_["dones"])
+        assert sum(locals_["dones"]) == len(ended)
+        assert all("terminal_observation" in info for info in ended)
+        seen.extend(info["episode"] for info in ended)
+        done = min(model.num_timesteps / 900, 1.0)
+        assert model._current_progress_remaining == pytest.approx(1.0 - done)
+        return True
+
+    model = make_model(any_algorithm, make_maze())
+    model.learn(900, callback=callback)
+    assert list(model.ep_info_buffer) == seen
+    assert [episode["l"] for episode in seen] == [50] * 18
+    assert all(episode.keys() >= {"r", "l", "t"} for episode in seen)
+    assert list(model.ep_success_buffer) == [False] * 18

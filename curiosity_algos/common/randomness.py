@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnv
+
+_NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType, type)
+"""What a part may refer to, but whose generators are not its own."""
+_WITHOUT_PARTS = (np.ndarray, th.Tensor, str, bytes, int, float, type(None))
 
 
 def generator_state(generator: np.random.Generator) -> str:
@@ -30,6 +37,38 @@ def integer_seed(seed: np.random.SeedSequence) -> int:
 def torch_generator(seed: int | None) -> th.Generator:
     """A generator of its own for torch's draws; None: fresh entropy."""
     return th.Generator().manual_seed(integer_seed(np.random.SeedSequence(seed)))
+
+
+def reseed(parts: Iterable[object], seed: np.random.SeedSequence) -> None:
+    """Begin anew every generator that `parts` hold, each from a child of `seed`.
+
+    Generators are found in attributes, dictionaries, lists and tuples, however deep, numpy's and
+    torch's alike; those of environments and spaces stay as they are.
+    """
+    generators = list(_generators(list(parts), set()))
+    for generator, child in zip(generators, seed.spawn(len(generators)), strict=True):
+        if isinstance(generator, th.Generator):
+            generator.manual_seed(integer_seed(child))
+        else:
+            kind: Any = type(generator.bit_generator)
+            generator.bit_generator.state = kind(child).state
+
+
+def _generators(thing: Any, seen: set[int]) -> Iterator[np.random.Generator | th.Generator]:
+    """Each generator within `thing` once, in the order of attributes."""
+    if isinstance(thing, (*_NOT_OWN, *_WITHOUT_PARTS)) or id(thing) in seen:
+        return
+    seen.add(id(thing))
+    if isinstance(thing, np.random.Generator | th.Generator):
+        yield thing
+        return
+    parts = list(getattr(thing, "__dict__", {}).values())
+    if isinstance(thing, list | tuple):
+        parts += thing
+    elif isinstance(thing, Mapping):
+        parts += thing.values()
+    for part in parts:
+        yield from _generators(part, seen)
 
 
 class EpisodeSeeds:

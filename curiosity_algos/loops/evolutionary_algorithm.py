@@ -26,7 +26,7 @@ from curiosity_algos.common.checkpoint import (
     read_attributes,
     save_model,
 )
-from curiosity_algos.common.randomness import EpisodeSeeds
+from curiosity_algos.common.randomness import EpisodeSeeds, reseed
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
@@ -185,6 +185,26 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
                 f"got {choice!r} of {own}."
             )
         return choice
+
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """Begin every random draw of the run anew: search, motivation, archive and episodes.
+
+        Unlike in SB3 the global generators of the process stay as they are.
+
+        Args:
+            seed: None: nothing is seeded.
+
+        Raises:
+            ValueError: If it is no whole number of at least 0.
+        """
+        check_seed(seed)
+        if seed is None:
+            return
+        parts = [getattr(self, name) for name in self._get_torch_save_params()[0]]
+        reseed(parts, np.random.SeedSequence(seed))
+        self.action_space.seed(int(seed))
+        if self.env is not None:
+            self.env.seed(int(seed))
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
@@ -434,7 +454,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
                 any code: only for files that you trust.
             **kwargs: Other names replace the model's attributes, objects that the file could only
                 hold with cloudpickle among them (`policy=MyPolicy`, `bonus=my_bonus`), and
-                `evaluator`, which no file holds.
+                `evaluator`, which no file holds. `seed` begins every random draw anew, see
+                `set_random_seed`; without it they go on.
 
         Raises:
             FileNotFoundError: If there is no such file.
@@ -453,6 +474,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         if "evaluator" in kwargs:
             kwargs["_evaluator_choice"] = kwargs.pop("evaluator")
         given = custom | kwargs
+        check_seed(given.get("seed"))
         for fixed in sorted(cls._fixed_settings() & given.keys() - pickled_attributes(file)):
             raise ValueError(f"`{fixed}` must be left as it was saved: make a new {name}.")
         attributes = read_attributes(file, name, given, allow_pickle=allow_pickle)
@@ -471,6 +493,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         if model.env is not None:
             model._match_env(model.env)
         model._show_best()
+        model.set_random_seed(given.get("seed"))
         return model
 
     @classmethod

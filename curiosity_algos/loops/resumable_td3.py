@@ -39,7 +39,7 @@ from curiosity_algos.common.checkpoint import (
 )
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
+from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator, reseed
 from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.episodes import EpisodeRecord
@@ -208,19 +208,27 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             check_at_least_one(gradient_steps=self.gradient_steps)
 
     def set_random_seed(self, seed: int | None = None) -> None:
-        """Seed the run's generators, the environment and its actions.
+        """Seed the run's generators, those of noise, bonus and replay buffer, env and actions.
 
         Unlike in SB3 the global generators of the process stay as they are.
 
         Args:
             seed: None: nothing is seeded.
+
+        Raises:
+            ValueError: If it is no whole number of at least 0.
         """
+        check_seed(seed)
         if seed is None:
             return
         self._generators.seed(np.random.SeedSequence(seed))
-        self.action_space.seed(seed)
+        if hasattr(self, "policy"):  # SB3 calls this before it makes one: the parts are new then
+            names = [name.partition(".")[0] for name in self._get_torch_save_params()[0]]
+            parts = [self.action_noise, *(getattr(self, name) for name in names)]
+            reseed(parts, np.random.SeedSequence(seed))
+        self.action_space.seed(int(seed))
         if self.env is not None:
-            self.env.seed(seed)
+            self.env.seed(int(seed))
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
@@ -496,7 +504,8 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             path: Of the file; `.zip` may be left out.
             env: As in the constructor; None: the model can predict, and learn after `set_env`.
             *args: As in SB3 (`device`, `custom_objects`, ...).
-            **kwargs: As in SB3; other names replace the model's attributes.
+            **kwargs: As in SB3; other names replace the model's attributes. `seed` begins every
+                random draw anew, see `set_random_seed`; without it they go on.
 
         Raises:
             FileNotFoundError: If there is no such file.
@@ -507,11 +516,14 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         env = open_env(env)
         if env is not None:
             _check_env(env)
+        seed = kwargs.get("seed")
+        check_seed(seed)
         with plain_tensors(file, cls.__name__):
             # `_wrap_env` takes a VectorEnv too.
             model = super().load(file, env, *args, **kwargs)  # type: ignore[arg-type]
         if model.env is not None:
             model._match_env()
+        model.set_random_seed(seed)
         return model
 
 

@@ -3,12 +3,14 @@
 import csv
 import os
 import pathlib
+import random
 import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import torch as th
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
@@ -102,6 +104,83 @@ def test_saving_changes_nothing(
     one.save(tmp_path / "model")
     one.save(tmp_path / "model", exclude=["buffer"])
     assert_same_run(one.learn(600), other.learn(600))
+
+
+def generators(state):
+    """The states of the generators within nested state dictionaries."""
+    if isinstance(state, dict):
+        for key, value in state.items():
+            if key in ("rng", "generator", "cuda", "numpy", "torch"):
+                yield value
+            else:
+                yield from generators(value)
+    elif isinstance(state, list | tuple):
+        for each in state:
+            yield from generators(each)
+
+
+def is_same(one, other):
+    return th.equal(one, other) if isinstance(one, th.Tensor) else str(one) == str(other)
+
+
+class TestSeeds:
+    def test_every_generator_begins_anew(self, any_algorithm, make_model, make_easy_maze):
+        model = make_model(any_algorithm, make_easy_maze()).learn(300)
+        before = list(generators(model.get_parameters()))
+        model.set_random_seed(7)
+        after = list(generators(model.get_parameters()))
+        assert len(after) > 1
+        assert not any(map(is_same, before, after))
+        model.set_random_seed(None)
+        assert all(map(is_same, after, generators(model.get_parameters())))
+
+    def test_the_seed_decides_how_it_goes_on(
+        self, any_algorithm, make_model, make_easy_maze, assert_same, assert_same_run
+    ):
+        models = [make_model(any_algorithm, make_easy_maze()).learn(300) for _ in range(4)]
+        for model, seed in zip(models, [1, 1, 2, None], strict=True):
+            model.set_random_seed(seed)
+            model.learn(600, reset_num_timesteps=False)
+        assert_same_run(models[0], models[1])
+        for other in models[2:]:
+            with pytest.raises(AssertionError):
+                assert_same(models[0].get_parameters(), other.get_parameters())
+
+    def test_the_seed_of_load_decides_how_it_goes_on(
+        self, any_algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
+    ):
+        make_model(any_algorithm, make_easy_maze()).learn(300).save(tmp_path / "model")
+        one, twin, other = (
+            any_algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=seed)
+            for seed in (1, 1, 2)
+        )
+        for model in (one, twin, other):
+            model.learn(600, reset_num_timesteps=False)
+        assert_same_run(one, twin)
+        with pytest.raises(AssertionError):
+            assert_same(one.get_parameters(), other.get_parameters())
+
+    def test_global_generators_stay(self, any_algorithm, make_model, make_easy_maze, tmp_path):
+        model = make_model(any_algorithm, make_easy_maze())
+        model.save(tmp_path / "model")
+        random.seed(3), np.random.seed(3), th.manual_seed(3)  # noqa: NPY002
+        before = random.getstate(), np.random.get_state(), th.get_rng_state()  # noqa: NPY002
+        model.set_random_seed(7)
+        any_algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=7)
+        assert random.getstate() == before[0]
+        np.testing.assert_equal(np.random.get_state(), before[1])  # noqa: NPY002
+        assert th.equal(th.get_rng_state(), before[2])
+
+    @pytest.mark.parametrize("seed", [-1, 0.5, "1"])
+    def test_seeds_are_whole_numbers(
+        self, any_algorithm, make_model, make_easy_maze, tmp_path, seed
+    ):
+        model = make_model(any_algorithm, make_easy_maze())
+        model.save(tmp_path / "model")
+        with pytest.raises(ValueError, match="`seed` must be None or a whole number"):
+            model.set_random_seed(seed)
+        with pytest.raises(ValueError, match="`seed` must be None or a whole number"):
+            any_algorithm.load(tmp_path / "model", seed=seed)
 
 
 def logged(folder):

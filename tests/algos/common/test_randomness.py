@@ -14,6 +14,7 @@ from curiosity_algos.common.randomness import (
     SpaceGenerator,
     generator_state,
     load_generator_state,
+    reseed,
 )
 
 
@@ -118,3 +119,54 @@ class TestGlobalGenerators:
         with other.lent():
             assert (np.random.standard_normal(), self.draw()) == expected  # noqa: NPY002
         assert th.equal(other.state_dict()["torch"], after["torch"])
+
+
+class Part:
+    """Holds what it is given."""
+
+    def __init__(self, **attributes):
+        vars(self).update(attributes)
+
+
+class TestReseed:
+    def make(self, seed):
+        shared = np.random.default_rng(seed)
+        return Part(
+            rng=shared,
+            nested={"a": [Part(generator=th.Generator().manual_seed(seed)), (shared,)]},
+            module=th.nn.Linear(2, 2),
+            others=[np.random.default_rng(seed), np.random.Generator(np.random.MT19937(seed))],
+        )
+
+    def draws(self, part):
+        generator = part.nested["a"][0].generator
+        numbers = [each.random() for each in (part.rng, *part.others)]
+        return [*numbers, th.rand((), generator=generator).item()]
+
+    def test_the_seed_decides_whatever_was_drawn_before(self):
+        one, other = self.make(0), self.make(1)
+        self.draws(one)
+        for part in (one, other):
+            reseed([part, Part(part=part)], np.random.SeedSequence(5))
+        drawn = self.draws(one)
+        assert drawn == self.draws(other)
+        assert len(set(drawn)) == len(drawn)  # from a seed each
+        reseed([one], np.random.SeedSequence(6))
+        assert not set(self.draws(one)) & set(drawn)
+
+    def test_what_refers_to_itself_ends(self):
+        part = Part()
+        part.itself = [part, {"part": part}]
+        part.rng = np.random.default_rng(0)
+        reseed([part], np.random.SeedSequence(3))
+        other = Part(rng=np.random.default_rng(1))
+        reseed([other], np.random.SeedSequence(3))
+        assert part.rng.random() == other.rng.random()
+
+    def test_spaces_and_envs_stay_as_they_are(self, make_maze):
+        env, space = make_maze(), spaces.Discrete(100)
+        space.seed(0)
+        env.reset(seed=0)
+        states = [generator_state(each.np_random) for each in (space, env.unwrapped)]
+        reseed([Part(env=env, space=space)], np.random.SeedSequence(5))
+        assert [generator_state(each.np_random) for each in (space, env.unwrapped)] == states

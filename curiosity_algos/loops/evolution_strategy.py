@@ -195,6 +195,13 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _center(self) -> Float32Array:
         return np.asarray(self._search.center, dtype=np.float32)
 
+    def _begin_at(self, parameters: Float32Array) -> None:
+        if not isinstance(self._search, CanonicalSearch):
+            raise ValueError(
+                "`policy` cannot be set alone where `search` was given: let it begin there."
+            )
+        self._search.center = parameters.astype(np.float64)
+
 
 class MotivatedStrategy(EvolutionStrategy):
     """Ranks individuals by `phi z(return) + (1 - phi) z(intrinsic fitness)`.

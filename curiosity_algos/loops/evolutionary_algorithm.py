@@ -15,7 +15,7 @@ from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorDict
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -150,6 +150,14 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     @abstractmethod
     def _center(self) -> Float32Array:
         """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
+
+    def _begin_at(self, parameters: Float32Array) -> None:
+        """Search on from these parameters, shape (n_parameters,), where an algorithm can.
+
+        Raises:
+            ValueError: If it cannot; nothing has changed then.
+        """
+        raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
 
     # -- the model ------------------------------------------------------------------------------
 
@@ -394,6 +402,37 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)
 
+    def set_parameters(
+        self,
+        load_path_or_dict: str | TensorDict,
+        exact_match: bool = True,
+        device: th.device | str = "auto",
+    ) -> None:
+        """Take over parameters, the state of the search with them.
+
+        Given `{"policy": ...}` alone, with `exact_match=False`, the search goes on from that
+        policy: an evolution strategy's center moves there, an archive that is still empty is filled
+        from there. The best policy found so far is kept.
+
+        Args:
+            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
+            exact_match: Whether all parts must be there.
+            device: As in SB3.
+
+        Raises:
+            ValueError: If parts are missing, or unknown; if the policy alone is given and is not
+                finite, or the search has no use for it: archives have parents of their own once
+                they hold elites.
+        """
+        before = self.policy.vector.copy()
+        super().set_parameters(load_path_or_dict, exact_match, device)
+        if isinstance(load_path_or_dict, dict) and {*load_path_or_dict} == {"policy"}:
+            try:
+                self._begin_at(_finite(self.policy.vector))
+            except ValueError:
+                self.policy.vector[:] = before
+                raise
+
     # -- save and load --------------------------------------------------------------------------
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
@@ -505,3 +544,14 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     def _fixed_settings(cls) -> set[str]:
         """Settings that `load` cannot replace."""
         return set()
+
+
+def _finite(parameters: Float32Array) -> Float32Array:
+    """A copy of a policy's parameters.
+
+    Raises:
+        ValueError: If they are NaN or infinite.
+    """
+    if not np.isfinite(parameters).all():
+        raise ValueError("`policy` must have finite parameters.")
+    return parameters.copy()

@@ -214,6 +214,15 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
             )
 
+    def _begin_at(self, parameters: Float32Array) -> None:
+        if not self.archive.empty:
+            raise ValueError(
+                "`policy` cannot be set alone once there are elites, which are the parents from "
+                "there on: set it before the first `learn`."
+            )
+        seed = integer_seed(np.random.SeedSequence(self._episodes.draw()))
+        self._emitters = self._make_emitters(parameters, seed)
+
     def _ask(self) -> Float32Array:
         # Made anew each time: after an env's error the old one would wait for what never comes.
         self._scheduler = Scheduler(self.archive, self._emitters.emitters)
@@ -287,7 +296,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
             ValueError: Also if `archive` or `emitters` are missing or others, or `kwargs` would
                 replace a setting that archive or emitters were made with.
         """
-        own = {"_own_archive": archive, "emitters": emitters}
+        own: dict[str, Any] = {"_own_archive": archive, "emitters": emitters}
         return super().load(path, env, *args, **own, **kwargs)
 
     @classmethod

@@ -428,6 +428,24 @@ class TestParameters:
         expected = act(model.policy.mlp, flat.numpy()[None], observation[None])[0]
         np.testing.assert_array_equal(model.predict(observation)[0], expected)
 
+    def test_the_search_goes_on_from_a_policy(self, algorithm, make_model, make_maze):
+        model = make_model(algorithm, make_maze(), sigma=1e-6)
+        flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
+        model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
+        np.testing.assert_array_equal(model._center(), flat)
+        np.testing.assert_allclose(model._ask(), np.tile(flat, (6, 1)), atol=1e-4)
+        model.learn(GENERATION)
+        np.testing.assert_allclose(model._center(), flat, atol=1e-4)
+
+    def test_a_policy_that_is_not_finite_changes_nothing(
+        self, algorithm, make_model, make_maze, assert_same_run
+    ):
+        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+        flat = th.full((model.policy.mlp.n_parameters,), th.nan)
+        with pytest.raises(ValueError, match="`policy` must have finite parameters"):
+            model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
+        assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
+
 
 def read_rows(folder):
     with open(folder / "progress.csv", newline="") as file:

@@ -5,6 +5,7 @@ import re
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from ribs.archives import GridArchive
 from ribs.emitters import (
     EvolutionStrategyEmitter,
@@ -518,3 +519,13 @@ class TestArchive:
         ):
             model.set_env(pendulum(3))
         assert len(own) == n_elites > 0
+
+
+def test_elites_are_not_left_for_a_policy(algorithm, make_model, make_maze, assert_same_run):
+    model, untouched = (make_model(algorithm, make_maze()).learn(1) for _ in range(2))
+    policy = {"flat": th.zeros(model.policy.mlp.n_parameters)}
+    with pytest.raises(ValueError, match="`policy` cannot be set alone once there are elites"):
+        model.set_parameters({"policy": policy}, exact_match=False)
+    for each in (model, untouched):
+        each.learn(300, reset_num_timesteps=False)
+    assert_same_run(model, untouched)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import glob
 import io
 import json
 import os
 import pathlib
 import pickle
+import socket
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
@@ -32,11 +34,14 @@ _NEEDED = {"policy_class", "policy_kwargs", "observation_space", "action_space",
 def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
     """Open a file that takes `path`'s place only once it is wholly on disk.
 
-    Whatever happens before, a full disk or a killed process, leaves the old file as it was.
+    Whatever happens before, a full disk or a killed process, leaves the old file as it was; what a
+    killed process has left beside it the next one removes.
     """
     target = pathlib.Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    prefix = f".{target.name}.{socket.gethostname()}."
+    _remove_stale(target.parent, prefix)
+    temporary = target.with_name(f"{prefix}{os.getpid()}.tmp")
     try:
         with open(temporary, "wb") as file:
             yield file
@@ -47,6 +52,27 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
         temporary.unlink(missing_ok=True)
         raise
     _sync_folder(target.parent)
+
+
+def _remove_stale(folder: pathlib.Path, prefix: str) -> None:
+    """Remove temporary files of processes of this machine that are gone."""
+    for path in folder.glob(f"{glob.escape(prefix)}*.tmp"):
+        process = path.name[len(prefix) : -len(".tmp")]
+        if process.isdecimal() and not _is_running(int(process)):
+            path.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    """Whether there may be such a process."""
+    if os.name != "posix":  # elsewhere asking would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # another user's
+        return True
+    return True
 
 
 def _sync_folder(folder: pathlib.Path) -> None:
@@ -109,13 +135,24 @@ def save_model(
 def _parameters(model: BaseAlgorithm, exclude: Set[str]) -> dict[str, Any]:
     """The states of the model's parts, as the file holds them."""
     parameters = model.get_parameters()
-    check_plain(parameters, "bonus")  # all else that has a state is ours, or torch's
+    for name, state in parameters.items():
+        check_plain(state, _owner(model, name, state))
     if exclude & TRANSITIONS:
         for state in parameters.values():
             # A user's bonus may have a tensor of that name.
             if isinstance(state.get("buffer"), dict):
                 del state["buffer"]
     return parameters
+
+
+def _owner(model: BaseAlgorithm, name: str, state: Any) -> str:
+    """What a user calls the part whose state, within that of the part `name`, is not plain."""
+    nested = state.items() if isinstance(state, Mapping) else ()
+    for key, value in nested:
+        # A part within a part, as a bonus in a motivation, has the name of the user's argument.
+        if isinstance(value, Mapping) and not is_plain(value) and hasattr(model, key):
+            return str(key)
+    return name.lstrip("_")
 
 
 def _encoded(value: Any) -> Any:

@@ -2,6 +2,9 @@ import errno
 import io
 import json
 import os
+import socket
+import subprocess
+import sys
 import zipfile
 
 import gymnasium as gym
@@ -53,6 +56,68 @@ class TestAtomicFile:
         assert checkpoint_path(tmp_path / "model.best") == tmp_path / "model.best"
 
 
+class TestStaleFiles:
+    """What killed saves have left beside a file."""
+
+    @pytest.fixture
+    def gone(self):
+        """The id of a process that has ended."""
+        process = subprocess.Popen([sys.executable, "-c", ""])
+        process.wait()
+        return process.pid
+
+    def save(self, path):
+        with atomic_file(path) as file:
+            file.write(b"new")
+
+    def test_a_killed_save_is_cleared_up(self, tmp_path):
+        path = tmp_path / "file.[1].zip"
+        code = f"""
+import os, signal
+from curiosity_algos.common.checkpoint import atomic_file
+with atomic_file({str(path)!r}) as file:
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+        subprocess.run([sys.executable, "-c", code], check=False)
+        assert len(list(tmp_path.iterdir())) == 1
+        self.save(path)
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_those_of_others_stay(self, tmp_path, gone):
+        host, parent = socket.gethostname(), os.getppid()
+        names = [
+            f".file.zip.{host}.{parent}.tmp",  # lives
+            f".file.zip.elsewhere.{gone}.tmp",  # its processes are not to be asked
+            f".other.zip.{host}.{gone}.tmp",
+            f".file.zip.{host}.notes.tmp",
+            f"file.zip.{host}.{gone}.tmp",
+        ]
+        for name in names:
+            (tmp_path / name).touch()
+        (tmp_path / f".file.zip.{host}.{gone}.tmp").touch()
+        self.save(tmp_path / "file.zip")
+        assert {path.name for path in tmp_path.iterdir()} == {*names, "file.zip"}
+
+    def test_a_full_disk_gets_the_room_back_first(self, tmp_path, gone, monkeypatch):
+        stale = tmp_path / f".file.zip.{socket.gethostname()}.{gone}.tmp"
+        stale.touch()
+        monkeypatch.setattr(os, "fsync", no_space)
+        with pytest.raises(OSError, match="No space left"):
+            self.save(tmp_path / "file.zip")
+        assert list(tmp_path.iterdir()) == []
+
+    def test_processes_of_others_run(self, monkeypatch):
+        def refuse(process, number):
+            raise PermissionError
+
+        monkeypatch.setattr(os, "kill", refuse)
+        assert checkpoint._is_running(1)
+
+    def test_where_asking_ends_a_process_nobody_asks(self, monkeypatch, gone):
+        monkeypatch.setattr(checkpoint.os, "name", "nt")
+        assert checkpoint._is_running(gone)
+
+
 class TestFullDisk:
     """Whenever the disk fills up, the old checkpoint survives and nothing else remains."""
 
@@ -98,6 +163,19 @@ class TestWhatCouldNotBeRead:
             model.save(path)
         assert path.read_bytes() == before
         assert list(tmp_path.iterdir()) == [path]
+
+    def test_the_part_is_named(self, algorithm, make_model, make_maze, tmp_path, monkeypatch):
+        class Counts:
+            def state_dict(self):
+                return {"table": {"seed": np.zeros(3)}}
+
+        model = make_model(algorithm, make_maze())
+        model._counts = Counts()
+        names, variables = model._get_torch_save_params()
+        found = [*names, "_counts"], variables
+        monkeypatch.setattr(algorithm, "_get_torch_save_params", lambda self: found)
+        with pytest.raises(ValueError, match="`counts` must have a state of tensors and plain"):
+            model.save(tmp_path / "model")
 
 
 class TestWrongFiles:

@@ -356,7 +356,35 @@ class TestEnvironments:
         assert model._n_updates > 0
 
 
+class RaisesOnce(gym.Wrapper):
+    """Fails in the step of a number, and never again."""
+
+    def __init__(self, env, moment):
+        super().__init__(env)
+        self.n_steps, self.moment = 0, moment
+
+    def step(self, action):
+        self.n_steps += 1
+        if self.n_steps == self.moment:
+            raise RuntimeError("the simulation failed")
+        return super().step(action)
+
+
 class TestErrors:
+    @pytest.mark.parametrize(
+        ("is_reset", "n_timesteps", "n_updates"), [(True, 150, 250), (False, 300, 300)]
+    )
+    def test_training_goes_on_after_an_env_has_failed(
+        self, make, make_maze, is_reset, n_timesteps, n_updates
+    ):
+        """Neither is a step lost, nor more trained than was collected."""
+        model = make(RaisesOnce(make_maze(), 130), gradient_steps=-1)
+        with pytest.raises(RuntimeError, match="the simulation failed"):
+            model.learn(1e9)
+        assert (model.num_timesteps, model._n_updates) == (129, 100)
+        model.learn(150, reset_num_timesteps=is_reset)
+        assert (model.num_timesteps, model._n_updates) == (n_timesteps, n_updates)
+
     @pytest.mark.parametrize("arguments", [("MlpPolicy", "Pendulum-v1"), ("Pendulum-v1", 3)])
     def test_stable_baselines_order_gets_one_sentence(self, arguments):
         with pytest.raises(ValueError, match=r"TD3ICM\(env, policy="):

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.common.checkpoint import atomic_file
+from curiosity_algos.common.atomic_file import atomic_file
 
 FORMAT = "curiosity archive 1"
 FIELDS = {"solution", "objective", "measures", "index"}

@@ -1,18 +1,15 @@
-"""Atomic files, and clear errors for files that are not ours."""
+"""Models in files: written whole, read without surprises, with clear errors for other files."""
 
 from __future__ import annotations
 
-import glob
 import io
 import json
 import os
 import pathlib
 import pickle
-import socket
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
-from io import BufferedWriter
 from typing import Any
 
 import numpy as np
@@ -20,6 +17,7 @@ import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import save_to_zip_file
 
+from curiosity_algos.common.atomic_file import atomic_file
 from curiosity_algos.common.plain_json import decode, encode
 
 TRANSITIONS = {"buffer", "replay_buffer"}
@@ -28,62 +26,6 @@ _PICKLED = ":serialized:"
 """Key of an attribute that Stable-Baselines3 writes with cloudpickle."""
 _NEEDED = {"policy_class", "policy_kwargs", "observation_space", "action_space", "verbose"}
 """Attributes without which no model can be made."""
-
-
-@contextmanager
-def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
-    """Open a file that takes `path`'s place only once it is wholly on disk.
-
-    Whatever happens before, a full disk or a killed process, leaves the old file as it was; what a
-    killed process has left beside it the next one removes.
-    """
-    target = pathlib.Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    prefix = f".{target.name}.{socket.gethostname()}."
-    _remove_stale(target.parent, prefix)
-    temporary = target.with_name(f"{prefix}{os.getpid()}.tmp")
-    try:
-        with open(temporary, "wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    _sync_folder(target.parent)
-
-
-def _remove_stale(folder: pathlib.Path, prefix: str) -> None:
-    """Remove temporary files of processes of this machine that are gone."""
-    for path in folder.glob(f"{glob.escape(prefix)}*.tmp"):
-        process = path.name[len(prefix) : -len(".tmp")]
-        if process.isdecimal() and not _is_running(int(process)):
-            path.unlink(missing_ok=True)
-
-
-def _is_running(process: int) -> bool:
-    """Whether there may be such a process."""
-    if os.name != "posix":  # elsewhere asking would end it
-        return True
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:  # another user's
-        return True
-    return True
-
-
-def _sync_folder(folder: pathlib.Path) -> None:
-    """Make the renaming itself survive a power cut, where the system can."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch as th
 
-from curiosity_algos.common.checkpoint import atomic_file
+from curiosity_algos.common.atomic_file import atomic_file
 
 
 def plain(value: Any) -> Any:

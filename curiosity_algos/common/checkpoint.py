@@ -52,7 +52,7 @@ def save_model(
         include: Attributes to save although they are left out by default.
         plain: Write attributes as `read_attributes` takes them, without cloudpickle where that is
             possible.
-        **extra: Attributes that the file is to have, whatever the model has.
+        **extra: Attributes to write in place of the model's own.
 
     Raises:
         OSError: If it cannot be written; an older file is then as it was.

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecTransposeIm
 from curiosity_gym import BehaviorWrapper
 
 STATELESS = (OrderEnforcing, PassiveEnvChecker, BehaviorWrapper)
-"""Wrappers that know nothing of the episode but that it began."""
+"""Wrappers whose only state is that an episode has begun."""
 
 State = dict[str, Any]
 
@@ -22,9 +22,9 @@ State = dict[str, Any]
 def environment_states(venv: VecEnv) -> list[State] | None:
     """The state of each environment; None where one cannot give it.
 
-    An environment can once it was reset, if it has `state_dict` and `load_state_dict`, as those of
-    `curiosity_gym` have, no wrappers are around it but Monitor and `STATELESS`, and it is in this
-    process.
+    An environment can if it is in this process and was reset, has `state_dict` and
+    `load_state_dict`, as those of `curiosity_gym` have, and is wrapped in nothing but Monitor and
+    `STATELESS`.
     """
     states = [_state(env) for env in _single_envs(venv)]
     known = [state for state in states if state is not None]
@@ -32,10 +32,10 @@ def environment_states(venv: VecEnv) -> list[State] | None:
 
 
 def load_environment_states(venv: VecEnv, states: Sequence[State]) -> None:
-    """Bring environments, which were reset, to what `environment_states` gave.
+    """Bring environments to the states that `environment_states` gave; they must have been reset.
 
     Raises:
-        ValueError: If they are others.
+        ValueError: If their number, kind or wrappers are not those of the saved ones.
     """
     envs = _single_envs(venv)
     if len(envs) != len(states):
@@ -45,7 +45,7 @@ def load_environment_states(venv: VecEnv, states: Sequence[State]) -> None:
 
 
 def _single_envs(venv: VecEnv) -> list[gym.Env[Any, Any]]:
-    """The environments of a VecEnv, none where it holds more than them."""
+    """The environments of a VecEnv; none where they are in other processes or it changes them."""
     while isinstance(venv, VecTransposeImage):
         venv = venv.venv
     return list(venv.envs) if isinstance(venv, DummyVecEnv) else []

@@ -18,7 +18,7 @@ from curiosity_algos.common.randomness import generator_state, load_generator_st
 
 _PLAIN = (bool, int, float, str, type(None))
 _MADE_ANEW = (ArchiveBase, FunctionType, MethodType, np.dtype, type)
-"""What an object is built with and does not change: shared parts, functions, types."""
+"""Kinds of attributes that the constructor sets and that stay: shared parts, functions, types."""
 _OWN_LIBRARIES = ("ribs", "curiosity_algos")
 
 
@@ -32,7 +32,7 @@ def foreign_state(thing: object) -> dict[str, Any]:
 
 
 def load_foreign_state(thing: object, state: Mapping[str, Any]) -> None:
-    """Give an object that was built alike the attributes that `foreign_state` took."""
+    """Give `thing`, made with the same arguments, the attributes that `foreign_state` read."""
     for name, value in state.items():
         setattr(thing, name, _decode(getattr(thing, name, None), value))
 
@@ -60,7 +60,7 @@ def _encode(name: str, value: Any) -> Any:
 
 
 def _decode(current: Any, value: Any) -> Any:
-    """What `_encode` took in; generators and objects are changed in place."""
+    """The value that `_encode` was given; generators and objects are changed in place."""
     if not isinstance(value, dict):
         return value
     ((kind, content),) = value.items()

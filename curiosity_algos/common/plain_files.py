@@ -15,17 +15,17 @@ from curiosity_algos.common.atomic_file import atomic_file
 
 
 def plain(value: Any) -> Any:
-    """Python's own number for one of numpy's, which these files do not hold."""
+    """`value`, as Python's own number where it is one of numpy's, which these files do not hold."""
     return value.item() if isinstance(value, np.generic) else value
 
 
 def as_tensors(value: Any) -> Any:
-    """The same, nested, without numpy's types: tensors for arrays."""
+    """A copy of nested values: tensors for numpy's arrays, Python's numbers for its scalars."""
     return _mapped(value, np.ndarray | np.generic, _as_tensor)
 
 
 def as_arrays(value: Any) -> Any:
-    """The same with numpy's arrays for tensors."""
+    """A copy of nested values: numpy's arrays for tensors."""
     return _mapped(value, th.Tensor, lambda tensor: tensor.numpy())
 
 

@@ -257,7 +257,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         """Raise ValueError where the algorithm has no use for such behaviors of an env."""
 
     def _forget_behaviors(self) -> None:
-        """Drop what another environment's behaviors came to, where the algorithm keeps any."""
+        """Drop archives and the like that hold behaviors of another environment."""
 
     def _forget_best(self) -> None:
         self._best_return = -np.inf
@@ -365,7 +365,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             raise ValueError('`env` must give an info["behavior"] of its `behavior_space`.')
 
     def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
-        """Count the generation in: timesteps, first success, coverage, best policy."""
+        """Update timesteps, first success, coverage and the best policy."""
         if self.first_success_timesteps is None and rollouts.success.any():
             steps = np.cumsum(rollouts.lengths)[np.argmax(rollouts.success)]
             self.first_success_timesteps = self.num_timesteps + int(steps)

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's TD3 with this package's ways: env first, counted alike, resumed exactly."""
+"""Stable-Baselines3's TD3 with the env first, coverage, and a resume that is exact."""
 
 from __future__ import annotations
 
@@ -415,7 +415,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             self.dump_logs()
 
     def _end_rollout(self) -> None:
-        """Take the rollout in once; its counts stay until it was trained on, or will not be."""
+        """Show the rollout to the algorithm, once; its counts stay until it has been trained on."""
         if not self._is_seen:
             self._see_rollout(self._n_steps)
             self._is_seen = True

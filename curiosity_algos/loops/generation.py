@@ -32,7 +32,7 @@ def as_step(rollouts: Rollouts, seconds: float) -> dict[str, Any]:
 def _info(rollouts: Rollouts, i: int, seconds: float) -> dict[str, Any]:
     info: dict[str, Any] = {
         "episode": {
-            "r": float(rollouts.returns[i]),
+            "r": round(float(rollouts.returns[i]), 6),
             "l": int(rollouts.lengths[i]),
             "t": round(seconds, 6),
         },

@@ -164,6 +164,14 @@ class TestSearch:
             each.learn(1000, reset_num_timesteps=False)
         assert_same_run(model, loaded)
 
+    def test_it_begins_where_it_was_made_to(self, make_easy_maze):
+        model = self.make(CanonicalES, make_easy_maze(), search=Climber)
+        before = model.policy.vector.copy()
+        policy = {"flat": th.ones(model.policy.mlp.n_parameters)}
+        with pytest.raises(ValueError, match="`policy` cannot be set alone where `search`"):
+            model.set_parameters({"policy": policy}, exact_match=False)
+        np.testing.assert_array_equal(model.policy.vector, before)
+
     @pytest.mark.parametrize("search", ["cma_es", 3, np.zeros(4)])
     def test_what_is_no_search_is_refused(self, make_easy_maze, search):
         with pytest.raises(ValueError, match="`search` must be None, a Search, or a function"):

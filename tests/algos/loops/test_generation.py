@@ -8,7 +8,7 @@ from curiosity_algos.loops.generation import as_step
 @pytest.fixture
 def rollouts():
     return Rollouts(
-        returns=np.array([1.5, 0.0, -2.0]),
+        returns=np.array([np.float32(0.66), 0.0, -2.0]),
         lengths=np.array([3, 5, 4]),
         success=np.array([True, False, False]),
         behaviors=np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]),
@@ -19,10 +19,10 @@ def rollouts():
 def test_each_individual_ends_an_episode(rollouts):
     step = as_step(rollouts, 12.3456789)
     assert step["rollouts"] is rollouts
-    assert step["rewards"].tolist() == [1.5, 0.0, -2.0]
+    assert step["rewards"] is rollouts.returns
     assert step["dones"].tolist() == [True] * 3
     assert [info["episode"] for info in step["infos"]] == [
-        {"r": 1.5, "l": 3, "t": 12.345679},
+        {"r": 0.66, "l": 3, "t": 12.345679},
         {"r": 0.0, "l": 5, "t": 12.345679},
         {"r": -2.0, "l": 4, "t": 12.345679},
     ]

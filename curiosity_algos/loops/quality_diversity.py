@@ -296,8 +296,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             ValueError: Also if `archive` or `emitters` are missing or others, or `kwargs` would
                 replace a setting that archive or emitters were made with.
         """
-        own: dict[str, Any] = {"_own_archive": archive, "emitters": emitters}
-        return super().load(path, env, *args, **own, **kwargs)
+        kwargs |= {"_own_archive": archive, "emitters": emitters}
+        return super().load(path, env, *args, **kwargs)
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:

@@ -1,5 +1,6 @@
 """What the documentation promises of its own pages."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 import curiosity_algos
 
 DOCS = Path(__file__).parents[1] / "docs"
+OWN = DOCS / "write_your_own.md"
 PAGES = sorted(path for path in (DOCS / "algorithms").glob("*.md") if path.stem != "index")
 
 
@@ -19,3 +21,9 @@ def test_an_algorithms_page_begins_with_all_its_arguments_and_methods(page):
     assert first_section.startswith("Arguments and methods")
     assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
     assert "   :members:\n   :inherited-members:\n" in first_section
+
+
+def test_what_one_writes_oneself_is_short():
+    blocks = re.findall(r"^```python\n(.*?)^```", OWN.read_text(), flags=re.M | re.S)
+    assert len(blocks) >= 5
+    assert max(len(block.splitlines()) for block in blocks) <= 60

@@ -106,8 +106,8 @@ def check_bonus(make_bonus: MakeBonus, seed: int = 0) -> Learned:
     """Check that a bonus falls where it is trained, and there alone.
 
     Args:
-        make_bonus: As in `learn_tiny_mdp`, as the next.
-        seed: Likewise.
+        make_bonus: As in `learn_tiny_mdp`.
+        seed: Of the MDP, as in `learn_tiny_mdp`.
 
     Raises:
         AssertionError: If the mean bonus of what was seen stays above a tenth of what it was, or of

@@ -79,10 +79,12 @@ class TestTraining:
 def test_the_bonus_sees_actions_as_the_environment_takes_them(make, make_pendulum):
     asked, model = [], make(make_pendulum(2**10))
     score, update = model._bonus.score, model._bonus.update
-    model._bonus.score = lambda *batch: asked.append(batch[1]) or score(*batch)
-    model._bonus.update = lambda *batch: asked.append(batch[1].numpy()) or update(*batch)
+    model._bonus.score = lambda *batch: asked.append(batch) or score(*batch)
+    model._bonus.update = lambda *batch: asked.append(batch) or update(*batch)
     model.learn(200)
-    largest = [np.abs(actions).max() for actions in asked]
+    largest = [np.abs(actions).max() for _, actions, _ in asked]
+    for row, part in zip(model.replay_buffer.newest(200), asked[0], strict=True):
+        np.testing.assert_array_equal(row, part)
     assert len(largest) == 1 + 2 + 3  # the rollout's, the module's and the critic's
     assert all(100.0 < each <= 1024.0 for each in largest)
     assert model.replay_buffer.sample(100).actions.abs().max() <= 1.0

@@ -34,7 +34,7 @@ ACTIONS = [spaces.Box(-1, 1, (2,)), spaces.Discrete(6)]
 
 
 class Recorder:
-    """A bonus that is the first entry of the next observation, and remembers its training."""
+    """A bonus that tells all parts of a transition apart, and remembers its training."""
 
     name = "recorder"
 
@@ -43,7 +43,7 @@ class Recorder:
 
     def score_trajectory(self, observations, actions):
         assert len(observations) == len(actions) + 1
-        return observations[1:, 0]
+        return (4 * observations[1:] + 2 * observations[:-1])[:, 0] + actions[:, 0]
 
     def observe(self, observations):
         self.observed.append(observations)
@@ -157,7 +157,9 @@ class TestScore:
     def test_the_last_transition_ends_at_the_final_observation(self):
         rollouts = make_rollouts()
         scores = make_motivation(Recorder(), gamma=0.0).score(rollouts)
-        np.testing.assert_array_equal(scores, rollouts.final_observations[:, 0])
+        last = np.arange(len(LENGTHS)), LENGTHS - 1
+        expected = 4 * rollouts.final_observations + 2 * rollouts.observations[last]
+        np.testing.assert_array_equal(scores, expected[:, 0] + rollouts.actions[last][:, 0])
 
     @pytest.mark.parametrize("is_discrete", [False, True])
     def test_threads_change_no_bit(self, is_discrete):
@@ -220,6 +222,11 @@ class TestUpdate:
         assert motivation.update(make_rollouts()) == {"recorder/loss": 2.0}
         shapes = [[part.shape for part in batch] for batch in motivation.bonus.batches]
         assert shapes == [[(8, N_OBSERVATIONS), (8, 2), (8, N_OBSERVATIONS)]] * 3
+        held = motivation.buffer.state_dict()
+        columns = [held[name] for name in ("observations", "actions", "next_observations")]
+        rows = {row.numpy().tobytes() for row in th.cat(columns, dim=1)}
+        for batch in motivation.bonus.batches:
+            assert {row.numpy().tobytes() for row in th.cat(batch, dim=1)} <= rows
 
     @pytest.mark.parametrize("is_discrete", [False, True])
     def test_what_was_seen_becomes_less_curious(self, is_discrete):

@@ -12,14 +12,20 @@ from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
 OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
 
 
-class Constant:
-    """Every transition to x is worth x times a factor that tests change."""
+class Weighted:
+    """What a transition is worth tells all three parts apart, times a factor that tests change."""
 
-    name = "constant"
+    name = "weighted"
     factor = 1.0
 
     def score(self, observations, actions, next_observations):
-        return self.factor * next_observations[:, 0]
+        parts = 2 * observations + 10 * actions + 4 * next_observations
+        return self.factor * parts[:, 0]
+
+
+def worth(x):
+    """What Weighted says of `add`'s step from x: 2 x + x + 4 (x + 1)."""
+    return 7 * x + 4
 
 
 def make_buffer(capacity=10, extrinsic=True, seed=0, action_space=ACTIONS):
@@ -27,7 +33,7 @@ def make_buffer(capacity=10, extrinsic=True, seed=0, action_space=ACTIONS):
         capacity,
         OBSERVATIONS,
         action_space,
-        bonus=Constant(),
+        bonus=Weighted(),
         weight=0.5,
         extrinsic=extrinsic,
         seed=np.random.SeedSequence(seed),
@@ -48,12 +54,12 @@ class TestSamples:
         add(buffer, 1, reward=10.0)
         for buffer.bonus.factor in (1.0, 3.0, 0.0):
             (reward,) = buffer.sample(1).rewards.numpy()
-            assert reward == 10.0 + 0.5 * 2 * buffer.bonus.factor
+            assert reward == pytest.approx(10.0 + 0.5 * worth(1) * buffer.bonus.factor)
 
     def test_the_reward_of_the_task_may_not_count(self):
         buffer = make_buffer(extrinsic=False)
         add(buffer, 1, reward=10.0)
-        assert buffer.sample(1).rewards.tolist() == [[1.0]]
+        assert buffer.sample(1).rewards.item() == pytest.approx(0.5 * worth(1))
 
     def test_rows_belong_together(self):
         buffer = make_buffer()
@@ -64,7 +70,7 @@ class TestSamples:
         assert x.unique().tolist() == list(range(7))
         assert th.equal(sample.next_observations, x + 1)
         assert th.allclose(sample.actions, x / 10)
-        assert th.allclose(sample.rewards, 100 * x + 0.5 * (x + 1))
+        assert th.allclose(sample.rewards, 100 * x + 0.5 * worth(x))
 
     def test_values_stop_at_terminations_alone(self):
         buffer = make_buffer()
@@ -89,7 +95,7 @@ class TestSamples:
         sample = buffer.sample(1, venv)
         assert sample.observations.item() == 0.0
         assert sample.next_observations.item() == pytest.approx(1.0)
-        assert sample.rewards.item() == pytest.approx(10.0 / 2.0 + 0.5 * 2.0)
+        assert sample.rewards.item() == pytest.approx(10.0 / 2.0 + 0.5 * worth(1))
 
 
 def test_transitions_for_the_bonus_come_as_tensors():
@@ -98,6 +104,7 @@ def test_transitions_for_the_bonus_come_as_tensors():
         add(buffer, x)
     observations, actions, next_observations = buffer.sample_transitions(20)
     assert observations.shape == actions.shape == (20, 1)
+    assert th.allclose(actions, observations / 10)
     assert th.equal(next_observations, observations + 1)
 
 
@@ -106,7 +113,10 @@ def test_the_newest_come_in_order(n, expected):
     buffer = make_buffer(capacity=3)
     for x in range(5):
         add(buffer, x)
-    assert buffer.newest(n)[0].ravel().tolist() == expected
+    observations, actions, next_observations = buffer.newest(n)
+    assert observations.ravel().tolist() == expected
+    np.testing.assert_allclose(actions, observations / 10)
+    np.testing.assert_array_equal(next_observations, observations + 1)
 
 
 def test_the_newest_of_a_young_buffer():

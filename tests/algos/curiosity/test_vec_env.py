@@ -39,7 +39,7 @@ class Pictures(gym.ObservationWrapper):
 
 
 class Recorder:
-    """A bonus that is where a transition leads to, and remembers what it was asked and taught."""
+    """A bonus that is where a step of 1 leads to, and remembers what it was asked and taught."""
 
     name = "recorder"
 
@@ -48,7 +48,7 @@ class Recorder:
 
     def score(self, observations, actions, next_observations):
         self.asked.append((observations.copy(), actions.copy(), next_observations.copy()))
-        return next_observations[:, 0]
+        return 2 * next_observations[:, -1] - observations[:, -1] - 1
 
     def score_trajectory(self, observations, actions):
         raise AssertionError("not asked of a vector env")
@@ -290,10 +290,13 @@ class TestTraining:
 
     def test_the_buffer_holds_true_transitions(self):
         venv = wrap(bonus=(bonus := Recorder()), train_interval=100, batch_size=200)
-        play(venv, 50)
-        before, _, after = bonus.batches[0]
+        venv.reset()
+        for n in range(50):
+            venv.step(np.full((2, 1), n % 4 / 10, dtype=np.float32))
+        before, actions, after = bonus.batches[0]
         assert set(after.ravel().tolist()) == {1.0, 2.0, 3.0, 4.0}
         assert th.equal(after, before + 1)
+        assert th.allclose(actions, before / 10)
         assert th.equal(th.cat(bonus.observed)[:4].ravel(), th.tensor([0.0, 0.0, 1.0, 1.0]))
 
     def test_it_may_be_switched_off(self, assert_same):

@@ -157,8 +157,11 @@ def test_a_bonus_of_ones_own_is_trained_and_saved(
     assert before.shape[0] == 9
     assert not th.equal(before, after)
     model.save(tmp_path / "model")
-    loaded = algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cpu")
-    assert loaded._motivation.bonus is not own
+    with pytest.raises(ValueError, match="`bonus` must be given to `load`"):
+        algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cpu")
+    again = bonus(env.observation_space, env.action_space, seed=6, hidden=9, device="cpu")
+    loaded = algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cpu", bonus=again)
+    assert loaded._motivation.bonus is again
     for each in (model, loaded):
         each.learn(500, reset_num_timesteps=False)
     assert_same_run(model, loaded)

@@ -148,7 +148,7 @@ class NetworkBonus(th.nn.Module):
         state: dict[str, Any] = super().state_dict(*args, **kwargs)
         return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()["state"]})
 
-    # As above.
+    # The hints of torch are of its overloads here too.
     def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
         """Take over what `state_dict` gave; the learning rate stays the constructor's.
 
@@ -202,7 +202,7 @@ def train(
 
 
 def record_bonus(logger: Logger, values: npt.NDArray[Any]) -> None:
-    """Log the mean and the largest of bonuses, together with what came since the last dump."""
+    """Log the mean and the largest of bonuses, over all since the last dump."""
     logger.record_mean("intrinsic/mean", float(np.mean(values)))
     largest = logger.name_to_value.get("intrinsic/max", -np.inf)
     logger.record("intrinsic/max", max(largest, float(np.max(values))))

@@ -39,7 +39,7 @@ class ExplorationCallback(BaseCallback):
 
     @property
     def coverage(self) -> Coverage:
-        """See the class, as for the two below."""
+        """Shares of cells that were visited."""
         return self._episodes.coverage
 
     @property

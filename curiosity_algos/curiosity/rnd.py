@@ -22,7 +22,8 @@ class RND(NetworkBonus):
     """A predictor that learns what a fixed random network makes of observations.
 
     The bonus of a transition is the squared error at the observation that it leads to, summed over
-    the features: small where the predictor was trained. No action enters, nor what came before.
+    the features: small where the predictor was trained. Actions do not enter, nor do the
+    observations that they are taken at.
 
     Args:
         observation_space: As of `ICM`.

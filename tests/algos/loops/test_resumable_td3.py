@@ -393,10 +393,6 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("name", "value"),
         [
-            ("n_steps", 3),
-            ("optimize_memory_usage", True),
-            ("replay_buffer_class", object),
-            ("replay_buffer_kwargs", {}),
             ("seed", -1),
             ("policy", gym.Env),
             ("train_freq", (0, "episode")),
@@ -407,6 +403,13 @@ class TestErrors:
     def test_errors_name_the_argument(self, make, make_maze, name, value):
         with pytest.raises(ValueError, match=f"`{name}` "):
             make(make_maze(), **{name: value})
+
+    @pytest.mark.parametrize(
+        "name", ["n_steps", "optimize_memory_usage", "replay_buffer_class", "replay_buffer_kwargs"]
+    )
+    def test_the_replay_buffer_is_its_own(self, make, make_maze, name):
+        with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
+            make(make_maze(), **{name: None})
 
     @pytest.mark.parametrize("budget", [-1, np.inf, np.nan, "1e6"])
     def test_a_budget_is_finite(self, make, make_maze, budget):

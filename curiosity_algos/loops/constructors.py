@@ -11,6 +11,12 @@ from curiosity_algos.loops.docstrings import full_docstring
 from curiosity_algos.loops.presets import load_preset
 
 
+class AppliedPreset(str):
+    """The name of a preset whose keywords the constructor was called with."""
+
+    __slots__ = ()
+
+
 class AlgorithmType(ABCMeta):
     """The type of algorithms' classes.
 
@@ -32,8 +38,21 @@ class AlgorithmType(ABCMeta):
         preset = kwargs.get("preset")
         if preset is not None:
             env = args[0] if args else kwargs.get("env")
-            kwargs = load_preset(preset, _known_name(cls), env_id(env)) | kwargs
+            settings = load_preset(preset, _known_name(cls), env_id(env))
+            kwargs = _filled_in(kwargs, settings) | {"preset": AppliedPreset(preset)}
         return super().__call__(*args, **kwargs)
+
+
+def _filled_in(given: dict[str, Any], settings: dict[str, Any]) -> dict[str, Any]:
+    """Keywords of a preset, but for those that are given."""
+    if "bonus" in given:
+        settings.pop("bonus_kwargs", None)  # they are of another bonus
+    merged = {
+        name: settings[name] | value
+        for name, value in given.items()
+        if isinstance(value, dict) and isinstance(settings.get(name), dict)
+    }
+    return settings | given | merged
 
 
 def _parameters(cls: type) -> list[inspect.Parameter]:
@@ -43,19 +62,21 @@ def _parameters(cls: type) -> list[inspect.Parameter]:
         if "__init__" not in vars(each):
             continue
         _, *own = inspect.signature(vars(each)["__init__"]).parameters.values()
-        passes_on = any(parameter.kind is parameter.VAR_KEYWORD for parameter in own)
-        for parameter in own:
-            is_hidden = parameter.name.startswith("_") or parameter.kind is parameter.VAR_KEYWORD
-            if not is_hidden:
-                found.setdefault(parameter.name, parameter)
-        if not passes_on:
+        shown = [parameter for parameter in own if _is_shown(parameter)]
+        if found:  # the constructors before pass keywords on, and nothing else
+            shown = [parameter.replace(kind=parameter.KEYWORD_ONLY) for parameter in shown]
+        found |= {each.name: each for each in shown if each.name not in found}
+        if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in own):
             break
     return sorted(found.values(), key=lambda parameter: parameter.kind)
 
 
+def _is_shown(parameter: inspect.Parameter) -> bool:
+    is_passed_on = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    return not (is_passed_on or parameter.name.startswith("_"))
+
+
 def _known_name(cls: type) -> str:
     """The name under which presets may know a class: its own, or of the algorithm it extends."""
-    ours = (
-        each for each in cls.__mro__ if each.__module__.startswith("curiosity_algos.algorithms")
-    )
-    return next(ours, cls).__name__
+    ours = "curiosity_algos.algorithms."
+    return next((each for each in cls.__mro__ if each.__module__.startswith(ours)), cls).__name__

@@ -4,56 +4,78 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 SECTIONS = ("Args", "Attributes", "Raises")
 """Sections that a class shares with its parents, in their order."""
 
-_ENTRY = re.compile(r"    (\w[\w.]*): ")
+_ENTRY = re.compile(r"    (\*{0,2}[\w.]+)( \(.*?\))?:")
+
+Entries = dict[str, str]
+"""Name: the text of its entry in a section."""
 
 
-def full_docstring(cls: type, names: Sequence[str]) -> str:
+def full_docstring(cls: type, names: Sequence[str]) -> str | None:
     """The docstring of a class, with its parents' entries for what it does not document itself.
 
     Args:
-        cls: The class, documented in Google style.
+        cls: The class, documented in Google style; sections that are not are left as they are.
         names: Arguments of its constructor, in the order in which they are to be documented.
+
+    Returns:
+        None where nothing is documented, as in an optimized interpreter.
     """
-    documented = [each for each in cls.__mro__ if vars(each).get("__doc__")]
-    text, own = _split(cls)
-    sections = []
-    for section in SECTIONS:
-        entries = _first_of_each(_split(each)[1].get(section, {}) for each in documented)
-        if section == "Args":
-            entries = {name: entries[name] for name in names if name in entries}
-        if section == "Raises" and section in own:
-            entries = own[section]
-        if entries:
-            sections.append("\n".join([f"{section}:", *entries.values()]))
-    return "\n\n".join([text, *sections])
+    documented = [_split(each) for each in cls.__mro__ if vars(each).get("__doc__")]
+    if not documented:
+        return None
+    text = documented[0][0]
+    args, attributes, raises = (
+        [sections.get(section, {}) for _, sections in documented] for section in SECTIONS
+    )
+    known = _nearest(args)
+    found = {
+        "Args": [known[name] for name in names if name in known],
+        "Attributes": list(_nearest(attributes).values()),
+        # Each class raises errors of its own, under the same names.
+        "Raises": list(dict.fromkeys(entry for each in raises for entry in each.values())),
+    }
+    shown = ["\n".join([f"{section}:", *entries]) for section, entries in found.items() if entries]
+    return "\n\n".join([text, *shown])
 
 
-def _first_of_each(found: Iterable[dict[str, str]]) -> dict[str, str]:
+def _nearest(found: list[Entries]) -> Entries:
     """Entries by name; of those with one name, the first."""
-    entries: dict[str, str] = {}
-    for each in found:
-        entries = {**entries, **{k: v for k, v in each.items() if k not in entries}}
+    entries: Entries = {}
+    for each in reversed(found):
+        entries |= each
     return entries
 
 
-def _split(cls: type) -> tuple[str, dict[str, dict[str, str]]]:
-    """A docstring's text before its sections, and the entries of each section by their names."""
-    blocks = re.split(r"\n+(?=\w+:\n    )", inspect.cleandoc(vars(cls).get("__doc__") or ""))
-    own = [block for block in blocks if block.partition(":")[0] in SECTIONS]
-    text = "\n\n".join(block for block in blocks if block not in own)
-    return text, {block.partition(":")[0]: _entries(block) for block in own}
+def _split(cls: type) -> tuple[str, dict[str, Entries]]:
+    """A docstring's text outside of sections, and the entries of each section."""
+    text: list[str] = []
+    sections: dict[str, Entries] = {}
+    for block in re.split(r"\n\s*\n(?=\S)", inspect.cleandoc(vars(cls)["__doc__"])):
+        title, _, body = block.partition(":\n")
+        entries = _entries(body) if title in SECTIONS else {}
+        if entries:
+            sections[title] = entries
+        else:
+            text.append(block)
+    return "\n\n".join(text), sections
 
 
-def _entries(block: str) -> dict[str, str]:
-    entries: dict[str, str] = {}
-    name = ""
-    for line in block.splitlines()[1:]:
+def _entries(body: str) -> Entries:
+    """The entries of a section; none where it does not begin with one."""
+    entries: Entries = {}
+    name = None
+    for line in body.splitlines():
         begun = _ENTRY.match(line)
-        name = begun[1] if begun else name
-        entries[name] = line if begun else f"{entries[name]}\n{line}"
+        if begun is not None:
+            name = begun[1]
+            entries[name] = line
+        elif name is None:
+            return {}
+        else:
+            entries[name] += f"\n{line}"
     return entries

@@ -105,3 +105,62 @@ def test_a_class_of_ones_own_shows_its_parents_keywords():
         "        in two lines.\n\nRaises:\n    ValueError: Of the base."
     )
     assert Own(3, sigma=4).made == (3, 4)
+
+
+class TestClassesOfOnesOwn:
+    def test_a_mixin_may_come_first(self):
+        class Logged:
+            def __init__(self, log_dir="runs", **kwargs):
+                super().__init__(**kwargs)
+
+        class Own(Logged, CuriosityES):
+            pass
+
+        shown = inspect.signature(Own).parameters
+        assert list(shown)[:2] == ["log_dir", "env"]
+        assert shown["env"].kind is inspect.Parameter.KEYWORD_ONLY
+
+    def test_env_may_have_a_default(self):
+        class Own(CuriosityES):
+            def __init__(self, env="CuriosityMaze-US-v0", **kwargs):
+                super().__init__(env, **kwargs)
+
+        assert next(iter(inspect.signature(Own).parameters)) == "env"
+        assert "policy" in inspect.signature(Own).parameters
+
+    def test_any_docstring_will_do(self):
+        class Typed(CuriosityES):
+            """With types.
+
+            Args:
+                cell (float): Side of a cell.
+                **kwargs: Passed on.
+
+            Raises:
+                If it is bad.
+
+            Note:
+                Said last.
+            """
+
+            def __init__(self, env, *, cell=1.0, **kwargs):
+                super().__init__(env, **kwargs)
+
+        text = inspect.getdoc(Typed)
+        assert "    cell (float): Side of a cell.\n" in text
+        assert "Raises:\n    If it is bad.\n\nNote:\n    Said last.\n\nArgs:" in text
+        assert "**kwargs" not in text
+
+    def test_without_a_docstring_it_has_its_parents(self):
+        class Silent(NSES):
+            pass
+
+        assert inspect.getdoc(Silent) == inspect.getdoc(NSES)
+
+    def test_a_preset_is_applied_or_refused(self, make_easy_maze):
+        class Own(CuriosityES):
+            def __init__(self, env, **kwargs):
+                super().__init__(env, preset="paper", **kwargs)
+
+        with pytest.raises(ValueError, match="`preset` must be given where the model is made"):
+            Own(make_easy_maze())

@@ -58,3 +58,23 @@ def test_what_a_user_gave_is_in_its_part_alone(make_easy_maze):
     assert given.search is given._search is search
     assert "search" not in stateful_parts(given)
     np.testing.assert_array_equal(given.get_parameters()["_search"]["center"], search.center)
+
+
+class Remembering(CanonicalES):
+    """Takes a part as an argument, and works with it itself."""
+
+    def __init__(self, env, policy="MlpPolicy", *, memory=None, **kwargs):
+        self.memory = memory or Counter()
+        super().__init__(env, policy, **kwargs)
+
+    def _tell(self, rollouts):
+        self.memory.n += 1
+        return super()._tell(rollouts)
+
+
+def test_an_argument_that_nothing_else_holds_is_a_part(make_easy_maze, tmp_path):
+    model = Remembering(make_easy_maze(), population_size=4, n_parents=2).learn(300)
+    model.save(tmp_path / "model")
+    for kwargs in ({}, {"memory": Counter()}):
+        loaded = Remembering.load(tmp_path / "model", env=make_easy_maze(), **kwargs)
+        assert loaded.memory.n == model.memory.n > 0

@@ -114,3 +114,9 @@ def test_defaults_do_not_depend_on_environment_and_class():
     models = [NSES("Pendulum-v1", behavior="state"), NSES(HARD), Renamed(HARD), NSES("SameMaze-v0")]
     assert {model.learning_rate for model in models} == {0.5}
     assert Renamed(HARD, preset="tuned").learning_rate == 1.0
+
+
+def test_keywords_of_a_bonus_are_merged_or_those_of_another_bonus():
+    given = CuriosityES(HARD, preset="paper", bonus_kwargs={"learning_rate": 1e-5})
+    assert given.bonus_kwargs == {"learning_rate": 1e-5, "beta": 0.2, "normalize": False}
+    assert CuriosityES(HARD, preset="paper", bonus="rnd").bonus_kwargs == {}

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.common.checkpoint import check_plain
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
@@ -90,6 +91,10 @@ class Fitness:
         load_generator_state(self._rng, state["rng"])
 
 
+def _is_search(thing: object) -> TypeGuard[Search]:
+    return isinstance(thing, Search) and not isinstance(thing, type)  # a class has the methods too
+
+
 class EvolutionStrategy(EvolutionaryAlgorithm):
     """Asks a search for policies around its center, and tells it their fitness.
 
@@ -100,10 +105,10 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         learning_rate: alpha, above 0: scales the center's step.
         step: "canonical" or "paper" (divided by `sigma n_parents`).
         mirrored_sampling: Draw half of the population opposite to the other half.
-        search: None: the canonical search (Chrabaszcz et al. 2018), made of the five above. A
+        search: None: the canonical search (Chrabaszcz et al. 2018), made of the settings above. A
             `Search` for as many parameters as the policy has, or a function of that number and of a
-            `numpy.random.SeedSequence` that makes one: it takes the place of the canonical search,
-            and what the five above say.
+            `numpy.random.SeedSequence` that makes one: the settings above, `population_size` among
+            them, are then its own affair. `load` takes it again.
     """
 
     learning_rate: float
@@ -129,6 +134,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         self.step = step
         self.mirrored_sampling = mirrored_sampling
         self.search = search
+        self._search_name: str | None = None
         super().__init__(env, policy, _learning_rate=learning_rate, **kwargs)
 
     def _check_settings(self) -> None:
@@ -136,7 +142,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         check_parents(self.n_parents, self.population_size)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(STEPS, step=self.step)
-        if not (self.search is None or isinstance(self.search, Search) or callable(self.search)):
+        if not (self.search is None or _is_search(self.search) or callable(self.search)):
             raise ValueError(
                 "`search` must be None, a Search, or a function that makes one, got "
                 f"{self.search!r}."
@@ -144,22 +150,30 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         search_seed, *own_seeds = seed.spawn(3)
-        given = self.search
-        if given is None:
-            self._search = self._canonical_search(search_seed)
-        elif callable(given):  # first: a class has all that its objects have
-            self._search = given(self.policy.mlp.n_parameters, search_seed)
-        else:
-            self._search = given
-        self._check_search(self._search)
+        made: Any = self.search  # a Search, once it is made
+        if self.search is None:
+            made = self._canonical_search(search_seed)
+        elif not _is_search(self.search):
+            made = made(self.policy.mlp.n_parameters, search_seed)
+        self._check_search(made)
+        self._search = made
         self._make_parts(*own_seeds)
 
-    def _check_search(self, search: Search) -> None:
+    def _check_search(self, search: object) -> None:
         n_parameters = self.policy.mlp.n_parameters
+        if not _is_search(search):
+            raise ValueError(f"`search` must make a Search, got {search!r}.")
         if np.shape(search.center) != (n_parameters,):
             raise ValueError(
                 f"`search` must have a center of the policy's {n_parameters} parameters, got one "
                 f"of shape {np.shape(search.center)}."
+            )
+        check_plain(search.state_dict(), "search")
+        self._search_name = expected = self._search_name or type(search).__name__
+        if type(search).__name__ != expected:
+            raise ValueError(
+                f"`search` must be passed to `load` as it was to the saved model: {expected}, got "
+                f"{type(search).__name__}."
             )
 
     def _canonical_search(self, seed: np.random.SeedSequence) -> Search:

@@ -65,7 +65,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             see `load_preset`; None: none.
         evaluator: What evaluates populations: "auto", the fastest that fits `env`, or an
             `Evaluator` for as many parameters as the policy has. `set_env` keeps one that was
-            given; a file does not hold it, `load(path, env, evaluator=...)` takes it again.
+            given, where it fits; `load` takes it again.
         n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
             not depend on it.
         seed: Seed of everything random; None: fresh entropy.
@@ -182,12 +182,13 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
         self._episodes = EpisodeSeeds(episode_seed)
         self._make_search(search_seed)
-        self.evaluator = None if self.env is None else self._choose_evaluator(self.env)
+        self.evaluator = None
+        if self.env is not None:
+            self.evaluator = self._choose_evaluator(self.env, self._evaluator_choice)
         self._show_best()
 
-    def _choose_evaluator(self, env: VecEnv) -> Evaluator:
+    def _choose_evaluator(self, env: VecEnv, choice: Evaluator | str) -> Evaluator:
         """What evaluates populations on `env`: what the user gave, or the fastest that fits."""
-        choice = self._evaluator_choice
         if isinstance(choice, str):
             check_choice(("auto",), evaluator=choice)
             return make_evaluator(env, self.policy_kwargs, self.n_threads)
@@ -223,7 +224,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
         return wrap_env(env, verbose, monitor_wrapper)
 
-    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
+    def set_env(
+        self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None
+    ) -> None:
         """Train on another environment with the same spaces.
 
         Where coverage counts other cells than before, as in another maze, coverage, the best policy
@@ -233,27 +236,37 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         Args:
             env: As in the constructor.
             force_reset: As in SB3.
+            evaluator: As in the constructor; None: as before. One that was given fits another
+                environment if its behaviors and what coverage counts are the same.
 
         Raises:
-            ValueError: If the spaces are others, or the env is not supported.
+            ValueError: If the spaces are others, or the env is not supported; if the evaluator that
+                was given does not fit.
         """
         env = open_env(env)
         wrapped = self._wrap_env(env, self.verbose)
         check_for_correct_spaces(wrapped, self.observation_space, self.action_space)
         self._check_behaviors(behavior_space(wrapped))
-        evaluator = self._choose_evaluator(wrapped)
+        choice = self._evaluator_choice if evaluator is None else evaluator
+        if evaluator is None and not isinstance(choice, str) and self._counts_others(wrapped):
+            raise ValueError('`evaluator` must be given, or "auto", as `env` is another one.')
+        chosen = self._choose_evaluator(wrapped, choice)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
-        self.evaluator = evaluator
+        self._evaluator_choice, self.evaluator = choice, chosen
         self._match_env(wrapped)
+
+    def _counts_others(self, env: VecEnv) -> bool:
+        """Whether behaviors in `env`, or the cells that coverage counts, are others than here."""
+        grid, space = coverage_grid(env), behavior_space(env)
+        return grid != self._coverage_grid or space != self._behavior_space
 
     def _match_env(self, env: VecEnv) -> None:
         """Count in the grid of `env`; in another one, forget what was found before."""
-        grid, space = coverage_grid(env), behavior_space(env)
-        self._check_behaviors(space)
-        if grid != self._coverage_grid or space != self._behavior_space:
-            self._coverage_grid, self._behavior_space = grid, space
-            self._coverage = Coverage(grid)
+        self._check_behaviors(behavior_space(env))
+        if self._counts_others(env):
+            self._coverage_grid, self._behavior_space = coverage_grid(env), behavior_space(env)
+            self._coverage = Coverage(self._coverage_grid)
             self._forget_best()
             self._forget_behaviors()
             self._show_best()
@@ -347,6 +360,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         assert self.evaluator is not None
         parameters = self._ask()
         rollouts = self.evaluator.evaluate(parameters, self._episodes.draw())
+        if len(rollouts) != len(parameters):
+            raise ValueError(
+                f"`evaluator` must give one episode of each of {len(parameters)} policies, got "
+                f"{len(rollouts)}."
+            )
         self._check_rollouts(rollouts)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
@@ -470,7 +488,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         """
         aliases = {policy: name for name, policy in self.policy_aliases.items()}
         policy = aliases.get(self.policy_class, self.policy_class)
-        save_model(self, path, exclude, include, plain=True, policy_class=policy)
+        choice = self._evaluator_choice
+        own = {"_own_evaluator": None if isinstance(choice, str) else type(choice).__name__}
+        save_model(self, path, exclude, include, plain=True, policy_class=policy, **own)
 
     @classmethod
     def load(
@@ -522,6 +542,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         for fixed in sorted(cls._fixed_settings() & given.keys() - pickled_attributes(file)):
             raise ValueError(f"`{fixed}` must be left as it was saved: make a new {name}.")
         attributes = read_attributes(file, name, given, allow_pickle=allow_pickle)
+        own = attributes.pop("_own_evaluator", None)
+        if env is not None and own is not None and "_evaluator_choice" not in given:
+            raise ValueError(
+                f'`evaluator` must be given to `load`, or "auto": the saved model had one, {own}.'
+            )
         if isinstance(attributes.get("policy_class"), str):
             attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
         with plain_tensors(file, name):
@@ -548,7 +573,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     @classmethod
     def _fixed_settings(cls) -> set[str]:
         """Settings that `load` cannot replace."""
-        return set()
+        return {"preset"}
 
 
 def _finite(parameters: Float32Array) -> Float32Array:

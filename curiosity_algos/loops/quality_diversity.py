@@ -303,7 +303,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
     def _fixed_settings(cls) -> set[str]:
         """What archive and emitters were made with."""
         own, common = (inspect.signature(each) for each in (cls, EvolutionaryAlgorithm))
-        return own.parameters.keys() - common.parameters.keys() - {"archive", "emitters"}
+        made_with = own.parameters.keys() - common.parameters.keys() - {"archive", "emitters"}
+        return super()._fixed_settings() | made_with
 
     # -- acting ---------------------------------------------------------------------------------
 

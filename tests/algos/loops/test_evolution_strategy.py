@@ -180,3 +180,34 @@ class TestSearch:
     def test_one_of_other_parameters_is_refused(self, make_easy_maze):
         with pytest.raises(ValueError, match=r"`search` must have a center of the policy's \d+"):
             self.make(CanonicalES, make_easy_maze(), search=lambda n, seed: Climber(n + 1, seed))
+
+    def test_what_makes_no_search_is_refused(self, make_easy_maze):
+        with pytest.raises(ValueError, match="`search` must make a Search, got 3"):
+            self.make(CanonicalES, make_easy_maze(), search=lambda n, seed: 3)
+
+    def test_one_that_cannot_be_saved_is_refused_at_once(self, make_easy_maze):
+        class Unsaved(Climber):
+            def state_dict(self):
+                return {"center": np.zeros(3)}
+
+        with pytest.raises(ValueError, match="`search` must have a state of tensors and plain"):
+            self.make(CanonicalES, make_easy_maze(), search=Unsaved)
+
+    @pytest.mark.parametrize("saved", [None, Climber])
+    def test_load_takes_the_one_that_was_saved(self, make_easy_maze, tmp_path, saved):
+        self.make(CanonicalES, make_easy_maze(), search=saved).save(tmp_path / "model")
+
+        class Other(Climber):
+            pass
+
+        with pytest.raises(ValueError, match="`search` must be passed to `load` as it was"):
+            CanonicalES.load(tmp_path / "model", env=make_easy_maze(), search=Other)
+
+    def test_one_may_be_called_too(self, make_easy_maze):
+        class Callable(Climber):
+            def __call__(self):
+                raise AssertionError
+
+        n_parameters = self.make(CanonicalES, make_easy_maze()).policy.mlp.n_parameters
+        search = Callable(n_parameters, seed=0)
+        assert self.make(CanonicalES, make_easy_maze(), search=search)._search is search

@@ -40,6 +40,7 @@ from curiosity_algos import (
     MAPElites,
 )
 from curiosity_algos.evaluation.coverage import env_attribute
+from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import act
 
 HARD = "CuriosityMaze-Hard-v0"
@@ -566,23 +567,45 @@ class TestEvaluator:
         assert halved.n_calls == model.generation
         assert model._best_return == plain._best_return / 2.0
 
-    def test_another_env_keeps_it(self, make_model, make_easy_maze, make_maze):
+    def test_an_env_that_it_fits_keeps_it(self, make_model, make_easy_maze):
         halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
         model = make_model(CanonicalES, make_easy_maze(), evaluator=halved)
         model.set_env(make_easy_maze())
         assert model.evaluator is halved
-        automatic = make_model(CanonicalES, make_easy_maze())
-        before = automatic.evaluator
-        automatic.set_env(make_maze())
-        assert automatic.evaluator is not before
 
-    def test_a_file_does_not_hold_it(self, make_model, make_easy_maze, tmp_path):
+    def test_another_env_needs_another(self, make_model, make_easy_maze, make_maze):
+        halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
+        model = make_model(CanonicalES, make_easy_maze(), evaluator=halved)
+        with pytest.raises(ValueError, match="`evaluator` must be given"):
+            model.set_env(make_maze())
+        assert model.evaluator is halved
+        other = Halved(make_model(CanonicalES, make_maze()).evaluator)
+        model.set_env(make_maze(), evaluator=other)
+        assert model.evaluator is other
+        model.set_env(make_easy_maze(), evaluator="auto")
+        assert type(model.evaluator) is MazeEvaluator
+        model.set_env(make_maze())
+        assert type(model.evaluator) is MazeEvaluator
+
+    def test_load_takes_it_again(self, make_model, make_easy_maze, tmp_path):
         halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
         make_model(CanonicalES, make_easy_maze(), evaluator=halved).save(tmp_path / "model")
-        loaded = CanonicalES.load(tmp_path / "model", make_easy_maze())
-        assert not isinstance(loaded.evaluator, Halved)
-        again = CanonicalES.load(tmp_path / "model", make_easy_maze(), evaluator=halved)
-        assert again.evaluator is halved
+        with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
+            CanonicalES.load(tmp_path / "model", make_easy_maze())
+        for evaluator, kind in ((halved, Halved), ("auto", MazeEvaluator)):
+            loaded = CanonicalES.load(tmp_path / "model", make_easy_maze(), evaluator=evaluator)
+            assert type(loaded.evaluator) is kind
+        assert CanonicalES.load(tmp_path / "model").evaluator is None  # to predict alone
+
+    def test_as_many_episodes_as_policies(self, make_model, make_easy_maze):
+        class Lazy(Halved):
+            def evaluate(self, parameters, seed=None):
+                return super().evaluate(parameters[:3], seed)
+
+        lazy = Lazy(make_model(CanonicalES, make_easy_maze()).evaluator)
+        model = make_model(CanonicalES, make_easy_maze(), evaluator=lazy)
+        with pytest.raises(ValueError, match="`evaluator` must give one episode of each of 6"):
+            model.learn(GENERATION)
 
     @pytest.mark.parametrize("evaluator", ["fast", 3, None])
     def test_what_is_none_is_refused(self, make_model, make_easy_maze, evaluator):

@@ -52,8 +52,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             Elites that it holds are where the search begins. An empty one is made to keep what the
             algorithm keeps of each elite, and its draws follow `seed`. `load` takes it again.
         emitters: A function of the archive, the parameters to begin at (n_parameters,) and a seed,
-            a whole number, that returns a list of pyribs' emitters: they emit the policies, instead
-            of the algorithm's own emitter. `load` takes it again.
+            a whole number, that returns a list of pyribs' emitters on that archive: they emit the
+            policies, instead of the algorithm's own emitter. `load` takes it again.
 
     Attributes:
         archive: The elites; of each is kept the parameters, the return, what places it, and the
@@ -193,8 +193,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """The algorithm's own emitter, or those of the user's function."""
         if self.emitters is None:
             self._check_given("emitters", [])
-            return Emitters([self._make_emitter(x0, seed)], x0)
-        emitters = Emitters(self.emitters(self.archive, x0, seed), x0)
+            return Emitters([self._make_emitter(x0, seed)], self.archive, x0)
+        emitters = Emitters(self.emitters(self.archive, x0, seed), self.archive, x0)
         self._check_given("emitters", _kinds(*emitters.emitters))
         emitters.state_dict()  # raises where no checkpoint could hold them
         if self.population_size not in (POPULATION_SIZE, emitters.batch_size):

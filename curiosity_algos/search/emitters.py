@@ -23,6 +23,7 @@ class Emitters:
 
     Args:
         emitters: A list of at least one of pyribs' kind.
+        archive: What they work on.
         x0: (n_parameters,) where they begin.
 
     Attributes:
@@ -30,11 +31,11 @@ class Emitters:
         x0: As given.
 
     Raises:
-        ValueError: If `emitters` is no such list.
+        ValueError: If `emitters` is no such list, or one of them works on another archive.
     """
 
-    def __init__(self, emitters: list[EmitterBase], x0: Float32Array) -> None:
-        _check_emitters(emitters)
+    def __init__(self, emitters: list[EmitterBase], archive: ArchiveBase, x0: Float32Array) -> None:
+        _check_emitters(emitters, archive)
         self.emitters = emitters
         self.x0 = x0
 
@@ -62,12 +63,18 @@ class Emitters:
             load_foreign_state(emitter, state[str(i)])
 
 
-def _check_emitters(emitters: Any) -> None:
+def _check_emitters(emitters: Any, archive: ArchiveBase) -> None:
     is_valid = isinstance(emitters, list) and all(map(_can_emit, emitters))
     if not is_valid or not emitters or len(set(map(id, emitters))) < len(emitters):
         raise ValueError(
             "`emitters` must return a list of different pyribs emitters that have a `batch_size` "
             f"and need no gradients, got {emitters!r}."
+        )
+    strangers = [type(each).__name__ for each in emitters if each.archive is not archive]
+    if strangers:
+        raise ValueError(
+            "`emitters` must return emitters made with the `archive` that it is called with, got "
+            f"{', '.join(strangers)} of another one."
         )
 
 

@@ -346,6 +346,15 @@ class TestEmitters:
         with pytest.raises(ValueError, match=r"^`emitters` must return a list of different pyribs"):
             make_model(MAPElites, make_maze(), emitters=made)
 
+    def test_they_must_work_on_the_archive(self, algorithm, make_model, make_maze):
+        other = make_model(algorithm, make_maze()).archive
+
+        def elsewhere(archive, x0, seed):
+            return mixed(archive, x0, seed) + gaussian(other, x0, seed)
+
+        with pytest.raises(ValueError, match=r"^`emitters` must .* got GaussianEmitter of another"):
+            make_model(algorithm, make_maze(), emitters=elsewhere)
+
     def test_they_come_from_a_function(self, make_model, make_maze):
         with pytest.raises(ValueError, match=r"^`emitters` must be a function"):
             make_model(MAPElites, make_maze(), emitters=["isoline"])

@@ -6,6 +6,7 @@ import math
 import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
@@ -74,11 +75,12 @@ class EliteArchive(ArchiveBase):
         self.qd_score_offset = float(qd_score_offset)
         self.net_arch = None if net_arch is None else _checked_widths(net_arch)
         self._rng = np.random.default_rng(seed)
+        self._own_fields = _checked_fields(extra_fields or {})
         self._description: Description = {
             "solution": (_as_shape(solution_dim), np.dtype(solution_dtype)),
             "objective": ((), np.dtype(np.float64)),
             "measures": (_as_shape(measure_dim), np.dtype(np.float64)),
-            **_checked_fields(extra_fields or {}),
+            **self._own_fields,
         }
         self._begin()
 
@@ -238,27 +240,39 @@ class EliteArchive(ArchiveBase):
         """Serve a search that keeps these fields of policies with these hidden layers.
 
         Args:
-            extra_fields: See `EliteArchive`; an empty archive takes them over.
+            extra_fields: See `EliteArchive`; an empty archive takes them over, in place of those
+                of an earlier search.
             net_arch: See `EliteArchive`.
             seed: Of `sample_elites` from now on.
 
         Raises:
-            ValueError: If the archive has fields that the search does not keep, or elites without
-                those that it keeps.
+            ValueError: If the archive was made with fields that the search does not keep, or holds
+                elites with others than it keeps.
         """
         fields = _checked_fields(extra_fields)
-        kept = {k: v for k, v in self._description.items() if k not in FIELDS}
-        if kept != fields and (not self.empty or kept.keys() - fields.keys()):
+        common = {k: v for k, v in self._description.items() if k in FIELDS}
+        is_same = self._description == common | fields
+        if not (self._own_fields.keys() <= fields.keys() if self.empty else is_same):
             described = ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
             raise ValueError(
                 f"`archive` must keep the extra fields {described} of each elite; an empty one "
                 "without extra fields is given them."
             )
         if self.empty:
-            self._description |= fields
+            self._description = common | fields
             self._begin()
         self.net_arch = list(net_arch)
         self._rng = np.random.default_rng(seed)
+
+    @contextmanager
+    def unchanged_on_error(self) -> Iterator[None]:
+        """Undo what a block that raises did by `prepare` and `clear`."""
+        before = dict(vars(self))  # both replace attributes, and change none in place
+        try:
+            yield
+        except BaseException:
+            vars(self).update(before)
+            raise
 
     # -- policies -------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ import json
 import os
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -50,7 +51,9 @@ class QualityDiversity(EvolutionaryAlgorithm):
         archive: Where elites are kept, instead of the algorithm's own archive: one of
             `curiosity_algos.archives` whose `solution_dim` and `measure_dim` are the algorithm's.
             Elites that it holds are where the search begins. An empty one is made to keep what the
-            algorithm keeps of each elite, and its draws follow `seed`. `load` takes it again.
+            algorithm keeps of each elite. Its draws follow the `seed` of the last model that took
+            it. `set_env` empties it where behaviors are others, as in another maze: `save` it
+            before. `load` takes it again.
         emitters: A function of the archive, the parameters to begin at (n_parameters,) and a seed,
             a whole number, that returns a list of pyribs' emitters on that archive: they emit the
             policies, instead of the algorithm's own emitter. `load` takes it again.
@@ -161,6 +164,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
                     f"`archive` must have a `measure_dim` of {n_measures}, as what places a policy "
                     f"in it, got {self._own_archive.measure_dim}."
                 )
+
+    def _setup_model(self) -> None:
+        own = self._own_archive
+        with own.unchanged_on_error() if isinstance(own, EliteArchive) else nullcontext():
+            super()._setup_model()
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         self._begin_archive(seed)

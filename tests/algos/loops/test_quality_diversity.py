@@ -478,6 +478,33 @@ class TestArchive:
             with pytest.raises(ValueError, match=rf"^`archive` must be passed .*{what}.*, got .*4"):
                 MAPElites.load(tmp_path / file, archive=other)
 
+    def test_an_empty_one_serves_one_algorithm_after_another(self, make_model, make_easy_maze):
+        own = make_own(MAPElites, make_model, make_easy_maze)
+        for algorithm in (CuriosityMAPElites, MAPElites):
+            make_model(algorithm, make_easy_maze(), archive=own)
+        assert own.field_list == ["solution", "objective", "measures", "seed", "index"]
+        model = make_model(MAPElites, make_easy_maze(), archive=own).learn(2000)
+        assert model.archive.verify(make_easy_maze()).share == 1.0
+
+    @pytest.mark.parametrize("n_elites", [0, 1])
+    @pytest.mark.parametrize("wrong", [{"emitters": lambda *args: []}, {"evaluator": 3}])
+    def test_a_model_that_fails_leaves_it(
+        self, make_model, make_maze, tmp_path, assert_same, n_elites, wrong
+    ):
+        make = lambda **changes: make_own(MAPElites, make_model, make_maze, **changes)  # noqa: E731
+        make_model(MAPElites, make_maze(), archive=make()).save(tmp_path / "model")
+        fields = {"extra_fields": {"seed": ((), np.int64)}} if n_elites else {}
+        own, untouched = (make(seed=5, **fields) for _ in range(2))
+        for archive in (own, untouched)[: 2 * n_elites]:
+            archive.add_single(np.ones(archive.solution_dim), 1.0, np.ones(4), seed=0)
+        with pytest.raises(ValueError, match=f"^`{next(iter(wrong))}` must"):
+            make_model(MAPElites, make_maze(), archive=own, **wrong)
+        with pytest.raises(ValueError, match=f"^`{next(iter(wrong))}` must"):
+            MAPElites.load(tmp_path / "model", env=make_maze(), archive=own, **wrong)
+        assert own.field_list == untouched.field_list
+        assert own.net_arch is None
+        assert_same(own.state_dict(), untouched.state_dict())
+
     def refuse(self, message, model, make_env, own):
         before = own.field_list if isinstance(own, SparseGridArchive) else None
         with pytest.raises(ValueError, match=f"^`archive` must {re.escape(message)}"):

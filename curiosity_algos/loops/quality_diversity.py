@@ -349,6 +349,13 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
 def _kinds(*parts: object) -> list[str]:
     """What tells parts apart that the user passed; a file holds no more of them."""
-    settings = [f" {json.dumps(p.settings)}" if isinstance(p, EliteArchive) else "" for p in parts]
-    names = [type(part).__name__ for part in parts]
-    return [name + each for name, each in zip(names, settings, strict=True) if name != "NoneType"]
+    return [_kind(part) for part in parts if part is not None]
+
+
+def _kind(part: object) -> str:
+    """The part's class; of an archive, what it was made with, too."""
+    name = type(part).__name__
+    if not isinstance(part, EliteArchive):
+        return name
+    settings = {**part.settings, "qd_score_offset": part.qd_score_offset}
+    return f"{name} {json.dumps(settings)}"

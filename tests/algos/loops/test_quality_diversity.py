@@ -478,6 +478,24 @@ class TestArchive:
             with pytest.raises(ValueError, match=rf"^`archive` must be passed .*{what}.*, got .*4"):
                 MAPElites.load(tmp_path / file, archive=other)
 
+    def test_load_takes_one_of_the_same_offset(self, make_model, make_maze, tmp_path):
+        own, other = (
+            make_own(MAPElites, make_model, make_maze, qd_score_offset=x) for x in (0.0, -100.0)
+        )
+        make_model(MAPElites, make_maze(), archive=own).save(tmp_path / "model")
+        with pytest.raises(
+            ValueError, match=r'^`archive` must be passed .*"qd_score_offset": -100'
+        ):
+            MAPElites.load(tmp_path / "model", archive=other)
+
+    @pytest.mark.parametrize("changes", [{"threshold": 0.5}, {"net_arch": [4]}])
+    def test_load_takes_one_that_has_lived(self, make_model, make_maze, tmp_path, changes):
+        own, other = (make_own(NSLC, make_model, make_maze, **each) for each in ({}, changes))
+        model = make_model(NSLC, make_maze(), archive=own).learn(1)
+        model.save(tmp_path / "model")
+        loaded = NSLC.load(tmp_path / "model", archive=other)
+        assert loaded.archive.threshold == model.archive.threshold
+
     def test_an_empty_one_serves_one_algorithm_after_another(self, make_model, make_easy_maze):
         own = make_own(MAPElites, make_model, make_easy_maze)
         for algorithm in (CuriosityMAPElites, MAPElites):

@@ -27,7 +27,8 @@ class AURORA(QualityDiversity):
 
     The autoencoder is trained on the archive and the generation: in the first generation, after
     `training_interval` generations, and whenever their number has doubled since. After each
-    training all elites are encoded anew.
+    training all elites are encoded anew. So an `archive` must be empty at the beginning: an earlier
+    run's elites have their places from another autoencoder.
 
     Args:
         latent_size: Dimensions of the learned behavior space.
@@ -72,6 +73,11 @@ class AURORA(QualityDiversity):
         check_at_least_one(latent_size=self.latent_size, archive_size=self.archive_size)
         check_at_least_one(training_interval=self.training_interval, n_epochs=self.n_epochs)
         check_at_least_one(batch_size=self.batch_size)
+        if not (self._own_archive is None or self._own_archive.empty):
+            raise ValueError(
+                "`archive` must be empty, as its places come from an encoder that is trained anew, "
+                f"got {len(self._own_archive)} elites."
+            )
         check_share(trajectory_share=self.trajectory_share)
         check_positive(
             trajectory_share=self.trajectory_share, ae_learning_rate=self.ae_learning_rate

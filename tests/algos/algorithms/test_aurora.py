@@ -61,6 +61,16 @@ def test_the_archive_keeps_its_size(make_model, make_easy_maze):
     assert 27 <= sizes[reached:].min() <= sizes.max() <= 33
 
 
+def test_it_begins_with_an_empty_archive(make_model, make_easy_maze):
+    held = make_model(AURORA, make_easy_maze()).learn(2000).archive
+    n_elites = len(held)
+    with pytest.raises(ValueError, match=rf"^`archive` must be empty, .* got {n_elites} elites"):
+        make_model(AURORA, make_easy_maze(), archive=held)
+    assert len(held) == n_elites > 0
+    held.clear()
+    assert len(make_model(AURORA, make_easy_maze(), archive=held).learn(2000).archive) > 0
+
+
 def test_it_needs_no_behaviors(make_model):
     model = make_model(AURORA, "CartPole-v1").learn(1000)
     assert model.archive.behaviors.shape == (len(model.archive), 0)

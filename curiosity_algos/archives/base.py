@@ -266,8 +266,8 @@ class EliteArchive(ArchiveBase):
 
     @contextmanager
     def unchanged_on_error(self) -> Iterator[None]:
-        """Undo what a block that raises did by `prepare` and `clear`."""
-        before = dict(vars(self))  # both replace attributes, and change none in place
+        """Undo what a block that raises did by `prepare`, `clear` and `load_state_dict`."""
+        before = dict(vars(self))  # they replace attributes; generators change last
         try:
             yield
         except BaseException:
@@ -375,12 +375,33 @@ class EliteArchive(ArchiveBase):
         }
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        self._put({name: tensor.cpu().numpy() for name, tensor in state["elites"].items()})
-        # As it was added up: another order of the sum may have other last bits.
-        self._objective_sum = np.float64(state["objective_sum"])
-        self._best_slot = state["best_slot"]
-        load_generator_state(self._rng, state["rng"])
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If that was no archive with these fields; nothing has changed then.
+        """
+        elites = {name: tensor.cpu().numpy() for name, tensor in state["elites"].items()}
+        with self.unchanged_on_error():
+            self._description = self._described(elites)
+            self._check_elites(elites)
+            _check_summary(state["objective_sum"], state["best_slot"], len(elites["objective"]))
+            self._put(elites)
+            # As it was added up: another order of the sum may have other last bits.
+            self._objective_sum = np.float64(state["objective_sum"])
+            self._best_slot = state["best_slot"]
+            load_generator_state(self._rng, state["rng"])
+
+    def _described(self, data: Batch) -> Description:
+        """The description with the solutions' type and the extra fields' shapes as in `data`."""
+        if data.keys() != set(self.field_list):
+            raise ValueError(
+                f"Elites must have the fields {', '.join(self.field_list)}, got {', '.join(data)}."
+            )
+        _check_matrices(data)
+        extra = {k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in FIELDS}
+        shape, _ = self._description["solution"]
+        solution = {"solution": (shape, data["solution"].dtype)}
+        return self._description | solution | _checked_fields(extra)
 
     def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
         """Hold these elites, all fields with "index", instead of what was held."""
@@ -498,6 +519,14 @@ def _check_matrices(data: Batch) -> None:
             raise ValueError(
                 f"`{name}` must be rows of numbers, got {data[name].dtype} {data[name].shape}."
             )
+
+
+def _check_summary(objective_sum: Any, best_slot: Any, n: int) -> None:
+    """Raise ValueError unless n elites could have this sum, and their best in this slot."""
+    if not is_finite(objective_sum):
+        raise ValueError(f"`objective_sum` must be a finite number, got {objective_sum!r}.")
+    if not (isinstance(best_slot, int) and 0 <= best_slot < max(n, 1)):
+        raise ValueError(f"`best_slot` must be that of one of {n} elites, got {best_slot!r}.")
 
 
 def is_finite(value: Any) -> bool:

@@ -73,8 +73,7 @@ class UnstructuredArchive(EliteArchive):
         net_arch: Sequence[int] | None = None,
     ) -> None:
         check_at_least_one(target_size=target_size, k_neighbors=k_neighbors)
-        if not is_finite(threshold) or threshold < 0.0:
-            raise ValueError(f"`threshold` must be finite and at least 0, got {threshold!r}.")
+        _check_threshold(threshold)
         self.target_size = target_size
         self.k_neighbors = k_neighbors
         self.threshold = threshold
@@ -190,9 +189,19 @@ class UnstructuredArchive(EliteArchive):
         return {**super().state_dict(), "threshold": self.threshold}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: See `EliteArchive.load_state_dict`.
+        """
+        _check_threshold(state["threshold"])
         super().load_state_dict(state)
         self.threshold = state["threshold"]
+
+
+def _check_threshold(threshold: Any) -> None:
+    if not is_finite(threshold) or threshold < 0.0:
+        raise ValueError(f"`threshold` must be finite and at least 0, got {threshold!r}.")
 
 
 def _drop_closest(distances: Float64Array, objective: Float64Array, n_kept: int) -> Int64Array:

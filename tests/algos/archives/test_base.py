@@ -36,6 +36,11 @@ def make_full(n=30, **changes):
     return archive
 
 
+def repeated(elites):
+    """As many elites, all of them the first."""
+    return {name: tensor[:1].expand_as(tensor).clone() for name, tensor in elites.items()}
+
+
 def assert_same_data(one, other):
     one, other = one.data(), other.data()
     assert list(one) == list(other)
@@ -311,6 +316,39 @@ class TestStates:
         for one in (archive, other):
             one.add(**make_batch(1, 5))
         np.testing.assert_equal(archive.sample_elites(9), other.sample_elites(9))
+
+    @pytest.mark.parametrize(
+        ("match", "spoil"),
+        [
+            ("`objective` must be finite", lambda s: s["elites"]["objective"].fill_(np.nan)),
+            ("`behavior` must be finite", lambda s: s["elites"]["behavior"].fill_(np.inf)),
+            ("`measures` must be finite", lambda s: s["elites"]["measures"].fill_(np.nan)),
+            ("of the same grid", lambda s: s["elites"]["index"].add_(1)),
+            ("`index` must be another", lambda s: s["elites"].update(repeated(s["elites"]))),
+            ("must have the fields", lambda s: s["elites"].pop("seed")),
+            ("must have the fields", lambda s: s["elites"].update(note=th.ones(1))),
+            ("`seed` must be of shape", lambda s: s["elites"].update(seed=th.ones(2).long())),
+            ("`seed` must be one whole", lambda s: s["elites"].update(seed=th.ones(2, 3))),
+            ("`solution` must be of shape", lambda s: s["elites"].update(solution=th.ones(9, 5))),
+            ("`objective` must be of type", lambda s: s["elites"].update(objective=th.ones(9))),
+            ("`best_slot` must be", lambda s: s.update(best_slot=999)),
+            ("`best_slot` must be", lambda s: s.update(best_slot=-1)),
+            ("`best_slot` must be", lambda s: s.update(best_slot="first")),
+            ("`objective_sum` must be", lambda s: s.update(objective_sum=np.nan)),
+            ("Expecting value", lambda s: s.update(rng="text")),
+        ],
+    )
+    def test_those_of_no_archive_leave_all_as_it_was(self, match, spoil, assert_same):
+        archive, twin = make_full(), make_full()
+        state = make_full(20, solution_dtype=np.float32).state_dict()
+        spoil(state)
+        with pytest.raises(ValueError, match=match):
+            archive.load_state_dict(state)
+        assert archive.dtypes == twin.dtypes
+        assert_same(archive.state_dict(), twin.state_dict())
+        for one in (archive, twin):
+            one.add(**make_batch(9, 3))
+        assert_same_data(archive, twin)
 
     def test_they_do_not_follow_the_archive(self, assert_same):
         archive = make_full()

@@ -290,6 +290,14 @@ class TestInsertion:
         assert info["status"].tolist() == [NEW, IMPROVED, NOT_ADDED, NEW]
         assert archive.data("measures").tolist() == [[1.0], [2.5]]
 
+    @pytest.mark.parametrize("threshold", [np.nan, np.inf, -1.0, "far"])
+    def test_a_state_has_a_threshold(self, threshold):
+        archive, twin = make_full(), make_full()
+        with pytest.raises(ValueError, match=r"^`threshold` must be finite and at least 0"):
+            archive.load_state_dict(make_archive().state_dict() | {"threshold": threshold})
+        assert archive.threshold == twin.threshold
+        assert_same_elites(archive, twin)
+
     def test_clearing_forgets_the_threshold(self):
         archive = make_full()
         assert archive.threshold > 0

@@ -34,8 +34,8 @@ class AURORA(QualityDiversity):
         latent_size: Dimensions of the learned behavior space.
         trajectory_share: Share of a trajectory's states, evenly spaced, that the autoencoder sees;
             the number is that of the first generation's longest episode.
-        archive_size: Elites held, within 10 %: a distance between them adapts. Each is held with
-            the states that the autoencoder sees.
+        archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
+            its `target_size` instead. Each is held with the states that the autoencoder sees.
         training_interval: See above.
         n_epochs: Passes over the data in a training.
         ae_learning_rate: Adam's, in the autoencoder.

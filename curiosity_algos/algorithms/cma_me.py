@@ -22,7 +22,8 @@ class CMAME(MAPElites):
     """One improvement emitter: CMA-ES, started anew from a random elite every few generations.
 
     Args:
-        sigma: Step size after each restart, above 0.
+        sigma: Step size after each restart, above 0; like the next two without effect on
+            `emitters`, which have their own.
         restart_interval: Generations between two restarts (the paper's phases of 10).
         es: "cma_es" adapts the full covariance matrix, as the paper does: its cost grows with the
             square of the policy's size. "sep_cma_es" adapts its diagonal, "lm_ma_es" a few

@@ -33,8 +33,9 @@ class CuriosityMAPElites(MAPElites):
     generation, as in `CuriosityES`, so that what is known stops having offspring.
 
     Args:
-        sigma: Standard deviation of mutations, above 0.
+        sigma: Standard deviation of mutations, above 0; `emitters` have their own.
         tournament_size: Elites drawn for each parent; with 1 all are as likely, as in MAP-Elites.
+            `emitters` choose parents of their own.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
         bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
         bonus_kwargs: Of a bonus that is named, see `ICM` and `RND` (`learning_rate`, ...).

@@ -32,11 +32,12 @@ class NSLC(QualityDiversity):
     weighs the two.
 
     Args:
-        n_parents: mu, at most `population_size`, lambda.
-        k: Neighbors that count.
+        n_parents: mu, at most `population_size`, lambda; `emitters` have their own parents.
+        k: Neighbors that count; those of an `archive` are its `k_neighbors` instead.
         behavior: "final": the environment's behavior; "state": the whole final observation (the
             paper's BD_s).
-        archive_size: Elites held, within 10 %: a distance between them adapts.
+        archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
+            its `target_size` instead.
     """
 
     archive_class = UnstructuredArchive

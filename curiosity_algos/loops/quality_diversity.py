@@ -45,8 +45,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
     (`_measures`, `_measure_dim`); and what is kept of each elite (`_fields`, `_field_types`).
 
     Args:
-        population_size: Policies a generation; with `emitters` it may be left out, and is the sum
-            of their batch sizes.
+        population_size: Policies a generation. With `emitters` it is the sum of their batch sizes,
+            and may be left out; the default counts as left out there.
         sigma: Standard deviation of mutations, above 0; `emitters` have their own.
         archive: Where elites are kept, instead of the algorithm's own archive: one of
             `curiosity_algos.archives` whose `solution_dim` and `measure_dim` are the algorithm's.
@@ -56,7 +56,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             before. `load` takes it again.
         emitters: A function of the archive, the parameters to begin at (n_parameters,) and a seed,
             a whole number, that returns a list of pyribs' emitters on that archive: they emit the
-            policies, instead of the algorithm's own emitter. `load` takes it again.
+            policies, instead of the algorithm's own emitter with its settings. `load` takes it
+            again.
 
     Attributes:
         archive: The elites; of each is kept the parameters, the return, what places it, and the

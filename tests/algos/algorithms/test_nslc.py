@@ -65,6 +65,17 @@ def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
     assert not np.array_equal(plain._ask(), changed._ask())
 
 
+def test_an_archive_has_its_own_neighbors_and_size(make_model, make_easy_maze, assert_same_run):
+    runs = []
+    for changes in ({}, {"k": 1, "archive_size": 5}):
+        own = make_model(NSLC, make_easy_maze(), **FINAL).archive
+        runs.append(make_model(NSLC, make_easy_maze(), **(FINAL | changes), archive=own))
+    assert_same_run(*(model.learn(3000) for model in runs))
+    text = " ".join(NSLC.__doc__.split())
+    assert "its `k_neighbors` instead" in text
+    assert "its `target_size` instead" in text
+
+
 @pytest.mark.parametrize(
     ("name", "value"), [("n_parents", 7), ("k", 0), ("archive_size", 0), ("behavior", "x")]
 )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from importlib.resources import files
 from typing import Any
 
 import yaml
 
 from curiosity_gym.validation import check_choice
 
-_FOLDER = Path(__file__).parent.parent / "presets"
-PRESETS = tuple(sorted(path.stem for path in _FOLDER.glob("*.yml")))
+# Not by paths: the package may lie in an archive.
+_FILES = {file.name: file for file in files("curiosity_algos").joinpath("presets").iterdir()}
+PRESETS = tuple(sorted(name.removesuffix(".yml") for name in _FILES if name.endswith(".yml")))
 
 
 def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, An
             environment.
     """
     check_choice(PRESETS, preset=preset)
-    table: dict[str, Any] = yaml.safe_load((_FOLDER / f"{preset}.yml").read_text())
+    table: dict[str, Any] = yaml.safe_load(_FILES[f"{preset}.yml"].read_text())
     if algorithm not in table:
         known = ", ".join(table)
         raise ValueError(f'`preset` "{preset}" is of {known}, not of {algorithm}.')

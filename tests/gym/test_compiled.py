@@ -142,8 +142,9 @@ class TestMachineCodeOnDisk:
         archive = tmp_path / name
         with zipfile.ZipFile(archive, "w") as file:
             for package in ("curiosity_gym", "curiosity_algos"):
-                for source in (ROOT / package).rglob("*.py"):
-                    file.write(source, source.relative_to(ROOT))
+                for source in (ROOT / package).rglob("*"):
+                    if source.suffix in (".py", ".yml"):
+                        file.write(source, source.relative_to(ROOT))
         code = (
             f"import {imported}, gymnasium as gym\n"
             "import curiosity_gym.compiled as it\n"

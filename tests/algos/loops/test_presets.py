@@ -1,4 +1,8 @@
 import inspect
+import os
+import subprocess
+import sys
+import zipfile
 from pathlib import Path
 
 import gymnasium as gym
@@ -71,6 +75,25 @@ def test_the_papers_neighbors_and_mutations():
     for algorithm in ("NSES", "MAPElites", "CMAME", "NSLC", "AURORA"):
         sigmas = [load_preset("paper", algorithm, env_id)["sigma"] for env_id in MAZES + CONTROL]
         assert sigmas == [0.5, 0.5, 0.5, 0.005, 0.005, 0.001]
+
+
+def test_presets_are_found_in_an_archive(tmp_path):
+    archive, root = tmp_path / "packages.zip", FOLDER.parents[1]
+    with zipfile.ZipFile(archive, "w") as file:
+        for package in ("curiosity_gym", "curiosity_algos"):
+            for source in (root / package).rglob("*"):
+                if source.suffix in (".py", ".yml"):
+                    file.write(source, source.relative_to(root))
+    code = (
+        "from curiosity_algos.loops import presets as it\n"
+        f"print(it.__file__, *it.PRESETS, *it.load_preset('paper', 'CuriosityES', '{HARD}'))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(archive), "HOME": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, cwd="/")
+    expected = [f"{archive}/curiosity_algos/loops/presets.py", *PRESETS]
+    expected += load_preset("paper", "CuriosityES", HARD)
+    assert result.stdout.split() == expected, result.stderr
 
 
 def test_an_unknown_preset_is_refused():

@@ -27,15 +27,20 @@ def compiled(function: _F) -> _F:
     Fast-math stays off: reordered sums would give other bits in other callers. Reference counting
     is off too, as its atomic operations took more time than the dynamics: a compiled function works
     on arrays that its Python caller holds, and creates none.
+
+    Functions of a module that is in no package are compiled anew in every process: which other
+    modules they inline, whose change would leave their machine code wrong, is not known.
     """
     njit: Any = numba.njit  # its types do not know `_nrt`
     decorate = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
     dispatcher = decorate(function)
-    _keep_on_disk(dispatcher, function.__module__)
+    package = function.__module__.partition(".")[0]
+    if hasattr(sys.modules[package], "__path__"):
+        _keep_on_disk(dispatcher, package)
     return cast(_F, dispatcher)
 
 
-def _keep_on_disk(dispatcher: Any, module: str) -> None:
+def _keep_on_disk(dispatcher: Any, package: str) -> None:
     """Keep machine code on disk, valid for the sources of the packages that it may have inlined.
 
     Numba looks at the function's own file alone, and would go on with the old code of the others.
@@ -45,7 +50,7 @@ def _keep_on_disk(dispatcher: Any, module: str) -> None:
     except RuntimeError:  # no folder to keep it in: it is compiled anew in every process
         return
     index = dispatcher._cache._cache_file
-    index._source_stamp = (index._source_stamp, *_sources(module.partition(".")[0]))
+    index._source_stamp = (index._source_stamp, *_sources(package))
 
 
 def _sources(package: str) -> tuple[bytes, ...]:
@@ -55,11 +60,10 @@ def _sources(package: str) -> tuple[bytes, ...]:
 
 @cache
 def _digest(package: str) -> bytes:
-    """Of the contents of every source file in a package; of none where it is a plain module."""
+    """Of the contents of every source file in a package."""
     digest = hashlib.sha256()
-    if hasattr(sys.modules[package], "__path__"):
-        for source in _source_files(importlib.resources.files(package)):
-            digest.update(source.name.encode() + source.read_bytes())
+    for source in _source_files(importlib.resources.files(package)):
+        digest.update(source.name.encode() + source.read_bytes())
     return digest.digest()
 
 

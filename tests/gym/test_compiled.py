@@ -133,6 +133,15 @@ class TestMachineCodeOnDisk:
         printed = [run_python(code, [package.parent, ROOT], **folder) for _ in range(2)]
         assert printed == ["2.0\n0 1", "2.0\n1 0"]
 
+    @pytest.mark.parametrize("elsewhere", [False, True])
+    def test_is_not_kept_for_modules_outside_packages(self, tmp_path, elsewhere):
+        folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")} if elsewhere else {}
+        (tmp_path / "scale.py").write_text(SCALE.replace("package.", ""))
+        for factor in (2.0, 3.0):
+            (tmp_path / "factor.py").write_text(FACTOR.format(factor))
+            printed = run_python(SCALE_ONE.replace("package.", ""), [tmp_path, ROOT], **folder)
+            assert printed == str(factor)
+
     # Numba keeps machine code of a .zip, and none of other archives.
     @pytest.mark.parametrize(
         ("name", "imported"),

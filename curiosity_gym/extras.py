@@ -10,6 +10,9 @@ from types import ModuleType
 
 from gymnasium.error import DependencyNotInstalled
 
+DM_CONTROL = "dm-control>=1.0.50,<2"
+"""What the extra `control` asks for, where it can."""
+
 
 def import_extra(extra: str, *modules: str) -> tuple[ModuleType, ...]:
     """Import modules that the extra `extra` of this package installs, and return them.
@@ -28,7 +31,7 @@ def install_command(extra: str) -> str:
     command = f'pip install "curiosity-search[{extra}]"'
     if extra == "control" and sys.version_info >= (3, 13):
         # Its labmaze has no wheel there, and nothing here uses that.
-        return f"{command} && pip install --no-deps dm-control"
+        return f'{command} && pip install --no-deps "{DM_CONTROL}"'
     return command
 
 

@@ -52,3 +52,11 @@ def check_seed(seed: object) -> None:
         is_valid = False
     if not is_valid:
         raise ValueError(f"`seed` must be None or a whole number of at least 0, got {seed!r}.")
+
+
+def check_info(info: object) -> None:
+    """Raise ValueError unless the info that an environment gave is a dictionary."""
+    if not isinstance(info, dict):
+        raise ValueError(
+            f"`env` must give a dictionary as info with each reset and step, got {info!r:.60}."
+        )

@@ -12,6 +12,8 @@ import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
+from curiosity_gym.validation import check_info
+
 BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
 """`behavior(env, observation, info)`: the behavior of an episode that stands there, (B,).
 
@@ -191,10 +193,12 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; see the wrapped environment."""
         observation, info = self.env.reset(seed=seed, options=options)
+        check_info(info)
         return observation, self._recorder.reset(self.env, observation, info)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take one step; see the wrapped environment."""
         observation, reward, terminated, truncated, info = self.env.step(action)
+        check_info(info)
         info = self._recorder.step(self.env, observation, info)
         return observation, reward, terminated, truncated, info

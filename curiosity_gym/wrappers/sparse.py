@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.wrappers import TimeLimit
 
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_info
 from curiosity_gym.wrappers.behavior import Behavior, BehaviorRecorder
 
 Observation = npt.NDArray[np.float32]
@@ -109,6 +109,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         """Begin an episode; `seed` and `options` are those of the wrapped environment."""
         self._is_running = False
         observation, info = self.env.reset(seed=seed, options=options)
+        check_info(info)
         if self._recorder is not None:
             info = self._recorder.reset(self.env, observation, info)
         self._t, self._is_running = 0, True
@@ -120,7 +121,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         An error of `env`, `success` or `behavior` ends the episode.
 
         Raises:
-            ValueError: If action or behavior is not finite, or of another shape than its space.
+            ValueError: If action or behavior is not finite, or of another shape than its space, or
+                the info of `env` is no dictionary.
             gymnasium.error.ResetNeeded: If no episode is under way.
         """
         action = self._check_action(action)
@@ -129,6 +131,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         # Before the step: after an error the state may be one that no episode leads to.
         self._is_running = False
         observation, reward, terminated, truncated, info = self.env.step(action)
+        check_info(info)
         self._t += 1
         is_success = bool(self._success(self.env, observation, reward, info))
         terminated = bool(is_success or terminated)

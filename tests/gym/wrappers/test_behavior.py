@@ -102,6 +102,41 @@ def test_behaviors_that_are_not_finite_are_errors(bad):
             call()
 
 
+class Infos(gym.Env):
+    """An environment whose infos are those of the test."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (1,))
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, *infos):
+        self.infos = list(infos)
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(1, np.float32), self.infos.pop(0)
+
+    def step(self, action):
+        return np.zeros(1, np.float32), 0.0, False, False, self.infos.pop(0)
+
+
+WRAPPERS_OF_INFOS = {
+    "behavior": lambda env: BehaviorWrapper(env, lambda env, observation, info: info["b"], SPACE),
+    "sparse": lambda env: SparseRewardWrapper(env, lambda e, o, r, info: info["success"]),
+}
+
+
+@pytest.mark.parametrize("bad", [None, ["b"]])
+@pytest.mark.parametrize("kind", WRAPPERS_OF_INFOS)
+def test_infos_that_are_no_dictionaries_are_errors(kind, bad):
+    wrap, good = WRAPPERS_OF_INFOS[kind], {"b": [0.0, 0.0], "success": False}
+    message = r"^`env` must give a dictionary as info with each reset and step, got .*\.$"
+    with pytest.raises(ValueError, match=message):
+        wrap(Infos(bad)).reset()
+    env = wrap(Infos(good, bad))
+    env.reset()
+    with pytest.raises(ValueError, match=message):
+        env.step(0)
+
+
 @pytest.mark.parametrize("bad", [None, "left", [[0.0], [0.0, 0.0]], {"x": 0.0}, [0.0, None, ""]])
 def test_behaviors_that_are_no_numbers_in_some_step_are_errors(bad):
     values = [np.zeros(2), np.zeros(2), bad]

@@ -8,14 +8,15 @@ import os
 import pathlib
 import pickle
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Set
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Iterable, Mapping, Set
+from typing import Any, TypeVar
 
 import numpy as np
 import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.save_util import save_to_zip_file
+from stable_baselines3.common.save_util import load_from_zip_file, save_to_zip_file
+from stable_baselines3.common.type_aliases import TensorDict
+from stable_baselines3.common.utils import check_for_correct_spaces, get_device, get_system_info
 
 from curiosity_algos.common.atomic_file import atomic_file
 from curiosity_algos.common.plain_json import decode, encode
@@ -24,6 +25,7 @@ TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what parts have collected, ours and Stable-Baselines3's."""
 _PICKLED = ":serialized:"
 """Key of an attribute that Stable-Baselines3 writes with cloudpickle."""
+_Model = TypeVar("_Model", bound=BaseAlgorithm)
 _NEEDED = {"policy_class", "policy_kwargs", "observation_space", "action_space", "verbose"}
 """Attributes without which no model can be made."""
 
@@ -151,19 +153,107 @@ def _argument(attribute: str) -> str:
     return "policy" if attribute == "policy_class" else attribute
 
 
-@contextmanager
-def plain_tensors(file: pathlib.Path | io.BufferedIOBase, algorithm: str) -> Iterator[None]:
-    """Say what is wrong where torch refuses to run the code in a file.
+def read_model(
+    file: pathlib.Path | io.BufferedIOBase,
+    algorithm: str,
+    device: th.device | str,
+    custom_objects: dict[str, Any] | None,
+    print_system_info: bool = False,
+) -> tuple[dict[str, Any], TensorDict]:
+    """Read a model's attributes and the states of its parts.
+
+    Args:
+        file: What `check_is_checkpoint` gave.
+        algorithm: As `check_is_checkpoint` was given it.
+        device: Of the tensors read.
+        custom_objects: By name, what to take in place of the attributes in the file.
+        print_system_info: As in SB3.
 
     Raises:
-        ValueError: If the block raised an UnpicklingError.
+        ValueError: If the file cannot be read, or its tensors would run code.
     """
+    device = get_device(device)
+    if print_system_info:
+        print("== CURRENT SYSTEM INFO ==")
+        get_system_info()
     try:
-        yield
+        data, parameters, _ = load_from_zip_file(
+            file,
+            custom_objects=custom_objects,
+            device=device,
+            print_system_info=print_system_info,
+        )
+        assert data is not None
     except pickle.UnpicklingError as error:
         raise ValueError(
             f"`path` must be a saved {algorithm}, {file} holds more than tensors and plain values."
         ) from error
+    return data, parameters
+
+
+def build_model(
+    cls: type[_Model],
+    data: dict[str, Any],
+    parameters: TensorDict,
+    env: Any,
+    device: th.device | str,
+    force_reset: bool,
+) -> _Model:
+    """Make the model that `read_model` read, as SB3's `load` does.
+
+    Args:
+        cls: Of the model.
+        data: Its attributes; those of the env are replaced.
+        parameters: The states of its parts.
+        env: To learn in, or None.
+        device: As in the constructor.
+        force_reset: As in SB3.
+
+    Raises:
+        ValueError: If the env has other spaces, or the states do not fit the model.
+        RuntimeError: If those of networks do not fit.
+    """
+    if env is not None:
+        env = cls._wrap_env(env, data["verbose"])
+        check_for_correct_spaces(env, data["observation_space"], data["action_space"])
+        data["n_envs"] = env.num_envs
+        data |= {"_last_obs": None} if force_reset else {}
+    else:
+        env = data.get("env")  # a user may have included it
+    later: dict[str, Any] = {"_init_setup_model": False}  # which SB3's base does not declare
+    model = cls(policy=data["policy_class"], env=env, device=device, **later)
+    vars(model).update(data)
+    model._setup_model()
+    try:
+        model.set_parameters(parameters, exact_match=True, device=device)
+    except ValueError as error:
+        raise ValueError(f"`path` must be a saved {cls.__name__}: {error}") from error
+    return model
+
+
+def check_names(given: Iterable[str], expected: Iterable[str], *, exact_match: bool) -> None:
+    """Check the names of the parts that `set_parameters` is given.
+
+    Raises:
+        ValueError: If the model has no part of a name, or, with `exact_match`, one is missing.
+    """
+    given, expected = set(given), set(expected)
+    wrong = {"missing": expected - given if exact_match else set(), "unknown": given - expected}
+    if any(wrong.values()):
+        found = "; ".join(
+            f"{kind}: {' and '.join(f'`{name}`' for name in sorted(names))}"
+            for kind, names in wrong.items()
+            if names
+        )
+        raise ValueError(f"Names of parameters do not match the model's parts, {found}.")
+
+
+def read_parameters(source: str | TensorDict, device: th.device | str) -> TensorDict:
+    """The states of parts that `set_parameters` is given, or is to read from a file."""
+    if isinstance(source, dict):
+        return source
+    parameters: TensorDict = load_from_zip_file(source, device=device, load_data=False)[1]
+    return parameters
 
 
 def is_plain(value: Any) -> bool:

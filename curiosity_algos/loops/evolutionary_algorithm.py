@@ -20,10 +20,13 @@ from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.checkpoint import (
+    build_model,
     check_is_checkpoint,
+    check_names,
     pickled_attributes,
-    plain_tensors,
     read_attributes,
+    read_model,
+    read_parameters,
     save_model,
 )
 from curiosity_algos.common.randomness import EpisodeSeeds, reseed
@@ -447,9 +450,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
                 finite, or the search has no use for it: archives have parents of their own once
                 they hold elites.
         """
+        parameters = read_parameters(load_path_or_dict, device)
+        check_names(parameters, self._get_torch_save_params()[0], exact_match=exact_match)
         before = self.policy.vector.copy()
-        super().set_parameters(load_path_or_dict, exact_match, device)
-        if isinstance(load_path_or_dict, dict) and {*load_path_or_dict} == {"policy"}:
+        super().set_parameters(parameters, exact_match, device)
+        if {*parameters} == {"policy"}:
             try:
                 self._begin_at(_finite(self.policy.vector))
             except ValueError:
@@ -549,16 +554,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             )
         if isinstance(attributes.get("policy_class"), str):
             attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
-        with plain_tensors(file, name):
-            model = super().load(
-                file,
-                env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
-                device,
-                attributes,
-                print_system_info,
-                force_reset,
-                **kwargs,
-            )
+        data, parameters = read_model(file, name, device, attributes, print_system_info)
+        model = build_model(cls, data | kwargs, parameters, env, device, force_reset)
         if model.env is not None:
             model._match_env(model.env)
         model._show_best()

@@ -24,6 +24,7 @@ from stable_baselines3.common.type_aliases import (
     MaybeCallback,
     RolloutReturn,
     Schedule,
+    TensorDict,
     TrainFreq,
 )
 from stable_baselines3.common.utils import should_collect_more_steps
@@ -33,8 +34,11 @@ from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.common.checkpoint import (
     TRANSITIONS,
+    build_model,
     check_is_checkpoint,
-    plain_tensors,
+    check_names,
+    read_model,
+    read_parameters,
     save_model,
 )
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
@@ -461,6 +465,21 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         names, variables = super()._get_torch_save_params()
         return [*names, *stateful_parts(self)], variables
 
+    def set_parameters(
+        self,
+        load_path_or_dict: str | TensorDict,
+        exact_match: bool = True,
+        device: th.device | str = "auto",
+    ) -> None:
+        """As in SB3, but names that do not match change nothing.
+
+        Raises:
+            ValueError: If parts are missing, or unknown.
+        """
+        parameters = read_parameters(load_path_or_dict, device)
+        check_names(parameters, self._get_torch_save_params()[0], exact_match=exact_match)
+        super().set_parameters(parameters, exact_match, device)
+
     def save(
         self,
         path: str | os.PathLike[str] | io.BufferedIOBase,
@@ -492,7 +511,10 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         cls,
         path: str | os.PathLike[str] | io.BufferedIOBase,
         env: AnyEnv | None = None,
-        *args: Any,
+        device: th.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
         **kwargs: Any,
     ) -> Self:
         """Load a model of a file that you trust.
@@ -503,13 +525,17 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         Args:
             path: Of the file; `.zip` may be left out.
             env: As in the constructor; None: the model can predict, and learn after `set_env`.
-            *args: As in SB3 (`device`, `custom_objects`, ...).
-            **kwargs: As in SB3; other names replace the model's attributes. `seed` begins every
-                random draw anew, see `set_random_seed`; without it they go on.
+            device: As in the constructor.
+            custom_objects: By name, what to take in place of the attributes in the file.
+            print_system_info: As in SB3.
+            force_reset: As in SB3.
+            **kwargs: Other names replace the model's attributes. `seed` begins every random draw
+                anew, see `set_random_seed`; without it they go on.
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class.
+            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` are
+                others than those saved.
             RuntimeError: If a `bonus` given here is made in another way than the one saved.
         """
         file = check_is_checkpoint(path, cls.__name__)
@@ -518,9 +544,10 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             _check_env(env)
         seed = kwargs.get("seed")
         check_seed(seed)
-        with plain_tensors(file, cls.__name__):
-            # `_wrap_env` takes a VectorEnv too.
-            model = super().load(file, env, *args, **kwargs)  # type: ignore[arg-type]
+        data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
+        if kwargs.get("policy_kwargs", data["policy_kwargs"]) != data["policy_kwargs"]:
+            raise ValueError(f"`policy_kwargs` must be as saved, {data['policy_kwargs']}.")
+        model = build_model(cls, data | kwargs, parameters, env, device, force_reset)
         if model.env is not None:
             model._match_env()
         model.set_random_seed(seed)

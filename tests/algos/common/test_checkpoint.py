@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from curiosity_algos import ICM, TD3ICM, CanonicalES, CuriosityES
+from curiosity_algos import ICM, NSES, TD3ICM, CanonicalES, CuriosityES
 from curiosity_algos.common import checkpoint
 from curiosity_algos.common.checkpoint import check_is_checkpoint, checkpoint_path
 
@@ -136,6 +136,75 @@ class TestWrongFiles:
         ):
             CuriosityES.load(tmp_path / "model")
         check_is_checkpoint(tmp_path / "model", "CanonicalES")
+
+
+def rewrite(path, change):
+    """Give a zip the members that `change` makes of its own, a dictionary of name: content."""
+    with zipfile.ZipFile(path) as archive:
+        members = {each: archive.read(each) for each in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in change(members).items():
+            archive.writestr(name, content)
+
+
+class Strict:
+    """A part that takes no state."""
+
+    def state_dict(self):
+        return {"n": 1}
+
+    def load_state_dict(self, state, strict=True):
+        raise ValueError("`n` must be 2.")
+
+
+class WithPart(CanonicalES):
+    """Has a part that the file has none of, or does not take."""
+
+    part = None
+
+    def _make_search(self, seed):
+        super()._make_search(seed)
+        if self.part is not None:
+            self._part = self.part
+
+
+class TestStatesThatDoNotFit:
+    """They get one sentence, and not the KeyError of what SB3 tries for old models of its own."""
+
+    def test_a_missing_one(self, algorithm, make_model, make_maze, tmp_path):
+        path, part = tmp_path / "model.zip", "_record" if algorithm is TD3ICM else "_episodes"
+        make_model(algorithm, make_maze()).save(path)
+        rewrite(path, lambda members: {k: v for k, v in members.items() if k != f"{part}.pth"})
+        name = algorithm.__name__
+        with pytest.raises(
+            ValueError, match=rf"^`path` must be a saved {name}: .* missing: `{part}`"
+        ):
+            algorithm.load(path)
+
+    def test_an_unknown_one(self, algorithm, make_model, make_maze, tmp_path):
+        path = tmp_path / "model.zip"
+        make_model(algorithm, make_maze()).save(path)
+        rewrite(path, lambda members: members | {"seed.pth": members["policy.pth"]})
+        with pytest.raises(ValueError, match=r"^`path` must be a saved .* unknown: `seed`\.$"):
+            algorithm.load(path)
+
+    def test_a_part_that_the_class_has_gained(self, make_maze, tmp_path, monkeypatch):
+        WithPart(make_maze(), n_parents=2, population_size=4).save(tmp_path / "model")
+        monkeypatch.setattr(WithPart, "part", Strict())
+        with pytest.raises(ValueError, match=r"must be a saved WithPart: .* missing: `_part`"):
+            WithPart.load(tmp_path / "model")
+
+    def test_a_state_that_a_part_refuses(self, make_maze, tmp_path, monkeypatch):
+        monkeypatch.setattr(WithPart, "part", Strict())
+        WithPart(make_maze(), n_parents=2, population_size=4).save(tmp_path / "model")
+        with pytest.raises(ValueError, match=r"^`path` must be a saved WithPart: `n` must be 2"):
+            WithPart.load(tmp_path / "model")
+
+    def test_a_setting_that_the_states_were_not_made_with(self, make_maze, tmp_path):
+        model = NSES(make_maze(), n_parents=2, population_size=4).learn(1)
+        model.save(tmp_path / "model")
+        with pytest.raises(ValueError, match=r"^`path` must be a saved NSES: "):
+            NSES.load(tmp_path / "model", env=make_maze(), behavior="state")
 
 
 class TestSaveAndLoad:

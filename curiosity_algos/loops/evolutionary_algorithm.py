@@ -48,6 +48,9 @@ from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.progress_bar import ProgressBar
 from curiosity_gym.validation import check_at_least_one, check_choice, check_seed
 
+_BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivation"}
+"""Names of parts that do not say where a search stands."""
+
 
 class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
@@ -436,9 +439,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     ) -> None:
         """Take over parameters, the state of the search with them.
 
-        Given `{"policy": ...}` alone, with `exact_match=False`, the search goes on from that
-        policy: an evolution strategy's center moves there, an archive that is still empty is filled
-        from there. The best policy found so far is kept.
+        Given a policy without the state of a search, with `exact_match=False`, the search goes on
+        from that policy: an evolution strategy's center moves there, an archive that is still empty
+        is filled from there. The best policy found so far is kept.
 
         Args:
             load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
@@ -446,20 +449,32 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             device: As in SB3.
 
         Raises:
-            ValueError: If parts are missing, or unknown; if the policy alone is given and is not
-                finite, or the search has no use for it: archives have parents of their own once
-                they hold elites.
+            ValueError: If parts are missing, or unknown; if the policy has another number of
+                parameters, or they are not finite; if it is given without a search that has no use
+                for it: archives have parents of their own once they hold elites. Nothing has
+                changed then.
         """
         parameters = read_parameters(load_path_or_dict, device)
         check_names(parameters, self._get_torch_save_params()[0], exact_match=exact_match)
-        before = self.policy.vector.copy()
+        if "policy" in parameters:
+            flat = self._checked(parameters["policy"])
+            if parameters.keys() <= _BESIDE_THE_SEARCH and not exact_match:
+                self._begin_at(flat)
         super().set_parameters(parameters, exact_match, device)
-        if {*parameters} == {"policy"}:
-            try:
-                self._begin_at(_finite(self.policy.vector))
-            except ValueError:
-                self.policy.vector[:] = before
-                raise
+
+    def _checked(self, state: Mapping[str, Any]) -> Float32Array:
+        """The parameters in the state of a policy, shape (n_parameters,).
+
+        Raises:
+            ValueError: If there are others, or they are NaN or infinite.
+        """
+        flat, n_parameters = state.get("flat"), self.policy.mlp.n_parameters
+        if np.shape(flat) != (n_parameters,):  # type: ignore[arg-type]  # None has a shape, ()
+            raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")
+        checked = th.as_tensor(flat).cpu().numpy().astype(np.float32)  # a copy
+        if not np.isfinite(checked).all():
+            raise ValueError("`policy` must have finite parameters.")
+        return checked
 
     # -- save and load --------------------------------------------------------------------------
 
@@ -571,14 +586,3 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     def _fixed_settings(cls) -> set[str]:
         """Settings that `load` cannot replace."""
         return {"preset"}
-
-
-def _finite(parameters: Float32Array) -> Float32Array:
-    """A copy of a policy's parameters.
-
-    Raises:
-        ValueError: If they are NaN or infinite.
-    """
-    if not np.isfinite(parameters).all():
-        raise ValueError("`policy` must have finite parameters.")
-    return parameters.copy()

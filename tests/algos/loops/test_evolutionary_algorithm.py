@@ -42,6 +42,7 @@ from curiosity_algos import (
 from curiosity_algos.evaluation.coverage import env_attribute
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import act
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 
 HARD = "CuriosityMaze-Hard-v0"
 GENERATION = 6 * 50
@@ -446,6 +447,70 @@ class TestParameters:
         with pytest.raises(ValueError, match="`policy` must have finite parameters"):
             model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
         assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
+
+    @pytest.mark.parametrize("others", [set(), {"_episodes"}, {"_coverage", "_episodes"}])
+    def test_the_search_goes_on_from_a_policy_whatever_comes_with_it(
+        self, algorithm, make_model, make_maze, others
+    ):
+        model, other = (make_model(algorithm, make_maze(), seed=seed) for seed in (0, 1))
+        parameters = {k: v for k, v in other.get_parameters().items() if k in others}
+        flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
+        model.set_parameters(parameters | {"policy": {"flat": flat}}, exact_match=False)
+        np.testing.assert_array_equal(model._center(), flat)
+
+    def test_names_that_do_not_match_change_nothing(
+        self, algorithm, make_model, make_maze, assert_same_run
+    ):
+        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+        policy = {"flat": th.linspace(-1, 1, model.policy.mlp.n_parameters)}
+        with pytest.raises(ValueError, match="Names of parameters do not match"):
+            model.set_parameters({"policy": policy})
+        with pytest.raises(ValueError, match="unknown: `_none`"):
+            model.set_parameters({"policy": policy, "_none": {}}, exact_match=False)
+        assert_same_run(model, untouched)
+
+    @pytest.mark.parametrize("name", ["flat", "vector", None])
+    def test_a_policy_has_all_of_its_parameters(
+        self, algorithm, make_model, make_maze, assert_same_run, name
+    ):
+        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+        policy = {} if name is None else {name: th.zeros(3)}
+        for parameters in ({"policy": policy}, model.get_parameters() | {"policy": policy}):
+            with pytest.raises(ValueError, match=r"`policy` must have `flat`, its \d+ parameters"):
+                model.set_parameters(parameters, exact_match=False)
+        assert_same_run(model, untouched)
+
+    def test_a_whole_state_is_finite_too(self, algorithm, make_model, make_maze, assert_same_run):
+        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+        flat = th.full((model.policy.mlp.n_parameters,), th.inf)
+        with pytest.raises(ValueError, match="`policy` must have finite parameters"):
+            model.set_parameters(model.get_parameters() | {"policy": {"flat": flat}})
+        assert_same_run(model, untouched)
+
+
+class Nowhere(EvolutionaryAlgorithm):
+    """Draws policies, with no search that has a state."""
+
+    def _make_search(self, seed):
+        pass
+
+    def _ask(self):
+        return np.zeros((6, self.policy.mlp.n_parameters), np.float32)
+
+    def _tell(self, rollouts):
+        return {}
+
+    def _center(self):
+        return np.zeros(self.policy.mlp.n_parameters, np.float32)
+
+
+def test_an_algorithm_without_a_search_loads_too(make_easy_maze, tmp_path):
+    model = Nowhere(make_easy_maze(), seed=0).learn(300)
+    model.save(tmp_path / "model")
+    loaded = Nowhere.load(tmp_path / "model", make_easy_maze())
+    assert loaded.num_timesteps == model.num_timesteps
+    with pytest.raises(ValueError, match="`policy` cannot be set alone"):
+        loaded.set_parameters({"policy": model.policy.state_dict()}, exact_match=False)
 
 
 def read_rows(folder):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import os
@@ -11,6 +12,7 @@ import zipfile
 from collections.abc import Iterable, Mapping, Set
 from typing import Any, TypeVar
 
+import cloudpickle  # type: ignore[import-untyped]
 import numpy as np
 import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -100,11 +102,13 @@ def _owner(model: BaseAlgorithm, name: str, state: Any) -> str:
 
 
 def _encoded(value: Any) -> Any:
-    """`value` in terms of JSON, or as it is where only cloudpickle can write it."""
+    """`value` in terms of JSON, of cloudpickle's bytes where nothing else can write it."""
     try:
         return encode(value)
     except TypeError:
-        return value
+        # As SB3 does, but for its list of attributes, and for what JSON would change the type of.
+        pickled = base64.b64encode(cloudpickle.dumps(value)).decode()
+        return {":type:": str(type(value)), _PICKLED: pickled}
 
 
 def read_attributes(

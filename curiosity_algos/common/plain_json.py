@@ -8,10 +8,10 @@ of them names a class or a module, so that a file cannot choose what is called.
 from __future__ import annotations
 
 import base64
-import os
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,25 +26,33 @@ _NUMBERS = "biuf"
 
 
 def encode(value: Any) -> Any:
-    """`value` in terms of JSON; tuples become lists, and paths text.
+    """`value` in terms of JSON.
 
     Raises:
-        TypeError: If it holds an object of a kind that has no description here.
+        TypeError: If it holds an object of a kind that has no description here, such as one of a
+            class derived from these kinds.
     """
-    if isinstance(value, np.ndarray | np.generic):
+    cls = type(value)
+    if cls is np.ndarray or isinstance(value, np.generic):
         return {":array:": _describe_array(np.asarray(value))}
-    if isinstance(value, _PLAIN):
+    if cls in _PLAIN:
         return value
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, list | tuple):
+    if cls is list:
         return [encode(each) for each in value]
-    if isinstance(value, Mapping):
-        return {str(key): encode(each) for key, each in value.items()}
-    for kind, (cls, describe, _) in _KINDS.items():
-        if isinstance(value, cls):
+    if cls is dict:
+        return _encode_dictionary(value)
+    for kind, (described, describe, _) in _KINDS.items():
+        if cls is described:
             return {kind: encode(describe(value))}
-    raise TypeError(f"JSON has no description of a {type(value).__name__}.")
+    raise TypeError(f"JSON has no description of a {cls.__name__}.")
+
+
+def _encode_dictionary(value: dict[Any, Any]) -> dict[str, Any]:
+    for key in value:
+        # JSON makes text of any key, and one between colons would be read as a kind.
+        if type(key) is not str or key.startswith(":"):
+            raise TypeError(f"JSON has no description of a dictionary with the key {key!r}.")
+    return {key: encode(each) for key, each in value.items()}
 
 
 def decode(value: Any) -> Any:
@@ -68,7 +76,13 @@ def _decode_kind(kind: str, description: Any) -> Any:
         if kind == ":array:":
             return _array(**description)
         return _KINDS[kind][2](**decode(description))
-    except (AssertionError, AttributeError, TypeError, ValueError) as error:
+    except (
+        AssertionError,
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+    ) as error:
         raise ValueError(f"The description of a {kind.strip(':')} is damaged.") from error
 
 
@@ -89,11 +103,26 @@ def _box(low: npt.NDArray[Any], high: npt.NDArray[Any]) -> spaces.Box[Any]:
     return spaces.Box(low, high, dtype=low.dtype.type)
 
 
-def _grid(dimensions: list[int], projections: dict[str, list[int]], **others: Any) -> CoverageGrid:
-    kept = {name: tuple(entries) for name, entries in projections.items()}
-    return CoverageGrid(tuple(dimensions), projections=kept, **others)
+def _describe_generator(rng: np.random.Generator) -> dict[str, Any]:
+    kind = type(rng.bit_generator)
+    if kind not in _BIT_GENERATORS.values():
+        raise TypeError(f"JSON has no description of a generator of {kind.__name__}.")
+    return {"kind": kind.__name__, "state": rng.bit_generator.state}
 
 
+def _generator(kind: str, state: dict[str, Any]) -> np.random.Generator:
+    bit_generator = _BIT_GENERATORS[kind]()
+    bit_generator.state = state
+    return np.random.Generator(bit_generator)
+
+
+_BIT_GENERATORS: dict[str, Callable[[], np.random.BitGenerator]] = {
+    "PCG64": np.random.PCG64,
+    "PCG64DXSM": np.random.PCG64DXSM,
+    "MT19937": np.random.MT19937,
+    "Philox": np.random.Philox,
+    "SFC64": np.random.SFC64,
+}
 _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any]]] = {
     ":box:": (spaces.Box, lambda box: {"low": box.low, "high": box.high}, _box),
     ":discrete:": (
@@ -101,11 +130,18 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
         lambda space: {"n": int(space.n), "start": int(space.start)},
         lambda n, start: spaces.Discrete(n, start=start),
     ),
+    ":tuple:": (tuple, lambda items: {"items": list(items)}, lambda items: (*items,)),
+    ":path:": (type(Path()), lambda path: {"path": str(path)}, lambda path: Path(path)),
     ":deque:": (deque, lambda items: {"iterable": list(items), "maxlen": items.maxlen}, deque),
+    ":generator:": (
+        np.random.Generator,
+        _describe_generator,
+        _generator,
+    ),
     ":coverage_grid:": (
         CoverageGrid,
         lambda grid: {field.name: getattr(grid, field.name) for field in fields(grid)},
-        _grid,
+        CoverageGrid,
     ),
 }
 """Key: what it stands for, the keywords that describe one, and what makes one of them."""

@@ -221,6 +221,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         if seed is None:
             return
         parts = [getattr(self, name) for name in self._get_torch_save_params()[0]]
+        parts += [each for each in vars(self).values() if isinstance(each, np.random.Generator)]
         reseed(parts, np.random.SeedSequence(seed))
         self.action_space.seed(int(seed))
         if self.env is not None:
@@ -462,7 +463,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
                 self._begin_at(flat)
         super().set_parameters(parameters, exact_match, device)
 
-    def _checked(self, state: Mapping[str, Any]) -> Float32Array:
+    def _checked(self, state: Any) -> Float32Array:
         """The parameters in the state of a policy, shape (n_parameters,).
 
         Raises:
@@ -570,12 +571,24 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         if isinstance(attributes.get("policy_class"), str):
             attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
         data, parameters = read_model(file, name, device, attributes, print_system_info)
-        model = build_model(cls, data | kwargs, parameters, env, device, force_reset)
+        data |= kwargs
+        model = build_model(cls, data, parameters, env, device, force_reset)
+        model._put_back(data)
         if model.env is not None:
             model._match_env(model.env)
         model._show_best()
         model.set_random_seed(given.get("seed"))
         return model
+
+    def _put_back(self, read: Mapping[str, Any]) -> None:
+        """Set the plain values that `_setup_model` has begun anew to those that were `read`."""
+        parts = {name.partition(".")[0] for name in self._get_torch_save_params()[0]}
+        for name in read.keys() - parts - set(self._excluded_save_params()):
+            current, value = vars(self).get(name), read[name]
+            if isinstance(current, np.random.Generator) and isinstance(value, np.random.Generator):
+                current.bit_generator.state = value.bit_generator.state  # parts may draw from it
+            else:
+                vars(self)[name] = value
 
     @classmethod
     def _policy_of(cls, alias: str) -> type[BasePolicy]:

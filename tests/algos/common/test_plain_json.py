@@ -1,11 +1,15 @@
 import json
-from collections import deque
+from collections import Counter, OrderedDict, defaultdict, deque
+from enum import IntEnum
 from pathlib import Path
+from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from curiosity_algos.common.plain_json import decode, encode
 
@@ -37,9 +41,57 @@ def test_numpys_scalars_stay_what_they_are(scalar):
     assert round_trip(scalar) == scalar
 
 
-def test_tuples_and_paths_become_lists_and_text():
-    assert round_trip((1, (2,))) == [1, [2]]
-    assert round_trip(Path("a") / "b") == str(Path("a") / "b")
+PLAIN = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False)
+    | st.text()
+    | st.builds(Path)
+)
+NAMES = st.text().filter(lambda name: not name.startswith(":"))
+NESTED = st.recursive(
+    PLAIN,
+    lambda inner: st.lists(inner) | st.lists(inner).map(tuple) | st.dictionaries(NAMES, inner),
+    max_leaves=8,
+)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(value=NESTED)
+def test_types_and_values_stay(value, assert_same):
+    assert_same(round_trip(value), value)
+
+
+class Point(NamedTuple):
+    x: int
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {0: 1.0, (1, 2): 2.0},
+        {None: 1},
+        {":array:": 3},
+        {":serialized:": "code"},
+        Point(1),
+        Counter("aab"),
+        defaultdict(list, a=[1]),
+        OrderedDict(a=1),
+        IntEnum("Color", ["RED"])(1),
+        np.ma.masked_array([1.0], [True]),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("is_nested", [False, True])
+def test_what_would_change_its_type_has_no_description(value, is_nested):
+    with pytest.raises(TypeError, match="JSON has no description of a"):
+        encode({"a": [value]} if is_nested else value)
+
+
+@pytest.mark.parametrize("value", [(), (1, (2.0, "a")), {"a": (None,)}, Path("a") / "b"])
+def test_tuples_and_paths_stay(value, assert_same):
+    assert_same(round_trip(value), value)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +122,15 @@ def test_coverage_grids_stay_equal(env_id):
     assert type(round_trip(grid).dimensions) is tuple
 
 
+@pytest.mark.parametrize("kind", ["PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64"])
+def test_generators_go_on(kind):
+    rng = np.random.Generator(getattr(np.random, kind)(3))
+    rng.standard_normal(5)
+    read = round_trip(rng)
+    assert type(read.bit_generator) is type(rng.bit_generator)
+    np.testing.assert_array_equal(read.standard_normal(9), rng.standard_normal(9))
+
+
 @pytest.mark.parametrize(
     "value", [object(), print, int, np.array([None]), np.array(["a"]), [{"a": {1, 2}}]]
 )
@@ -91,6 +152,8 @@ def test_other_objects_have_no_description(value):
         {":discrete:": {"n": 2, "start": 0, "seed": "x"}},
         {":deque:": {"iterable": 3}},
         {":coverage_grid:": {"dimensions": [0]}},
+        {":generator:": {"kind": "os", "state": {}}},
+        {":generator:": {"kind": "PCG64", "state": {}}},
     ],
     ids=str,
 )

@@ -1,4 +1,7 @@
+from typing import ClassVar
+
 import numpy as np
+import pytest
 import torch as th
 
 from curiosity_algos import CanonicalES
@@ -37,6 +40,61 @@ def test_a_part_of_a_subclass_is_saved_and_loaded(make_easy_maze, tmp_path):
     model.save(tmp_path / "model")
     loaded = Counting.load(tmp_path / "model")
     assert loaded._counter.n == model._counter.n
+
+
+class Drawing(CanonicalES):
+    """Sets plain values and generators where it makes its parts, one of which it shares."""
+
+    def _make_parts(self, fitness_seed, motivation_seed):
+        self._n_told, self._cells = 0, {}
+        self._rng = np.random.default_rng(fitness_seed)
+        self._shared = self._search._rng
+
+    def _tell(self, rollouts):
+        self._n_told += 1
+        self._cells[(self._n_told, "cell")] = self._rng.random()
+        return super()._tell(rollouts)
+
+
+class TestPlainState:
+    SMALL: ClassVar = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+
+    @pytest.fixture
+    def model(self, make_easy_maze, tmp_path):
+        model = Drawing(make_easy_maze(), **self.SMALL, seed=0).learn(600)
+        model.save(tmp_path / "model")
+        return model
+
+    def load(self, make_easy_maze, tmp_path, **kwargs):
+        # Keys that are no text are cloudpickle's to read.
+        return Drawing.load(tmp_path / "model", make_easy_maze(), allow_pickle=True, **kwargs)
+
+    def test_a_loaded_model_goes_on(self, model, make_easy_maze, tmp_path, assert_same_run):
+        loaded = self.load(make_easy_maze, tmp_path)
+        for each in (model, loaded):
+            each.learn(600, reset_num_timesteps=False)
+        assert loaded._n_told == model._n_told == model.generation > 3
+        assert loaded._cells == model._cells
+        assert_same_run(loaded, model)
+
+    def test_what_is_shared_stays_shared(self, model, make_easy_maze, tmp_path):
+        loaded = self.load(make_easy_maze, tmp_path)
+        assert loaded._shared is loaded._search._rng
+
+    def test_a_seed_begins_its_draws_anew(self, model, make_easy_maze, tmp_path):
+        one, twin, other = (self.load(make_easy_maze, tmp_path, seed=seed) for seed in (1, 1, 2))
+        draws = [each._rng.random() for each in (one, twin, other, model)]
+        assert draws[0] == draws[1]
+        assert len(set(draws)) == 3
+
+    def test_generators_need_no_pickle(self, model, make_easy_maze, tmp_path):
+        model._cells = None
+        model.save(tmp_path / "model")
+        loaded = Drawing.load(tmp_path / "model", make_easy_maze())
+        assert loaded._rng.random() == model._rng.random()
+
+    def test_a_keyword_takes_the_place_of_what_was_saved(self, model, make_easy_maze, tmp_path):
+        assert self.load(make_easy_maze, tmp_path, _n_told=7)._n_told == 7
 
 
 def test_every_part_is_found(any_algorithm, make_model, make_easy_maze):

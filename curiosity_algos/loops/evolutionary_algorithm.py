@@ -470,7 +470,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             ValueError: If there are others, or they are NaN or infinite.
         """
         flat, n_parameters = state.get("flat"), self.policy.mlp.n_parameters
-        if np.shape(flat) != (n_parameters,):  # type: ignore[arg-type]  # None has a shape, ()
+        if np.shape(flat) != (n_parameters,):  # None has a shape, ()
             raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")
         checked = th.as_tensor(flat).cpu().numpy().astype(np.float32)  # a copy
         if not np.isfinite(checked).all():

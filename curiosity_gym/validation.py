@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import operator
 from numbers import Real
@@ -52,6 +53,17 @@ def check_seed(seed: object) -> None:
         is_valid = False
     if not is_valid:
         raise ValueError(f"`seed` must be None or a whole number of at least 0, got {seed!r}.")
+
+
+def check_copyable(**values: object) -> None:
+    """Raise ValueError unless `copy.deepcopy` copies every value."""
+    for name, value in values.items():
+        try:
+            copy.deepcopy(value)
+        except Exception as error:  # of any kind: objects copy themselves as they like
+            raise ValueError(
+                f"`{name}` must be what `copy.deepcopy` copies, got {value!r:.60} ({error})."
+            ) from error
 
 
 def check_info(info: object) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from curiosity_gym.validation import check_info
+from curiosity_gym.validation import check_copyable, check_info
 
 BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
 """`behavior(env, observation, info)`: the behavior of an episode that stands there, (B,).
@@ -181,6 +181,7 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def __init__(
         self, env: gym.Env[Any, Any], behavior: Behavior, behavior_space: spaces.Box
     ) -> None:
+        check_copyable(behavior=behavior)
         RecordConstructorArgs.__init__(self, behavior=behavior, behavior_space=behavior_space)
         gym.Wrapper.__init__(self, env)
         self._recorder = BehaviorRecorder(behavior, behavior_space)

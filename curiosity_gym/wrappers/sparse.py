@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.wrappers import TimeLimit
 
-from curiosity_gym.validation import check_at_least_one, check_info
+from curiosity_gym.validation import check_at_least_one, check_copyable, check_info
 from curiosity_gym.wrappers.behavior import Behavior, BehaviorRecorder
 
 Observation = npt.NDArray[np.float32]
@@ -79,6 +79,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         behavior: Behavior | None = None,
         behavior_space: spaces.Box | None = None,
     ) -> None:
+        check_copyable(success=success, behavior=behavior)
         RecordConstructorArgs.__init__(
             self,
             success=success,

@@ -1,6 +1,7 @@
 import copy
 import math
 import pickle
+import threading
 import warnings
 
 import gymnasium as gym
@@ -262,6 +263,27 @@ class TestAccumulator:
         np.testing.assert_array_equal(
             again.step(1)[4]["behavior"], play(make_mean_cart_pole(kind), [1])[0][-1]
         )
+
+
+class LockedMean(MeanPosition):
+    """What cannot be copied."""
+
+    def __init__(self):
+        self.lock = threading.Lock()
+
+    def __call__(self, env, observation, reward, info):
+        return False
+
+
+@pytest.mark.parametrize("kind", ["behavior", "sparse"])
+def test_an_accumulator_can_be_copied(kind):
+    with pytest.raises(ValueError, match=r"^`behavior` must be what `copy.deepcopy` copies.*lock"):
+        make_mean_cart_pole(kind, LockedMean())
+
+
+def test_a_success_can_be_copied():
+    with pytest.raises(ValueError, match=r"^`success` must be what `copy.deepcopy` copies.*lock"):
+        SparseRewardWrapper(gym.make("CartPole-v1"), LockedMean())
 
 
 def test_an_accumulator_has_all_its_methods():

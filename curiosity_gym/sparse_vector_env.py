@@ -41,7 +41,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
 
     Attributes:
         horizon: The T of the reward `1 - t / T`; no episode is longer.
-        max_episode_steps: The argument, None where there is no limit below the horizon's.
+        max_episode_steps: The argument, which may be above `horizon`; None: no such limit.
 
     Raises:
         ValueError: If an argument is not what it may be.

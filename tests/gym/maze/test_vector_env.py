@@ -265,7 +265,7 @@ class TestMakeVec:
         for our, their in zip(run(native, actions), run(sync, actions), strict=True):
             assert_identical(our, their)
 
-    @pytest.mark.parametrize("later", [None, 0, 1])
+    @pytest.mark.parametrize("later", [None, 0, 1, 3000])
     def test_max_episode_steps_leaves_the_reward_to_the_horizon(self, later):
         to_goal = np.array([[1.0, 0.0]], dtype=np.float32)
         t = play_until_the_end(make_native(1), to_goal)[0]

@@ -34,14 +34,14 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
         max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
-            `gymnasium.make` does; the reward stays that of the horizon. None: no such limit.
+            `gymnasium.make` does; the reward stays that of the horizon. None or -1: no such limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
 
     Attributes:
         horizon: The T of the reward `1 - t / T`; no episode is longer.
-        max_episode_steps: The argument, which may be above `horizon`; None: no such limit.
+        max_episode_steps: The argument, which may be above `horizon`, or None for -1.
 
     Raises:
         ValueError: If an argument is not what it may be.
@@ -60,6 +60,8 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         copy: bool,
     ) -> None:
         check_at_least_one(num_envs=num_envs)
+        if max_episode_steps == -1:  # as `gymnasium.make` has it
+            max_episode_steps = None
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
         if render_mode not in (None, "rgb_array"):

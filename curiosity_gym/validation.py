@@ -12,7 +12,8 @@ def check_at_least_one(**values: object) -> None:
     """Raise ValueError unless every value is a whole number of at least 1."""
     for name, value in values.items():
         try:
-            is_valid = operator.index(value) >= 1  # type: ignore[arg-type]
+            # Python counts True as 1.
+            is_valid = not isinstance(value, bool) and operator.index(value) >= 1  # type: ignore[arg-type]
         except TypeError:
             is_valid = False
         if not is_valid:

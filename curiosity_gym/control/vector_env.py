@@ -31,7 +31,7 @@ class ControlVectorEnv(SparseVectorEnv):
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
         max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
-            `gymnasium.make` does; the reward stays that of the horizon. None: no such limit.
+            `gymnasium.make` does; the reward stays that of the horizon. None or -1: no such limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.

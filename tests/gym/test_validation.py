@@ -11,7 +11,7 @@ from curiosity_gym.validation import (
 )
 
 
-@pytest.mark.parametrize("value", [0, -1, 1.5, math.nan, "2", None])
+@pytest.mark.parametrize("value", [0, -1, 1.5, math.nan, "2", None, True, np.True_])
 def test_counts_are_whole_numbers_of_at_least_one(value):
     check_at_least_one(other=1, size=np.int64(3))
     with pytest.raises(ValueError, match=r"`size` must be a whole number of at least 1"):

@@ -275,6 +275,16 @@ class TestMakeVec:
         # A TimeLimit truncates a step that terminates, too.
         assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
 
+    def test_minus_one_is_no_limit_as_in_gymnasium_make(self):
+        envs, single = (
+            make("CuriosityMaze-v0", max_episode_steps=-1, **KEYWORDS, **keywords)
+            for make, keywords in ((gym.make_vec, {"num_envs": 2}), (gym.make, {}))
+        )
+        assert envs.unwrapped.max_episode_steps is None
+        for env in (envs.unwrapped.make_single_env(), single):
+            assert env.unwrapped.horizon == envs.unwrapped.horizon
+            assert not isinstance(env, gym.wrappers.TimeLimit)
+
     def test_the_single_env_has_the_same_limit(self):
         env = make_native(max_episode_steps=3).make_single_env()
         assert (env.unwrapped.horizon, env._max_episode_steps) == (25, 3)
@@ -299,7 +309,10 @@ class TestMakeVec:
             ("render_mode", "human"),
             ("autoreset_mode", "Sometimes"),
             ("horizon", 0),
+            ("horizon", True),
             ("max_episode_steps", 0),
+            ("max_episode_steps", -2),
+            ("max_episode_steps", True),
             ("restitution", 2.0),
             ("layout", "spiral"),
         ],

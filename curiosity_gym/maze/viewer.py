@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from curiosity_gym.extras import import_extra
 from curiosity_gym.maze.layouts import ROBOT_RADIUS, MazeLayout
 
 Frame = NDArray[np.uint8]
@@ -60,6 +60,7 @@ class MazeViewer:
         self._frame_size = int(sides[0]), int(sides[1])
         self._scale = sides * _SUPERSAMPLING / world
         self._background = self._draw_background(layout, goal_radius)
+        self._pygame: Any = None
         self._window: Any = None
         self._clock: Any = None
 
@@ -88,21 +89,25 @@ class MazeViewer:
         Raises:
             DependencyNotInstalled: pygame is missing.
         """
-        pygame = _import_pygame()
         if self._window is None:
-            pygame.display.init()
-            pygame.display.set_caption("Curiosity maze")
-            self._window = pygame.display.set_mode(self._frame_size)
-            self._clock = pygame.time.Clock()
+            self._open_window()
+        pygame = self._pygame
         pygame.event.pump()  # without it, the system takes the window for hung
         self._window.blit(pygame.image.frombuffer(frame.tobytes(), self._frame_size, "RGB"), (0, 0))
         pygame.display.flip()
         self._clock.tick(self._fps)
 
+    def _open_window(self) -> None:
+        (self._pygame,) = import_extra("render", "pygame")
+        self._pygame.display.init()
+        self._pygame.display.set_caption("Curiosity maze")
+        self._window = self._pygame.display.set_mode(self._frame_size)
+        self._clock = self._pygame.time.Clock()
+
     def close(self) -> None:
         """Close the window, if one is open; the next `show` opens another."""
         if self._window is not None:
-            _import_pygame().display.quit()
+            self._pygame.display.quit()
             self._window = None
 
     def _draw_background(self, layout: MazeLayout, goal_radius: float) -> Image.Image:
@@ -150,13 +155,3 @@ class MazeViewer:
         """Return where a position is on the supersampled image, whose rows run downwards."""
         x, y = (np.asarray(position) * self._scale).tolist()
         return x, self._frame_size[1] * _SUPERSAMPLING - y
-
-
-def _import_pygame() -> Any:
-    try:
-        import pygame
-    except ImportError as error:
-        raise DependencyNotInstalled(
-            'render_mode="human" needs pygame: pip install "curiosity-search[render]".'
-        ) from error
-    return pygame

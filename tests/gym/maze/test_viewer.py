@@ -136,9 +136,8 @@ class TestShow:
     def test_missing_pygame_is_named(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "pygame", None)
         viewer = make_viewer()
-        with pytest.raises(
-            DependencyNotInstalled, match=r'pip install "curiosity-search\[render\]"\.$'
-        ):
+        command = r'`pip install "curiosity-search\[render\]"`'
+        with pytest.raises(DependencyNotInstalled, match=rf"needs pygame.*{command}\.$"):
             viewer.show(viewer.draw(AT_REST, NO_BEAMS))
 
 

@@ -354,10 +354,11 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
                 self._update_current_progress_remaining(min(self.num_timesteps, total), total)
                 self._update_info_buffer(step["infos"], step["dones"])
                 callback.update_locals(step)
+                goes_on = callback.on_step()
                 callback.on_rollout_end()
                 if log_interval is not None and self.generation % log_interval == 0:
                     self.dump_logs()
-                if not callback.on_step():
+                if not goes_on:
                     break
         callback.on_training_end()
         return self

@@ -565,7 +565,7 @@ class TestCallbacks:
     def test_events_come_in_stable_baselines_order(self, algorithm, make_model, make_maze):
         recorder = Recorder()
         make_model(algorithm, make_maze()).learn(2 * GENERATION, callback=recorder)
-        generation = ["rollout start", "rollout end", "step"]
+        generation = ["rollout start", "step", "rollout end"]
         assert recorder.events == ["training start", *generation, *generation, "training end"]
         assert recorder.timesteps == [GENERATION, 2 * GENERATION]
 
@@ -575,6 +575,26 @@ class TestCallbacks:
         model.learn(9 * GENERATION, callback=recorder)
         assert model.generation == 2
         assert recorder.events[-1] == "training end"
+
+    @pytest.mark.parametrize("event", ["_on_step", "_on_rollout_end"])
+    def test_what_they_record_is_in_the_row_of_its_generation(
+        self, make_model, make_maze, tmp_path, event
+    ):
+        class Records(BaseCallback):
+            def _on_step(self):
+                return True
+
+        def record(self):
+            self.logger.record("own", self.model.generation)
+            return True
+
+        setattr(Records, event, record)
+        model = make_model(CanonicalES, make_maze())
+        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.learn(3 * GENERATION, callback=Records())
+        rows = read_rows(tmp_path)
+        assert [row["own"] for row in rows] == [row["time/generations"] for row in rows]
+        assert len(rows) == 3
 
     def test_a_function_will_do(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze())

@@ -25,6 +25,8 @@ from curiosity_algos.common.plain_json import decode, encode
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what parts have collected, ours and Stable-Baselines3's."""
+_ALGORITHM = ":algorithm:"
+"""Key of the class' name in a file, which no attribute can have."""
 _PICKLED = ":serialized:"
 """Key of an attribute that Stable-Baselines3 writes with cloudpickle."""
 _Model = TypeVar("_Model", bound=BaseAlgorithm)
@@ -68,7 +70,7 @@ def save_model(
     left_out = (exclude | set(model._excluded_save_params()) | parts) - include
     data = {key: value for key, value in model.__dict__.items() if key not in left_out}
     data |= extra
-    data["algorithm"] = type(model).__name__  # tells a file's reader which class to load it with
+    data[_ALGORITHM] = type(model).__name__
     if plain:
         data = {name: _encoded(value) for name, value in data.items()}
     if isinstance(path, io.BufferedIOBase):
@@ -192,6 +194,7 @@ def read_model(
         raise ValueError(
             f"`path` must be a saved {algorithm}, {file} holds more than tensors and plain values."
         ) from error
+    data.pop(_ALGORITHM, None)
     return data, parameters
 
 
@@ -315,7 +318,7 @@ def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
         with zipfile.ZipFile(file) as archive:
             if archive.testzip() is not None:
                 return None
-        name = _read_data(file).get("algorithm")
+        name = _read_data(file).get(_ALGORITHM)
     except (zipfile.BadZipFile, AttributeError, EOFError, KeyError, OSError, ValueError):
         return None
     return name if isinstance(name, str) else None

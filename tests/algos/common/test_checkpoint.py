@@ -222,6 +222,15 @@ class TestSaveAndLoad:
             if isinstance(value, int | float | str | None) and name not in others:
                 assert getattr(loaded, name) == value
 
+    def test_no_name_of_an_attribute_is_taken(self, algorithm, make_model, make_maze, tmp_path):
+        model = make_model(algorithm, make_maze())
+        model.algorithm = "mine"
+        names = set(vars(model))
+        model.save(tmp_path / "model")
+        loaded = algorithm.load(tmp_path / "model", env=make_maze())
+        assert loaded.algorithm == "mine"
+        assert set(vars(loaded)) <= names
+
     def test_a_file_in_memory_will_do(self, algorithm, make_model, make_maze, assert_same_run):
         model, file = make_model(algorithm, make_maze()).learn(1), io.BytesIO()
         model.save(file)

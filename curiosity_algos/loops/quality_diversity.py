@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+import torch as th
 from gymnasium import spaces
 from ribs.emitters import EmitterBase, GaussianEmitter
 from ribs.schedulers import Scheduler
@@ -285,9 +286,14 @@ class QualityDiversity(EvolutionaryAlgorithm):
         cls,
         path: str | os.PathLike[str] | io.BufferedIOBase,
         env: AnyEnv | None = None,
-        *args: Any,
+        device: th.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
+        *,
         archive: EliteArchive | None = None,
         emitters: MakeEmitters | None = None,
+        allow_pickle: bool = False,
         **kwargs: Any,
     ) -> Self:
         """Load a model, see `EvolutionaryAlgorithm.load`.
@@ -295,10 +301,14 @@ class QualityDiversity(EvolutionaryAlgorithm):
         Args:
             path: See `EvolutionaryAlgorithm.load`, as for every argument not named here.
             env: See `EvolutionaryAlgorithm.load`.
-            *args: See `EvolutionaryAlgorithm.load`.
+            device: See `EvolutionaryAlgorithm.load`.
+            custom_objects: See `EvolutionaryAlgorithm.load`.
+            print_system_info: See `EvolutionaryAlgorithm.load`.
+            force_reset: See `EvolutionaryAlgorithm.load`.
             archive: Of the class and settings of the constructor's `archive`, where it had one: the
                 file's elites take the place of its own.
             emitters: As the constructor's `emitters`, where it had any.
+            allow_pickle: See `EvolutionaryAlgorithm.load`.
             **kwargs: See `EvolutionaryAlgorithm.load`.
 
         Raises:
@@ -306,7 +316,16 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 replace a setting that archive or emitters were made with.
         """
         kwargs |= {"_own_archive": archive, "emitters": emitters}
-        return super().load(path, env, *args, **kwargs)
+        return super().load(
+            path,
+            env,
+            device,
+            custom_objects,
+            print_system_info,
+            force_reset,
+            allow_pickle=allow_pickle,
+            **kwargs,
+        )
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:

@@ -3,11 +3,13 @@ import io
 import json
 import os
 import zipfile
+from inspect import signature
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos import ICM, NSES, TD3ICM, CanonicalES, CuriosityES
 from curiosity_algos.common import checkpoint
@@ -208,6 +210,14 @@ class TestStatesThatDoNotFit:
 
 
 class TestSaveAndLoad:
+    def test_arguments_are_spelled_out(self, algorithm):
+        shown = list(signature(algorithm.load).parameters.values())
+        expected = list(signature(BaseAlgorithm.load).parameters)
+        assert [each.name for each in shown[: len(expected) - 1]] == expected[:-1]
+        assert not any(each.kind is each.VAR_POSITIONAL for each in shown)
+        plain = {each.name for each in shown if each.kind is each.KEYWORD_ONLY}
+        assert ("allow_pickle" in plain) == (algorithm is not TD3ICM)
+
     def test_everything_comes_back(
         self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
     ):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import random
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from types import FunctionType, MethodType, ModuleType
+from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any
 
 import gymnasium as gym
@@ -16,6 +17,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 _NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType, type)
 """What a part may refer to, but whose generators are not its own."""
+_GLOBAL: tuple[object, ...] = (np.random.random.__self__, random.random.__self__)  # type: ignore[attr-defined]
+"""Generators of the whole process."""
 _WITHOUT_PARTS = (np.ndarray, th.Tensor, str, bytes, int, float, type(None))
 
 
@@ -42,33 +45,46 @@ def torch_generator(seed: int | None) -> th.Generator:
 def reseed(parts: Iterable[object], seed: np.random.SeedSequence) -> None:
     """Begin anew every generator that `parts` hold, each from a child of `seed`.
 
-    Generators are found in attributes, dictionaries, lists and tuples, however deep, numpy's and
-    torch's alike; those of environments and spaces stay as they are.
+    Generators of numpy, torch and Python are found in attributes and slots, dictionaries, lists and
+    tuples, however deep; those of environments and spaces, and of the process, stay as they are.
     """
     generators = list(_generators(list(parts), set()))
     for generator, child in zip(generators, seed.spawn(len(generators)), strict=True):
         if isinstance(generator, th.Generator):
             generator.manual_seed(integer_seed(child))
+        elif isinstance(generator, np.random.RandomState | random.Random):
+            generator.seed(integer_seed(child))
         else:
             kind: Any = type(generator.bit_generator)
             generator.bit_generator.state = kind(child).state
 
 
-def _generators(thing: Any, seen: set[int]) -> Iterator[np.random.Generator | th.Generator]:
+AnyGenerator = np.random.Generator | np.random.RandomState | random.Random | th.Generator
+
+
+def _generators(thing: Any, seen: set[int]) -> Iterator[AnyGenerator]:
     """Each generator within `thing` once, in the order of attributes."""
     if isinstance(thing, (*_NOT_OWN, *_WITHOUT_PARTS)) or id(thing) in seen:
         return
     seen.add(id(thing))
-    if isinstance(thing, np.random.Generator | th.Generator):
-        yield thing
+    if isinstance(thing, AnyGenerator):
+        if not any(thing is each for each in _GLOBAL):
+            yield thing
         return
-    parts = list(getattr(thing, "__dict__", {}).values())
+    parts = [*getattr(thing, "__dict__", {}).values(), *_slots(thing)]
     if isinstance(thing, list | tuple):
         parts += thing
     elif isinstance(thing, Mapping):
         parts += thing.values()
     for part in parts:
         yield from _generators(part, seen)
+
+
+def _slots(thing: object) -> Iterator[Any]:
+    for cls in type(thing).__mro__:
+        for name, member in vars(cls).items() if "__slots__" in vars(cls) else ():
+            if isinstance(member, MemberDescriptorType):
+                yield getattr(thing, name, None)
 
 
 class EpisodeSeeds:

@@ -29,7 +29,7 @@ from curiosity_algos.common.checkpoint import (
     read_parameters,
     save_model,
 )
-from curiosity_algos.common.randomness import EpisodeSeeds, reseed
+from curiosity_algos.common.randomness import AnyGenerator, EpisodeSeeds, reseed
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
@@ -221,7 +221,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         if seed is None:
             return
         parts = [getattr(self, name) for name in self._get_torch_save_params()[0]]
-        parts += [each for each in vars(self).values() if isinstance(each, np.random.Generator)]
+        parts += [each for each in vars(self).values() if isinstance(each, AnyGenerator)]
         reseed(parts, np.random.SeedSequence(seed))
         self.action_space.seed(int(seed))
         if self.env is not None:

@@ -1,5 +1,6 @@
 import io
 import json
+import random
 
 import numpy as np
 import pytest
@@ -128,6 +129,21 @@ class Part:
         vars(self).update(attributes)
 
 
+class Hidden:
+    """Has a slot whose name is mangled, and one that is never filled."""
+
+    __slots__ = ("__rng", "empty")
+
+    def __init__(self, rng):
+        self.__rng = rng
+
+
+class Slotted(Hidden):
+    """Inherits its slots."""
+
+    __slots__ = ()
+
+
 class TestReseed:
     def make(self, seed):
         shared = np.random.default_rng(seed)
@@ -153,6 +169,21 @@ class TestReseed:
         assert len(set(drawn)) == len(drawn)  # from a seed each
         reseed([one], np.random.SeedSequence(6))
         assert not set(self.draws(one)) & set(drawn)
+
+    @pytest.mark.parametrize("make", [np.random.default_rng, np.random.RandomState, random.Random])
+    @pytest.mark.parametrize("keep", [lambda rng: Part(rng=rng), Slotted])
+    def test_every_kind_is_found(self, make, keep):
+        one, twin = make(0), make(1)
+        for each in (one, twin):
+            reseed([keep(each)], np.random.SeedSequence(3))
+        assert one.random() == twin.random() != make(0).random()
+
+    def test_those_of_the_process_stay(self):
+        random.seed(3), np.random.seed(3)  # noqa: NPY002
+        shared = [random.random.__self__, np.random.random.__self__]
+        before = random.getstate(), np.random.get_state()  # noqa: NPY002
+        reseed([Part(shared=shared)], np.random.SeedSequence(5))
+        np.testing.assert_equal((random.getstate(), np.random.get_state()), before)  # noqa: NPY002
 
     def test_what_refers_to_itself_ends(self):
         part = Part()

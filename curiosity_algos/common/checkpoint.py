@@ -10,15 +10,19 @@ import pathlib
 import pickle
 import zipfile
 from collections.abc import Iterable, Mapping, Set
+from inspect import isroutine
+from numbers import Integral
 from typing import Any, TypeVar
 
 import cloudpickle  # type: ignore[import-untyped]
 import numpy as np
 import torch as th
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, save_to_zip_file
 from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import check_for_correct_spaces, get_device, get_system_info
+from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.atomic_file import atomic_file
 from curiosity_algos.common.plain_json import decode, encode
@@ -30,8 +34,17 @@ _ALGORITHM = ":algorithm:"
 _PICKLED = ":serialized:"
 """Key of an attribute that Stable-Baselines3 writes with cloudpickle."""
 _Model = TypeVar("_Model", bound=BaseAlgorithm)
-_NEEDED = {"policy_class", "policy_kwargs", "observation_space", "action_space", "verbose"}
-"""Attributes without which no model can be made."""
+_KINDS: dict[str, Any] = {
+    "policy_class": type,
+    "policy_kwargs": dict,
+    "observation_space": spaces.Space,
+    "action_space": spaces.Space,
+    "verbose": Integral,
+    "num_timesteps": Integral,
+    "seed": Integral | None,
+    "env": VecEnv | None,
+}
+"""What SB3 takes attributes for before anything checks them; only those of None may be missing."""
 
 
 def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
@@ -141,11 +154,8 @@ def read_attributes(
         )
     try:
         read = {name: decode(value) for name, value in data.items() if name not in pickled}
-    except ValueError:
-        read = {}
-    # A text here would be the id of an environment to make, whose module is imported.
-    if not (read.keys() | pickled >= _NEEDED) or "env" in read:
-        raise ValueError(f"`path` must be a saved {algorithm}, {file} is damaged.")
+    except (RecursionError, ValueError) as error:
+        raise ValueError(f"`path` must be a saved {algorithm}, {file} is damaged.") from error
     return {**read, **{name: value for name, value in given.items() if name in data}}
 
 
@@ -176,26 +186,36 @@ def read_model(
         print_system_info: As in SB3.
 
     Raises:
-        ValueError: If the file cannot be read, or its tensors would run code.
+        ValueError: If the file is damaged, or its tensors would run code.
     """
     device = get_device(device)
     if print_system_info:
         print("== CURRENT SYSTEM INFO ==")
         get_system_info()
+    wrong = f"`path` must be a saved {algorithm}, {file}"
     try:
-        data, parameters, _ = load_from_zip_file(
+        data, parameters, variables = load_from_zip_file(
             file,
             custom_objects=custom_objects,
             device=device,
             print_system_info=print_system_info,
         )
-        assert data is not None
     except pickle.UnpicklingError as error:
-        raise ValueError(
-            f"`path` must be a saved {algorithm}, {file} holds more than tensors and plain values."
-        ) from error
-    data.pop(_ALGORITHM, None)
+        raise ValueError(f"{wrong} holds more than tensors and plain values.") from error
+    except Exception as error:  # whatever torch and zipfile raise of what is damaged
+        raise ValueError(f"{wrong} is damaged: {error!r}.") from error
+    # SB3 would set variables of any name; our models have none.
+    if data is None or variables is not None or not _is_sound(data):
+        raise ValueError(f"{wrong} is damaged.")
+    for name in (_ALGORITHM, "device"):  # `load` is told the device
+        data.pop(name, None)
     return data, parameters
+
+
+def _is_sound(data: Mapping[str, Any]) -> bool:
+    """Whether a model can be made of these attributes, and none hides a method."""
+    is_hidden = any(isroutine(getattr(BaseAlgorithm, name, None)) for name in data)
+    return not is_hidden and all(isinstance(data.get(name), _KINDS[name]) for name in _KINDS)
 
 
 def build_model(
@@ -233,7 +253,7 @@ def build_model(
     model._setup_model()
     try:
         model.set_parameters(parameters, exact_match=True, device=device)
-    except ValueError as error:
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise ValueError(f"`path` must be a saved {cls.__name__}: {error}") from error
     return model
 
@@ -319,7 +339,7 @@ def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
             if archive.testzip() is not None:
                 return None
         name = _read_data(file).get(_ALGORITHM)
-    except (zipfile.BadZipFile, AttributeError, EOFError, KeyError, OSError, ValueError):
+    except Exception:  # whatever zipfile and json raise of what is damaged
         return None
     return name if isinstance(name, str) else None
 

@@ -575,6 +575,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         data |= kwargs
         model = build_model(cls, data, parameters, env, device, force_reset)
         model._put_back(data)
+        best = model._best_parameters
+        if best is not None and np.shape(best) != model.policy.vector.shape:
+            raise ValueError(f"`path` must be a saved {name}, {file} is damaged.")
         if model.env is not None:
             model._match_env(model.env)
         model._show_best()

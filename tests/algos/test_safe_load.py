@@ -9,6 +9,7 @@ import zipfile
 import cloudpickle
 import numpy as np
 import pytest
+import torch as th
 from stable_baselines3.common.save_util import load_from_zip_file
 
 from curiosity_algos import ICM, CuriosityES, CuriosityMAPElites
@@ -58,6 +59,12 @@ def rewrite(path, name, change):
 
 def with_attributes(**attributes):
     return lambda data: json.dumps(json.loads(data) | attributes)
+
+
+def tensors(thing):
+    file = io.BytesIO()
+    th.save(thing, file)
+    return file.getvalue()
 
 
 def pickled(thing):
@@ -112,12 +119,55 @@ def test_no_module_is_imported(saved, algorithm, path, tmp_path, marker, monkeyp
     [
         {"observation_space": {":box:": {}}},
         {"_best_parameters": {":array:": {"dtype": "float32", "shape": [9], "bytes": ""}}},
+        {"_best_parameters": [1.0]},
+        {"seed": "abc"},
+        {"verbose": "x"},
+        {"policy_kwargs": [1]},
+        {"num_timesteps": "x"},
+        {"learn": 3},
+        {"env": 3},
     ],
 )
 def test_damaged_attributes_are_an_error(saved, algorithm, path, attributes):
     rewrite(path, "data", with_attributes(**attributes))
     with pytest.raises(ValueError, match=f"must be a saved {algorithm.__name__}, .* is damaged"):
         algorithm.load(path)
+
+
+def nested(data):
+    return data[:-1] + b', "deep": ' + 10**5 * b"[" + 10**5 * b"]" + b"}"
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("data", nested),
+        ("policy.pth", lambda content: b""),
+        ("policy.pth", lambda content: b"junk" * 50),
+        ("policy.pth", lambda content: content[: len(content) // 2]),
+        ("_coverage.pth", lambda content: tensors({"counts": 3})),
+        ("_episodes.pth", lambda content: tensors([1])),
+        ("pytorch_variables.pth", lambda content: tensors({"policy.mlp": th.zeros(1)})),
+    ],
+)
+def test_damaged_members_are_an_error(saved, algorithm, path, name, change):
+    rewrite(path, name, change)
+    with pytest.raises(ValueError, match=f"must be a saved {algorithm.__name__}"):
+        algorithm.load(path)
+
+
+@pytest.mark.parametrize(("offset", "value"), [(8, 1), (10, 99)], ids=["encrypted", "compressed"])
+def test_zips_of_other_kinds_are_an_error(saved, algorithm, path, offset, value):
+    content = bytearray(path.read_bytes())
+    content[content.index(b"PK\x01\x02") + offset] = value
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="is not a whole file of this package"):
+        algorithm.load(path)
+
+
+def test_the_device_is_that_of_load(saved, algorithm, path):
+    rewrite(path, "data", with_attributes(device="nodevice"))
+    assert algorithm.load(path, device="cpu").device == th.device("cpu")
 
 
 @pytest.mark.parametrize("name", ["observation_space", "policy_class", "policy_kwargs", "verbose"])

@@ -81,6 +81,13 @@ class CanonicalSearch:
         return {"center": th.from_numpy(self.center.copy()), "rng": generator_state(self._rng)}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        self.center = state["center"].cpu().numpy().copy()
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If the center has another number of parameters, or is not finite.
+        """
+        center = state["center"].cpu().numpy().copy()
+        if center.shape != self.center.shape or not np.isfinite(center).all():
+            raise ValueError(f"`center` must be {self.center.size} finite parameters.")
+        self.center = center
         load_generator_state(self._rng, state["rng"])

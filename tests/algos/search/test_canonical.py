@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch as th
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -124,3 +125,12 @@ def test_a_state_is_a_copy():
     before = state["center"].clone()
     search.center += 1.0
     assert before.equal(state["center"])
+
+
+@pytest.mark.parametrize("center", [th.full((5,), th.nan), th.zeros(3), th.zeros(1, 5)])
+def test_a_center_that_does_not_fit_changes_nothing(center):
+    search = make_search()
+    before = search.center.copy()
+    with pytest.raises(ValueError, match="`center` must be 5 finite parameters"):
+        search.load_state_dict(search.state_dict() | {"center": center})
+    np.testing.assert_array_equal(search.center, before)

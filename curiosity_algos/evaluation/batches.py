@@ -7,7 +7,6 @@ an episode after its end is undefined.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -56,10 +55,14 @@ class Batch(Protocol):
 
 
 class SingleEnvBatch:
-    """Single envs in a Python loop; an episode that has ended costs nothing more."""
+    """Single envs in a Python loop; an episode that has ended costs nothing more.
 
-    def __init__(self, envs: Sequence[gym.Env[Any, Any]]) -> None:
-        self._envs = envs
+    Attributes:
+        envs: The single envs.
+    """
+
+    def __init__(self, envs: list[gym.Env[Any, Any]]) -> None:
+        self.envs = envs
         self.n = len(envs)
         space = envs[0].observation_space
         assert isinstance(space, spaces.Box)  # policies take no other
@@ -68,7 +71,7 @@ class SingleEnvBatch:
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `Batch`."""
-        for i, env in enumerate(self._envs):
+        for i, env in enumerate(self.envs):
             self._observations[i], _ = env.reset(seed=seed)
         return self._observations.copy()
 
@@ -77,7 +80,7 @@ class SingleEnvBatch:
         rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
         infos = {}
         for i in np.flatnonzero(active).tolist():
-            observation, reward, terminated, truncated, info = self._envs[i].step(actions[i])
+            observation, reward, terminated, truncated, info = self.envs[i].step(actions[i])
             self._observations[i], rewards[i] = observation, float(reward)
             ended[i] = terminated or truncated
             if ended[i]:

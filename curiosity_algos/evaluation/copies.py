@@ -6,7 +6,7 @@ import copy
 import random
 import warnings
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import zip_longest
 from typing import Any
@@ -17,6 +17,7 @@ import numpy.typing as npt
 import torch as th
 
 from curiosity_algos.evaluation.policies import Mlp
+from curiosity_algos.evaluation.rollouts import Rollouts
 
 N_COPIES = 16
 """Envs side by side, so that one call of the policy serves many of them."""
@@ -30,10 +31,8 @@ Float64Array = npt.NDArray[np.float64]
 def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
     """The env beside copies of it; or the env alone, which is always right and only slower.
 
-    It stays alone where it renders, where it cannot be copied, and where two copies that take turns
-    do not do what each does alone. They do not if their state is behind one handle (a physics
-    server, a simulator, a closure), or if the same seed and actions lead to different episodes even
-    in one env. In both cases a warning says so.
+    It stays alone where two copies that take turns do not do what each does alone: their state is
+    behind one handle (a physics server, a simulator, a closure), and a warning says so.
 
     Args:
         env: The environment. Only copies of it are reset and stepped here.
@@ -46,8 +45,15 @@ def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
     except Exception:  # whatever an env of the user's raises, it can still be used alone
         return [env]
     if _are_independent(tried, _actions(mlp)):
+        tried.clear()  # an env may be large
         return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
-    _keep_while_alive(env, tried)
+    return alone([env, *tried])
+
+
+def alone(envs: list[Env]) -> list[Env]:
+    """The first of `envs` without its copies, as these share a state with it; a warning says so."""
+    env, *copies = envs
+    _keep_while_alive(env, copies)
     warnings.warn(
         "Copies of `env` that take turns do not do what one does alone, so policies are evaluated "
         "one after the other: to step several at once, pass a VectorEnv or a VecEnv of "
@@ -57,14 +63,39 @@ def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
     return [env]
 
 
+def share_state(together: Rollouts, replay: Callable[[], Rollouts]) -> bool:
+    """Whether whole episodes of copies that took turns are others than those of the env alone.
+
+    An env that does not repeat its own episodes cannot tell, and counts as one that shares nothing.
+
+    Args:
+        together: Episodes of different policies, side by side.
+        replay: Plays the last and the first of these policies again, in this order, alone.
+    """
+    with _unchanged_globals():
+        played = _results(replay(), (0, 1))
+        if _are_equal(played, _results(together, (-1, 0))):
+            return False
+        return _are_equal(played, _results(replay(), (0, 1)))
+
+
+def _results(rollouts: Rollouts, policies: Iterable[int]) -> list[tuple[npt.NDArray[Any], ...]]:
+    """All that the evaluator has of the episodes of some policies."""
+    observations, _ = rollouts.trajectories
+    parts = rollouts.returns, rollouts.success, rollouts.behaviors
+    return [
+        (*(part[i] for part in parts), observations[i, : rollouts.lengths[i] + 1]) for i in policies
+    ]
+
+
 def _are_independent(envs: list[Env], actions: list[npt.NDArray[Any]]) -> bool:
     """Whether the episodes of envs that take turns are those of each env alone."""
     with _unchanged_globals(), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the env that is used will give its own
         try:
-            alone = [list(_episode(*pair)) for pair in zip(envs, actions, strict=True)]
+            apart = [list(_episode(*pair)) for pair in zip(envs, actions, strict=True)]
             together = [_episode(*pair) for pair in zip(envs, actions, strict=True)]
-            return _are_equal(_rows(alone), _rows(together))
+            return _are_equal(_rows(apart), _rows(together))
         except Exception:  # a copy that cannot even be stepped
             return False
 
@@ -75,7 +106,7 @@ def _rows(episodes: Iterable[Iterable[Float64Array]]) -> list[tuple[Float64Array
 
 
 def _are_equal(
-    rows: list[tuple[Float64Array, ...]], others: list[tuple[Float64Array, ...]]
+    rows: list[tuple[npt.NDArray[Any], ...]], others: list[tuple[npt.NDArray[Any], ...]]
 ) -> bool:
     return len(rows) == len(others) and all(
         np.array_equal(*pair, equal_nan=True)

@@ -11,7 +11,7 @@ from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
-from curiosity_algos.evaluation.copies import env_and_copies
+from curiosity_algos.evaluation.copies import alone, env_and_copies, share_state
 from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.rollouts import (
@@ -36,7 +36,8 @@ class VectorEvaluator:
 
     Args:
         env: The environment. Copies of a single one step side by side where they can be trusted;
-            otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`).
+            otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`). To
+            tell, two policies of the first seeded wave are played again in the env alone.
         mlp: The policies' shape.
     """
 
@@ -45,7 +46,12 @@ class VectorEvaluator:
     ) -> None:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
-        self._batch = _as_batch(env, mlp)
+        self._untried: SingleEnvBatch | None = None
+        self._batch: Batch
+        if isinstance(env, gym.Env):
+            self._batch = self._untried = SingleEnvBatch(env_and_copies(env, mlp))
+        else:
+            self._batch = _as_batch(env)
         self._max_steps = max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
@@ -56,26 +62,46 @@ class VectorEvaluator:
         """
         parameters = check_parameters(parameters, self.n_parameters)
         n = self._batch.n
-        waves = [
-            self._play(parameters[begin : begin + n], seed)
-            for begin in range(0, len(parameters), n)
-        ]
-        return concatenate(waves)
+        first = self._play(self._batch, parameters[:n], seed)
+        if self._stays_alone_after(first, parameters[:n], seed):
+            return self.evaluate(parameters, seed)
+        later = range(n, len(parameters), n)
+        waves = [self._play(self._batch, parameters[i : i + n], seed) for i in later]
+        return concatenate([first, *waves])
 
-    def _play(self, parameters: Float32Array, seed: int | None) -> Rollouts:
+    def _stays_alone_after(
+        self, wave: Rollouts, parameters: Float32Array, seed: int | None
+    ) -> bool:
+        """Whether the first wave of different policies shows that copies share a state.
+
+        The env then plays alone from now on. Else it is left as the wave left it: its last replay
+        is of the policy that it has just played.
+        """
+        if self._untried is None or seed is None or (parameters == parameters[0]).all():
+            return False
+        envs, self._untried = self._untried.envs, None
+        single = SingleEnvBatch(envs[:1])
+        if not share_state(
+            wave, lambda: concatenate([self._play(single, parameters[[i]], seed) for i in (-1, 0)])
+        ):
+            return False
+        self._batch = SingleEnvBatch(alone(envs))
+        return True
+
+    def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play one episode of each of at most as many policies as the batch has envs."""
-        n_policies, n = len(parameters), self._batch.n
+        n_policies, n = len(parameters), batch.n
         # The last wave may be short: the envs left over repeat its last policy, unrecorded.
         parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
         active = np.arange(n) < n_policies
-        observations = [self._batch.reset(seed).astype(np.float32)]
+        observations = [batch.reset(seed).astype(np.float32)]
         actions: list[npt.NDArray[Any]] = []
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
         infos: dict[int, dict[str, Any]] = {}
         while active.any():
             self._check_length(len(actions))
             actions.append(act(self.mlp, parameters, observations[-1]))
-            step = self._batch.step(actions[-1], active)
+            step = batch.step(actions[-1], active)
             observations.append(step.observations.astype(np.float32))
             returns[active] += step.rewards[active]
             lengths += active
@@ -102,11 +128,9 @@ class VectorEvaluator:
             )
 
 
-def _as_batch(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv, mlp: Mlp) -> Batch:
+def _as_batch(env: VectorEnv[Any, Any, Any] | VecEnv) -> Batch:
     if isinstance(env, VectorEnv):
         return GymnasiumBatch(env)
     if type(env) is DummyVecEnv:
         return SingleEnvBatch(env.envs)  # it would round rewards to float32
-    if isinstance(env, VecEnv):
-        return Sb3Batch(env)
-    return SingleEnvBatch(env_and_copies(env, mlp))
+    return Sb3Batch(env)

@@ -12,7 +12,7 @@ from gymnasium.wrappers import TimeLimit
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.copies import N_COPIES, env_and_copies
 from curiosity_algos.evaluation.policies import build_mlp
-from curiosity_gym import BehaviorWrapper
+from curiosity_gym import BehaviorWrapper, SparseRewardWrapper
 
 WORLDS = {}
 """Handle: position, as a physics server holds its worlds."""
@@ -56,6 +56,25 @@ class Handle(Line):
 
     def set_x(self, x):
         WORLDS[self.handle] = x
+
+
+class LateHandle(Handle):
+    """Its state moves only after twelve steps."""
+
+    def set_x(self, x):
+        if self.t == 0 or self.t > 12:
+            super().set_x(x)
+
+
+class HiddenHandle(Handle):
+    """Its state shows in the last reward alone."""
+
+    def observe(self):
+        return np.array([self.t], dtype=np.float32)
+
+    def step(self, action):
+        observation, reward, _, is_over, info = super().step(action)
+        return observation, reward * is_over, False, is_over, info
 
 
 class Client(Handle):
@@ -142,6 +161,29 @@ def with_highest(env):
     return BehaviorWrapper(env, highest(), spaces.Box(-20.0, 20.0, (1,)))
 
 
+def count_of_places(first=0):
+    """A behavior that counts an episode's places from its first call on, in a closure."""
+    visited = set()
+
+    def behavior(env, observation, info):
+        if env.unwrapped.t == first:
+            visited.clear()
+        visited.add(int(observation[0] // 3))
+        return [len(visited)]
+
+    return behavior
+
+
+def success_of_places():
+    """A success that does so; it is first called after a step."""
+    behavior = count_of_places(first=1)
+
+    def success(env, observation, reward, info):
+        return behavior(env, observation, info)[0] >= 4
+
+    return success
+
+
 def copies_of(env):
     return env_and_copies(env, build_mlp(env.observation_space, env.action_space, [4]))
 
@@ -169,6 +211,57 @@ def test_an_env_whose_copies_share_state_plays_alone(kind, play, assert_equal_ep
         rollouts = evaluator.evaluate(parameters, seed)
         oracle = SHARED[kind]()
         assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, seed))
+
+
+LATE = {
+    "handle": LateHandle,
+    "hidden handle": HiddenHandle,
+    "behavior": lambda: BehaviorWrapper(Line(), count_of_places(), spaces.Box(0.0, 90.0, (1,))),
+    "success": lambda: SparseRewardWrapper(Line(), success_of_places(), horizon=20),
+}
+
+
+@pytest.mark.parametrize("n", [2, 16, 19])
+@pytest.mark.parametrize("kind", LATE)
+def test_state_that_shows_late_is_found_in_the_first_episodes(kind, n, play, assert_equal_episodes):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        evaluator = make_evaluator(LATE[kind]())
+        parameters = policies(evaluator, n)
+        evaluator.evaluate(parameters[:1], 0)  # one policy cannot tell
+    with pytest.warns(UserWarning, match="Copies of `env` that take turns do not do what one does"):
+        first = evaluator.evaluate(parameters, 1)
+    for seed, rollouts in ((1, first), (2, evaluator.evaluate(parameters, 2))):
+        episodes = play(LATE[kind](), evaluator.mlp, parameters, seed)
+        assert_equal_episodes(rollouts, episodes)
+
+
+def test_two_policies_are_played_again_once(monkeypatch):
+    env, resets = Line(), []
+    evaluator = make_evaluator(env)
+    parameters = policies(evaluator, 20)
+    reset = env.reset
+    monkeypatch.setattr(env, "reset", lambda **given: resets.append(given) or reset(**given))
+    counts = []
+    for seed in (None, 3, 4):
+        evaluator.evaluate(parameters, seed)
+        counts.append(len(resets))
+    assert counts == [2, 6, 8]  # two waves each, and once two episodes more
+
+
+def test_the_env_is_left_as_the_wave_left_it():
+    class Noisy(Line):
+        def step(self, action):
+            if self.get_x() > 0.0:
+                self.np_random.normal()
+            return super().step(action)
+
+    env, twin = Noisy(), Noisy()
+    parameters = policies(make_evaluator(env))
+    make_evaluator(env).evaluate(parameters, 3)
+    make_evaluator(twin).evaluate(parameters[:1], 3)
+    assert (env.t, env.x) == (twin.t, twin.x)
+    assert env.np_random.bit_generator.state == twin.np_random.bit_generator.state
 
 
 def test_copies_that_share_nothing_are_used_without_a_word():

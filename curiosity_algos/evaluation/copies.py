@@ -31,8 +31,11 @@ Float64Array = npt.NDArray[np.float64]
 def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
     """The env beside copies of it; or the env alone, which is always right and only slower.
 
-    It stays alone where two copies that take turns do not do what each does alone: their state is
-    behind one handle (a physics server, a simulator, a closure), and a warning says so.
+    It stays alone where it renders, where it cannot be copied, and where a copy raises when it is
+    reset and stepped. It also does where two copies that take turns do not do what each does alone:
+    their state is behind one handle (a physics server, a simulator, a closure), and a warning says
+    so. An env that does not repeat an episode of the same seed and actions cannot be tried out in
+    this way, and counts as one whose copies share nothing.
 
     Args:
         env: The environment. Only copies of it are reset and stepped here.
@@ -44,10 +47,18 @@ def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
         tried = [copy.deepcopy(env) for _ in range(2)]
     except Exception:  # whatever an env of the user's raises, it can still be used alone
         return [env]
-    if _are_independent(tried, _actions(mlp)):
-        tried.clear()  # an env may be large
-        return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
-    return alone([env, *tried])
+    actions = _actions(mlp)
+    with _trial():
+        try:
+            repeated = [_apart(tried, actions) for _ in range(2)]
+        except Exception:  # the env may raise it, too, when it is used
+            _keep_while_alive(env, tried)
+            return [env]
+        are_independent = not _are_equal(*repeated) or _take_turns_as(repeated[0], tried, actions)
+    if not are_independent:
+        return alone([env, *tried])
+    tried.clear()  # an env may be large
+    return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
 
 
 def alone(envs: list[Env]) -> list[Env]:
@@ -88,16 +99,28 @@ def _results(rollouts: Rollouts, policies: Iterable[int]) -> list[tuple[npt.NDAr
     ]
 
 
-def _are_independent(envs: list[Env], actions: list[npt.NDArray[Any]]) -> bool:
-    """Whether the episodes of envs that take turns are those of each env alone."""
+@contextmanager
+def _trial() -> Iterator[None]:
+    """Leave no trace of what is tried out."""
     with _unchanged_globals(), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the env that is used will give its own
-        try:
-            apart = [list(_episode(*pair)) for pair in zip(envs, actions, strict=True)]
-            together = [_episode(*pair) for pair in zip(envs, actions, strict=True)]
-            return _are_equal(_rows(apart), _rows(together))
-        except Exception:  # a copy that cannot even be stepped
-            return False
+        yield
+
+
+def _apart(envs: list[Env], actions: list[npt.NDArray[Any]]) -> list[tuple[Float64Array, ...]]:
+    """What the episodes of the envs show, one after the other."""
+    return _rows([list(_episode(*pair)) for pair in zip(envs, actions, strict=True)])
+
+
+def _take_turns_as(
+    apart: list[tuple[Float64Array, ...]], envs: list[Env], actions: list[npt.NDArray[Any]]
+) -> bool:
+    """Whether the episodes are the same where the envs take turns."""
+    try:
+        together = _rows([_episode(*pair) for pair in zip(envs, actions, strict=True)])
+    except Exception:  # such as that of a simulator that another env has reset
+        return False
+    return _are_equal(apart, together)
 
 
 def _rows(episodes: Iterable[Iterable[Float64Array]]) -> list[tuple[Float64Array, ...]]:

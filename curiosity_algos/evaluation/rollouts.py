@@ -37,11 +37,21 @@ def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
     """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none.
 
     Raises:
-        ValueError: If they do not all have one, of the same shape (B,).
+        ValueError: If they do not all have one of numbers, of the same shape (B,).
     """
-    behaviors = [np.asarray(info.get("behavior", ()), dtype=np.float64) for info in infos]
+    behaviors = [_as_numbers(info.get("behavior", ())) for info in infos]
     check_same_shape(behaviors)
     return np.stack(behaviors)
+
+
+def _as_numbers(behavior: Any) -> Float64Array:
+    try:
+        return np.asarray(behavior, dtype=np.float64)
+    except (TypeError, ValueError) as error:  # text, or rows of unequal length
+        raise ValueError(
+            '`env` must end every episode with an info["behavior"] of numbers, or none, '
+            f"got {behavior!r:.60}."
+        ) from error
 
 
 def check_same_shape(behaviors: Sequence[Float64Array]) -> None:

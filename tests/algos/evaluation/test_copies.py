@@ -112,6 +112,21 @@ class Clock(Line):
         return observation, reward, False, self.times[0] == 8, info
 
 
+class Claimed(Line):
+    """Whose reset lets no other episode go on: it raises where envs take turns."""
+
+    owner = [None]  # noqa: RUF012
+
+    def reset(self, *, seed=None, options=None):
+        self.owner[0] = id(self)
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        if self.owner[0] != id(self):
+            raise RuntimeError("no episode is under way")
+        return super().step(action)
+
+
 class Restless(Line):
     """No two episodes are alike."""
 
@@ -196,7 +211,7 @@ def policies(evaluator, n=6):
 SHARED = {
     "handle": Handle,
     "clock": Clock,
-    "broken": Broken,
+    "claimed": Claimed,
     "wrapped": lambda: TimeLimit(Handle(), 12),
     "closure": lambda: with_highest(Line()),
 }
@@ -281,18 +296,81 @@ def test_separately_made_envs_with_handles_are_taken_as_they_are(play, assert_eq
     assert_equal_episodes(evaluator.evaluate(parameters, 1), episodes)
 
 
-def test_an_env_that_repeats_nothing_plays_alone():
-    with pytest.warns(UserWarning, match="evaluated one after the other"):
-        evaluator = make_evaluator(Restless())
-    rollouts = evaluator.evaluate(policies(evaluator), 0)
-    assert len(np.unique(rollouts.observations[:, 0])) == 6
+class SelfSeeded(Line):
+    """Draws from a generator of its own, which no seed reaches."""
+
+    def __init__(self):
+        self.generator = np.random.default_rng(3)
+
+    def step(self, action):
+        return super().step(action + self.generator.normal())
+
+
+class LateNoise(SelfSeeded):
+    """Draws from it late."""
+
+    def step(self, action):
+        return super().step(action) if self.t > 12 else Line.step(self, action)
+
+
+class GlobalNoise(Line):
+    """Draws from the global generator."""
+
+    def step(self, action):
+        return super().step(action + np.random.normal())  # noqa: NPY002
+
+
+@pytest.mark.parametrize("kind", [Restless, SelfSeeded, LateNoise, GlobalNoise])
+def test_an_env_that_repeats_nothing_keeps_its_copies_without_a_word(kind):
+    env = kind()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        envs = copies_of(env)
+        evaluator = make_evaluator(env)
+        rollouts = evaluator.evaluate(policies(evaluator), 0)
+        evaluator.evaluate(policies(evaluator), 0)
+    assert len(envs) == N_COPIES
     np.testing.assert_array_equal(rollouts.lengths, 20)
 
 
-@pytest.mark.parametrize("make", [Single, lambda: gym.make("CartPole-v1", render_mode="rgb_array")])
+class Failing(Line):
+    """A fault of its own."""
+
+    def step(self, action):
+        raise RuntimeError("the arm is jammed")
+
+
+class Text(Line):
+    """Its behavior is no number."""
+
+    def step(self, action):
+        *rest, info = super().step(action)
+        return *rest, {**info, "behavior": "abc"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "error", "message"),
+    [
+        (Failing, RuntimeError, "the arm is jammed"),
+        (Text, ValueError, r"`env` must end every episode with an info\[\"behavior\"\] of numbers"),
+    ],
+)
+def test_an_error_of_the_env_keeps_its_own_text(kind, error, message):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        evaluator = make_evaluator(kind())
+        with pytest.raises(error, match=message):
+            evaluator.evaluate(policies(evaluator), 0)
+
+
+@pytest.mark.parametrize(
+    "make", [Single, Broken, lambda: gym.make("CartPole-v1", render_mode="rgb_array")]
+)
 def test_what_cannot_be_copied_or_renders_is_left_alone(make):
     env = make()
-    assert copies_of(env) == [env]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert copies_of(env) == [env]
 
 
 def test_the_env_is_left_as_it_was_found():

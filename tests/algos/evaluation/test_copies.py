@@ -1,6 +1,7 @@
 import gc
 import random
 import warnings
+import weakref
 
 import gymnasium as gym
 import numpy as np
@@ -402,3 +403,17 @@ def test_copies_that_would_close_a_handle_live_as_long_as_the_env():
     del env
     gc.collect()
     assert 7 not in WORLDS
+
+
+def test_no_more_copies_are_alive_at_once_than_are_used():
+    alive, counts = weakref.WeakSet(), []
+
+    class Large(Line):
+        def __deepcopy__(self, memo):
+            copied = Large()
+            alive.add(copied)
+            counts.append(len(alive))
+            return copied
+
+    copies_of(Large())
+    assert max(counts) == N_COPIES - 1

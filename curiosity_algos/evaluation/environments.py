@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import VectorEnv
+from gymnasium.vector import AsyncVectorEnv, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
@@ -21,6 +22,10 @@ _VECTOR_KEYWORDS = {
     "wrappers",
 }
 """Keywords in the spec of a vector environment that a single one does not take."""
+_LIMITS = ("_max_episode_steps", "horizon")
+"""Attributes of single envs, of a TimeLimit and of sparse environments."""
+
+MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 
 
 class GymnasiumView(DummyVecEnv):
@@ -69,15 +74,35 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     )
 
 
-def step_limit(env: Any) -> int | None:
-    """Steps after which an environment of any kind truncates its episodes; None where unknown."""
-    if isinstance(env, VectorEnv) and hasattr(env, "envs"):
-        return step_limit(env.envs[0])
+def step_limit(env: MadeEnv) -> int | None:
+    """Steps after which an environment truncates its episodes, at most; None where unknown."""
+    limits = [limit for limit in _limits(env) if isinstance(limit, int | np.integer)]
+    return max(map(int, limits), default=None)
+
+
+def _limits(env: MadeEnv) -> list[Any]:
+    """What all the single envs, and a vector environment itself, say of their length."""
     if isinstance(env, VectorEnv):
-        found = [getattr(env.spec, "max_episode_steps", None), getattr(env, "horizon", None)]
-    else:
-        found = [env_attribute(env, name) for name in ("_max_episode_steps", "horizon")]
-    return max((limit for limit in found if isinstance(limit, int)), default=None)
+        own = [_limit_of_spec(env), getattr(env.unwrapped, "horizon", None)]
+        return [*own, *_limits_inside(env.unwrapped)]
+    if isinstance(env, VecEnv):
+        # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
+        return [limit for name in _LIMITS if env.has_attr(name) for limit in env.get_attr(name)]
+    return [_limit_of_spec(env), *(env_attribute(env, name) for name in _LIMITS)]
+
+
+def _limits_inside(env: VectorEnv[Any, Any, Any]) -> list[Any]:
+    if hasattr(env, "envs"):
+        return [limit for single in env.envs for limit in _limits(single)]
+    if isinstance(env, AsyncVectorEnv):
+        # Asked for first, as of a SubprocVecEnv.
+        known = [name for name in _LIMITS if all(env.call("has_wrapper_attr", name))]
+        return [limit for name in known for limit in env.call(name)]
+    return []
+
+
+def _limit_of_spec(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any]) -> int | None:
+    return getattr(env.spec, "max_episode_steps", None)
 
 
 def env_attribute(env: gym.Env[Any, Any] | VecEnv, name: str) -> Any:

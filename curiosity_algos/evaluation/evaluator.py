@@ -6,11 +6,9 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import gymnasium as gym
-from gymnasium.vector import VectorEnv
-from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.control import ControlEvaluator
-from curiosity_algos.evaluation.environments import describe
+from curiosity_algos.evaluation.environments import MadeEnv, describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -22,7 +20,6 @@ from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
 
-MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 AnyEnv = MadeEnv | str
 
 

@@ -126,13 +126,50 @@ LIMITS = {
     "single": lambda limited: limited(),
     "made": lambda limited: gym.make("Pendulum-v1", max_episode_steps=60),
     "monitor": lambda limited: Monitor(limited()),
+    "horizon": lambda limited: Counting(),
+    "spec": lambda limited: WithSpec(),
     "sync": lambda limited: SyncVectorEnv([limited] * 2),
+    "sync of two": lambda limited: SyncVectorEnv([Silent, limited]),
+    "wrapped sync": lambda limited: gym.wrappers.vector.RecordEpisodeStatistics(
+        SyncVectorEnv([limited] * 2)
+    ),
+    "sync spec": lambda limited: SyncVectorEnv([WithSpec] * 2),
+    "async": lambda limited: AsyncVectorEnv([limited] * 2),
+    "async horizon": lambda limited: AsyncVectorEnv([Counting] * 2),
     "made async": lambda limited: gym.make_vec(
         "Pendulum-v1", num_envs=2, vectorization_mode="async", max_episode_steps=60
     ),
     "dummy": lambda limited: DummyVecEnv([limited] * 2),
     "subproc": lambda limited: SubprocVecEnv([limited] * 2, start_method="fork"),
 }
+
+
+class Counting(PendulumEnv):
+    """It says, and holds, its limit itself."""
+
+    horizon = np.int64(60)
+
+    def reset(self, **given):
+        self.t = 0
+        return super().reset(**given)
+
+    def step(self, action):
+        self.t += 1
+        observation, reward, *_, info = super().step(action)
+        return observation, reward, False, self.t == 60, info
+
+
+class WithSpec(Counting):
+    """It says so in its spec."""
+
+    horizon = None
+    spec = gym.envs.registration.EnvSpec("Counting-v0", max_episode_steps=60)
+
+
+class Silent(Counting):
+    """It says nothing of it."""
+
+    horizon = None
 
 
 class TestLength:

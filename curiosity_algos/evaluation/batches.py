@@ -76,7 +76,11 @@ class SingleEnvBatch:
         return self._observations.copy()
 
     def step(self, actions: Actions, active: Mask) -> Step:
-        """See `Batch`."""
+        """See `Batch`.
+
+        Raises:
+            ValueError: If the info of an episode's last step is no dictionary.
+        """
         rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
         infos = {}
         for i in np.flatnonzero(active).tolist():
@@ -84,8 +88,14 @@ class SingleEnvBatch:
             self._observations[i], rewards[i] = observation, float(reward)
             ended[i] = terminated or truncated
             if ended[i]:
-                infos[i] = info
+                infos[i] = _checked(info)
         return Step(self._observations.copy(), rewards, ended, infos)
+
+
+def _checked(info: Any) -> dict[str, Any]:
+    if not isinstance(info, dict):
+        raise ValueError(f"`env` must give an info that is a dictionary, it gave {info!r:.60}.")
+    return info
 
 
 class GymnasiumBatch:

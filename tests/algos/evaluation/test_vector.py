@@ -7,7 +7,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from curiosity_algos import CanonicalES
+from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import vector
 from curiosity_algos.evaluation.policies import act, build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
@@ -265,3 +265,17 @@ def test_whole_numbers_of_a_reset_round_no_later_observation():
     mlp = build_mlp(Odd.observation_space, Odd.action_space, [])
     rollouts = VectorEvaluator(Odd(), mlp).evaluate(np.zeros((1, mlp.n_parameters)), 0)
     np.testing.assert_array_equal(rollouts.observations[0], [[0, 0], [0.5, -1.5], [0.5, -1.5]])
+
+
+@pytest.mark.parametrize("info", [None, [("behavior", 1.0)]])
+@pytest.mark.parametrize("around", [lambda env: env, lambda env: DummyVecEnv([lambda: env])])
+def test_an_info_that_is_no_dictionary_is_named(info, around):
+    class Bare(Odd):
+        def step(self, action):
+            *rest, _ = super().step(action)
+            return *rest, info
+
+    mlp = build_mlp(Odd.observation_space, Odd.action_space, [])
+    evaluator = make_evaluator(around(Bare()), {"net_arch": []})
+    with pytest.raises(ValueError, match="`env` must give an info that is a dictionary, it gave"):
+        evaluator.evaluate(np.zeros((2, mlp.n_parameters)), 0)

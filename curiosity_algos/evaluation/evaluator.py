@@ -60,8 +60,9 @@ def make_evaluator(
         n_threads: Threads of the compiled evaluators; None: as many as there are processors.
 
     Raises:
-        ValueError: If the env's spaces or its VecEnv wrappers are not supported, or another
-            argument is out of its range.
+        ValueError: If the env's spaces or its VecEnv wrappers are not supported, if another
+            argument is out of its range, or if a registered `make` gives no evaluator of the
+            policies.
     """
     if n_threads is not None:
         check_at_least_one(n_threads=n_threads)
@@ -70,7 +71,18 @@ def make_evaluator(
     net_arch = check_policy_kwargs(policy_kwargs)
     mlp = build_mlp(observation_space, action_space, net_arch)
     env = without_monitors(env)
-    return next(make(env, mlp, n_threads) for fits, make in EVALUATORS if fits(env))
+    made = next(make(env, mlp, n_threads) for fits, make in EVALUATORS if fits(env))
+    _check_made(made, mlp.n_parameters)
+    return made
+
+
+def _check_made(made: object, n_parameters: int) -> None:
+    evaluates = callable(getattr(made, "evaluate", None))
+    if not evaluates or getattr(made, "n_parameters", None) != n_parameters:
+        raise ValueError(
+            "`make` of a registered evaluator must give an object with `evaluate` and with "
+            f"`n_parameters` = {n_parameters}, got {made!r:.60}."
+        )
 
 
 def register_evaluator(fits: Fits, make: Make) -> None:

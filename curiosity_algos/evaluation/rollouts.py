@@ -103,7 +103,9 @@ class Rollouts:
             ValueError: If the evaluator recorded none.
         """
         if self.observations is None or self.actions is None:
-            raise ValueError("These rollouts hold no trajectories.")
+            raise ValueError(
+                "These rollouts hold no trajectories: `evaluator` must give them here."
+            )
         return self.observations, self.actions
 
     @property

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
-from curiosity_algos import CanonicalES, make_evaluator, register_evaluator
+from curiosity_algos import CanonicalES, CuriosityES, make_evaluator, register_evaluator
 from curiosity_algos.evaluation import evaluator as evaluators
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
@@ -318,11 +320,38 @@ class TestRegisterEvaluator:
 
     def test_the_newest_is_asked_first(self):
         self.register()
-        register_evaluator(
-            lambda env: True, lambda env, mlp, n_threads: (env, mlp.n_parameters, n_threads)
-        )
+        asked = []
+
+        def make(env, mlp, n_threads):
+            asked.append((env, mlp.n_parameters, n_threads))
+            return VectorEvaluator(env, mlp)
+
+        register_evaluator(lambda env: True, make)
         env = Target()
-        assert make_evaluator(env, SMALL, 3) == (env, 13, 3)
+        assert isinstance(make_evaluator(env, SMALL, 3), VectorEvaluator)
+        assert asked == [(env, 13, 3)]
+
+    @pytest.mark.parametrize(
+        "made",
+        [
+            None,
+            TargetEvaluator,
+            SimpleNamespace(n_parameters=13),
+            SimpleNamespace(evaluate=print),
+            SimpleNamespace(evaluate=print, n_parameters=12),
+        ],
+    )
+    def test_what_makes_no_evaluator_is_named(self, made):
+        register_evaluator(lambda env: True, lambda env, mlp, n_threads: made)
+        message = "`make` of a registered evaluator must give .* `n_parameters` = 13"
+        with pytest.raises(ValueError, match=message):
+            make_evaluator(Target(), SMALL)
+
+    def test_an_algorithm_that_needs_trajectories_says_so(self):
+        self.register()
+        model = CuriosityES(Target(), population_size=6, n_parents=3, seed=0, device="cpu")
+        with pytest.raises(ValueError, match="no trajectories: `evaluator` must give them"):
+            model.learn(60)
 
     @pytest.mark.parametrize("name", ["fits", "make"])
     def test_what_is_no_function_is_refused(self, name):

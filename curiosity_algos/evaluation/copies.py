@@ -31,11 +31,11 @@ Float64Array = npt.NDArray[np.float64]
 def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
     """The env beside copies of it; or the env alone, which is always right and only slower.
 
-    It stays alone where it renders, where it cannot be copied, and where a copy raises when it is
-    reset and stepped. It also does where two copies that take turns do not do what each does alone:
-    their state is behind one handle (a physics server, a simulator, a closure), and a warning says
-    so. An env that does not repeat an episode of the same seed and actions cannot be tried out in
-    this way, and counts as one whose copies share nothing.
+    It stays alone, without a word, where it renders, where it cannot be copied, and where a copy
+    raises when it is reset and stepped. It also stays alone where two copies that take turns do not
+    do what each does alone: their state is behind one handle (a physics server, a simulator, a
+    closure), and a warning says so. An env that does not repeat an episode of the same seed and
+    actions cannot be tried out in this way, and counts as one whose copies share nothing.
 
     Args:
         env: The environment. Only copies of it are reset and stepped here.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import io
+import math
 import os
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -26,6 +27,7 @@ from stable_baselines3.common.type_aliases import (
     Schedule,
     TensorDict,
     TrainFreq,
+    TrainFrequencyUnit,
 )
 from stable_baselines3.common.utils import should_collect_more_steps
 from stable_baselines3.common.vec_env import VecEnv
@@ -45,9 +47,10 @@ from curiosity_algos.common.environment_state import environment_states, load_en
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator, reseed
 from curiosity_algos.evaluation.coverage import coverage_grid
-from curiosity_algos.evaluation.environments import describe
+from curiosity_algos.evaluation.environments import describe, step_limit
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
 from curiosity_algos.loops.constructors import AlgorithmType
 from curiosity_algos.loops.interrupt import deferred_interrupt
@@ -360,16 +363,22 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         """As in SB3, but a step is wholly stored when callbacks see it, so that they may save.
 
         A rollout that was interrupted goes on, and counts as one.
+
+        Raises:
+            ValueError: If rollouts are episodes and one does not end, see `_longest_episode`.
         """
         self.policy.set_training_mode(False)
         callback.on_rollout_start()
-        goes_on = True
+        goes_on, limit = True, _longest_episode(env, train_freq)
+        n_steps = 0  # of the episode, as far as seen here
         while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
+            _check_length(n_steps, limit)
             with deferred_interrupt("the step"):
                 step = self._step(env, replay_buffer, action_noise, learning_starts)
                 callback.update_locals({**step, "train_freq": train_freq})
                 goes_on = callback.on_step()
                 self._log(step["dones"], log_interval)
+            n_steps = 0 if step["dones"][0] else n_steps + 1
         rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
         if goes_on:
             callback.on_rollout_end()
@@ -552,6 +561,22 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             model._match_env()
         model.set_random_seed(seed)
         return model
+
+
+def _longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
+    """Steps that an episode may have; rollouts of a number of steps end whatever episodes do."""
+    if train_freq.unit is TrainFrequencyUnit.STEP:
+        return math.inf
+    return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
+
+
+def _check_length(n_steps: int, limit: float) -> None:
+    if n_steps == limit:
+        raise ValueError(
+            f"`env` must end its episodes: one had not ended after {n_steps} steps. Give it a "
+            "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000). Or give `train_freq` a "
+            'number of steps, such as (1000, "step").'
+        )
 
 
 def _check_env(env: object) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from gymnasium.envs.classic_control import PendulumEnv
 from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 from stable_baselines3 import TD3
@@ -25,6 +26,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNorm
 from curiosity_algos import TD3ICM
 from curiosity_algos.algorithms import td3_icm
 from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
+from curiosity_algos.loops import resumable_td3
 
 
 class Save(BaseCallback):
@@ -354,6 +356,30 @@ class TestEnvironments:
         model = make(VecFrameStack(make_vec_env(make_maze), 2)).learn(120)
         assert model.replay_buffer.newest(1)[0].shape == (1, 72)
         assert model._n_updates > 0
+
+
+class TestLength:
+    @pytest.fixture(autouse=True)
+    def _bound(self, monkeypatch):
+        monkeypatch.setattr(resumable_td3, "MAX_EPISODE_STEPS", 50)
+
+    @pytest.mark.parametrize("n_episodes", [1, 2])
+    def test_episodes_that_do_not_end_are_an_error(self, make, n_episodes):
+        model = make(PendulumEnv(), train_freq=(n_episodes, "episode"))
+        for n in (50, 100):  # each time it is given as many
+            with pytest.raises(ValueError, match=r"`env` must end .* after 50 steps\. Give"):
+                model.learn(1000, reset_num_timesteps=False)
+            assert model.num_timesteps == n
+        model.set_env(TimeLimit(PendulumEnv(), 60))  # a limit of the env may be higher
+        assert model.learn(1, reset_num_timesteps=False).num_timesteps == 100 + 60 * n_episodes
+
+    def test_each_episode_of_a_rollout_may_be_as_long(self, make):
+        model = make(TimeLimit(PendulumEnv(), 50), train_freq=(3, "episode"))
+        assert model.learn(1).num_timesteps == 150
+
+    def test_rollouts_of_steps_end_by_themselves(self, make):
+        model = make(PendulumEnv(), train_freq=(90, "step"))
+        assert model.learn(1).num_timesteps == 90
 
 
 class RaisesOnce(gym.Wrapper):

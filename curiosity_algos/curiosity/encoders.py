@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -37,8 +38,10 @@ class ImageInputs:
         """What a space's observations need; None: they are no images.
 
         Raises:
-            ValueError: If they are neither images nor one-dimensional, or images too small.
+            ValueError: If they are neither images nor one-dimensional, empty, or images too small.
         """
+        if isinstance(space, spaces.Box) and math.prod(space.shape) == 0:
+            raise ValueError(f"`observation_space` must have at least one entry, got {space}.")
         if isinstance(space, spaces.Box) and len(space.shape) == 1:
             return None
         if not is_image_space(space):
@@ -146,11 +149,13 @@ def action_size(action_space: spaces.Space[Any]) -> int:
     """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
 
     Raises:
-        ValueError: If actions are of another kind.
+        ValueError: If actions are of another kind, or of no number.
     """
     if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         return int(action_space.n)
     if isinstance(action_space, spaces.Box) and len(action_space.shape) == 1:
+        if action_space.shape == (0,):
+            raise ValueError(f"`action_space` must have at least one entry, got {action_space}.")
         return int(action_space.shape[0])
     raise ValueError(
         "`action_space` must be a one-dimensional Box or a Discrete that starts at 0, got "

@@ -54,6 +54,7 @@ def test_weights_are_the_generators():
         (spaces.Discrete(3), "one-dimensional Box, or one of images"),
         (spaces.Box(-1, 1, (3, 3)), "one-dimensional Box, or one of images"),
         (spaces.Box(0, 1, (3, 84, 84), np.float32), "one-dimensional Box, or one of images"),
+        (spaces.Box(-1, 1, (0,)), "at least one entry"),
         (images(3, 35, 84), "images of 36 by 36 at least"),
         (images(84, 35, 3), "images of 36 by 36 at least"),
     ],
@@ -97,6 +98,10 @@ class TestActions:
     def test_other_shapes_are_refused(self):
         with pytest.raises(ValueError, match="`actions` must have shape"):
             self.encode(spaces.Box(-1, 1, (3,)), [[1.0]])
+
+    def test_there_must_be_some(self):
+        with pytest.raises(ValueError, match="`action_space` must have at least one entry"):
+            ActionEncoder(spaces.Box(-1, 1, (0,)))
 
     def test_a_bonus_files_need_no_scale(self):
         assert not ActionEncoder(spaces.Box(-1, 1, (3,))).state_dict()

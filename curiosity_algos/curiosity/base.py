@@ -183,6 +183,12 @@ def _check_finite(tensors: Iterable[th.Tensor]) -> None:
         raise RuntimeError("The state holds NaN or infinity.")
 
 
+def check_rewards(rewards: npt.NDArray[Any]) -> None:
+    """Raise ValueError unless the rewards of the task can be learned from."""
+    if not np.isfinite(rewards).all():
+        raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
+
+
 def train(
     bonus: Bonus, draw: Callable[[int], Iterable[th.Tensor]], *, n_updates: int, batch_size: int
 ) -> dict[str, float]:

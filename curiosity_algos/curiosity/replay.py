@@ -14,8 +14,9 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.base import Bonus
+from curiosity_algos.curiosity.base import Bonus, check_rewards
 from curiosity_algos.curiosity.encoders import action_scale
+from curiosity_algos.evaluation.rollouts import check_observations
 
 COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
 
@@ -59,6 +60,25 @@ class CuriosityReplayBuffer(ReplayBuffer):
         assert isinstance(action_space, spaces.Box)
         self._center, self._half_range = action_scale(action_space)
         self._rng = np.random.default_rng(seed)
+
+    def add(
+        self,
+        obs: npt.NDArray[Any],
+        next_obs: npt.NDArray[Any],
+        action: npt.NDArray[Any],
+        reward: npt.NDArray[Any],
+        done: npt.NDArray[Any],
+        infos: list[dict[str, Any]],
+    ) -> None:
+        """As in SB3, but nothing is kept that would train networks to NaN.
+
+        Raises:
+            ValueError: If an observation or the reward is not finite.
+        """
+        check_observations(obs)
+        check_observations(next_obs)
+        check_rewards(reward)
+        super().add(obs, next_obs, action, reward, done, infos)
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
         """Transitions drawn uniformly with replacement; the bonus sees raw observations.

@@ -19,7 +19,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.plain_files import plain
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.curiosity.base import Bonus, train
+from curiosity_algos.curiosity.base import Bonus, check_rewards, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
@@ -170,7 +170,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             ValueError: If observations or rewards are not finite, or an info is no dictionary.
         """
         observations, rewards, dones, infos = self.venv.step_wait()
-        _check_step(rewards, infos)
+        check_rewards(rewards)
+        _check_infos(infos)
         before, after = self._observations, self._stored(observations)
         self._observations = after
         bonus = self._visit(before, self._last_observations(after, dones, infos))
@@ -343,9 +344,8 @@ def _check_venv(venv: object) -> None:
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
 
 
-def _check_step(rewards: npt.NDArray[Any], infos: list[dict[str, Any]]) -> None:
-    if not np.isfinite(rewards).all():
-        raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
+def _check_infos(infos: list[dict[str, Any]]) -> None:
+    # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
     if not all(isinstance(info, dict) for info in infos):
         raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
 

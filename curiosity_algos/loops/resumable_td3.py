@@ -396,11 +396,12 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         """Act once; what SB3's callbacks find in their `locals`."""
         actions, buffer_actions = self._sample_action(learning_starts, action_noise)
         new_obs, rewards, dones, infos = env.step(actions)
+        # First of all, as it refuses what cannot be learned from. A VecEnv's hint allows for
+        # tuples of observations, which SB3 has none of.
+        self._store_transition(replay_buffer, buffer_actions, new_obs, rewards, dones, infos)  # type: ignore[arg-type]
         self.num_timesteps += 1
         self._n_steps += 1
         self._update_info_buffer(infos, dones)
-        # A VecEnv's hint allows for tuples of observations, which SB3 has none of.
-        self._store_transition(replay_buffer, buffer_actions, new_obs, rewards, dones, infos)  # type: ignore[arg-type]
         self._update_current_progress_remaining(self.num_timesteps, self._total_timesteps)
         self._record.add(infos, dones, self.num_timesteps)
         if dones[0]:
@@ -579,13 +580,19 @@ def _check_length(n_steps: int, limit: float) -> None:
         )
 
 
+def _can_be_learned(actions: spaces.Box[Any]) -> bool:
+    """Whether each entry of an action can be scaled to [-1, 1], and there are some."""
+    is_float = np.issubdtype(actions.dtype, np.floating)
+    is_range = actions.is_bounded() and bool((actions.low < actions.high).all())
+    return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range
+
+
 def _check_env(env: object) -> None:
     observation_space, action_space = describe(env)
-    is_box = isinstance(action_space, spaces.Box) and len(action_space.shape) == 1
-    # Mypy does not see that it is a Box here.
-    if not is_box or not action_space.is_bounded():  # type: ignore[attr-defined]
+    if not isinstance(action_space, spaces.Box) or not _can_be_learned(action_space):
         raise ValueError(
-            f"`env` must have a bounded one-dimensional Box of actions, got {action_space}."
+            "`env` must have a bounded one-dimensional Box of actions, at least one entry, of "
+            f"floats, with `low` below `high`, got {action_space}."
         )
     if not isinstance(observation_space, spaces.Box):
         raise ValueError(f"`env` must have a Box of observations, got {observation_space}.")

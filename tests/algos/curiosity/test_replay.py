@@ -98,6 +98,17 @@ class TestSamples:
         assert sample.rewards.item() == pytest.approx(10.0 / 2.0 + 0.5 * worth(1))
 
 
+@pytest.mark.parametrize(
+    ("step", "name"),
+    [({"x": np.nan}, "observations"), ({"x": 1, "reward": np.inf}, "rewards")],
+)
+def test_what_is_not_finite_is_not_kept(step, name):
+    buffer = make_buffer()
+    with pytest.raises(ValueError, match=f"`env` must give finite {name}"):
+        add(buffer, **step)
+    assert buffer.size() == 0
+
+
 def test_transitions_for_the_bonus_come_as_tensors():
     buffer = make_buffer()
     for x in range(3):

@@ -326,6 +326,27 @@ class TestEnvironments:
         with pytest.raises(ValueError, match="`env` must have a bounded one-dimensional Box"):
             make(gym.make(env_id))
 
+    @pytest.mark.parametrize(
+        "space",
+        [
+            spaces.Box(-1, 1, (1,), np.int32),
+            spaces.Box(-1, 1, (0,)),
+            spaces.Box(np.float32([-1, 3]), np.float32([1, 3])),
+            spaces.Box(-np.inf, 1, (1,)),
+        ],
+    )
+    def test_actions_must_have_entries_that_vary(self, make, make_maze, space):
+        env = make_maze()
+        env.action_space = space
+        with pytest.raises(ValueError, match=r"`env` must have .* at least one entry, of floats"):
+            make(env)
+
+    def test_observations_must_have_entries(self, make):
+        env = PendulumEnv()
+        env.observation_space = spaces.Box(-1, 1, (0,))
+        with pytest.raises(ValueError, match="`observation_space` must have at least one entry"):
+            make(env)
+
     def test_observations_must_be_a_box(self, make, make_maze):
         env = make_maze()
         space = spaces.Dict({"x": env.observation_space})
@@ -396,7 +417,42 @@ class RaisesOnce(gym.Wrapper):
         return super().step(action)
 
 
+class GivesOnce(gym.Wrapper):
+    """Gives a value as reward or observation in the step of a number."""
+
+    def __init__(self, env, moment, part, value):
+        super().__init__(env)
+        self.n_steps, self.moment, self.part, self.value = 0, moment, part, value
+
+    def step(self, action):
+        self.n_steps += 1
+        step = list(super().step(action))
+        if self.n_steps == self.moment:
+            step[self.part] = np.full_like(step[self.part], self.value)[()]
+        return tuple(step)
+
+
 class TestErrors:
+    @pytest.mark.parametrize(
+        ("around", "value"),
+        [
+            (lambda venv: venv, np.nan),
+            (lambda venv: venv, np.inf),
+            (VecNormalize, np.nan),  # it clips an infinity
+        ],
+    )
+    @pytest.mark.parametrize("moment", [70, 100])  # in mid-episode, and at its end
+    @pytest.mark.parametrize(("part", "name"), [(0, "observations"), (1, "rewards")])
+    def test_what_is_not_finite_is_never_learned(
+        self, make, make_maze, around, moment, part, name, value
+    ):
+        venv = DummyVecEnv([lambda: GivesOnce(make_maze(), moment, part, value)])
+        model = make(around(venv))
+        with pytest.raises(ValueError, match=f"`env` must give finite {name}"):
+            model.learn(200)
+        assert model.num_timesteps == model.replay_buffer.size() == moment - 1
+        assert all(th.isfinite(each).all() for each in model.policy.parameters())
+
     @pytest.mark.parametrize(
         ("is_reset", "n_timesteps", "n_updates"), [(True, 150, 250), (False, 300, 300)]
     )

@@ -149,15 +149,26 @@ def action_size(action_space: spaces.Space[Any]) -> int:
     """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
 
     Raises:
-        ValueError: If actions are of another kind, or of no number.
+        ValueError: If actions are of another kind, of no number, or have bounds beyond float32, as
+            which bonuses take them.
     """
     if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         return int(action_space.n)
     if isinstance(action_space, spaces.Box) and len(action_space.shape) == 1:
-        if action_space.shape == (0,):
-            raise ValueError(f"`action_space` must have at least one entry, got {action_space}.")
+        _check_entries(action_space)
         return int(action_space.shape[0])
     raise ValueError(
         "`action_space` must be a one-dimensional Box or a Discrete that starts at 0, got "
         f"{action_space}."
     )
+
+
+def _check_entries(action_space: spaces.Box[Any]) -> None:
+    if action_space.shape == (0,):
+        raise ValueError(f"`action_space` must have at least one entry, got {action_space}.")
+    bounds = np.abs([action_space.low, action_space.high], dtype=np.float64)
+    if bounds[np.isfinite(bounds)].max(initial=0.0) > np.finfo(np.float32).max:
+        raise ValueError(
+            "`action_space` must have bounds that float32 can hold, or infinite ones, got "
+            f"{action_space}."
+        )

@@ -109,12 +109,14 @@ def _wrapper_of(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
 
 
 def _warn_of_a_new_wrapper(model: BaseAlgorithm) -> None:
-    """Warn if a model that has trained goes on with a wrapper that has seen no step."""
+    """Warn, once, if a model that has trained goes on with a wrapper that has seen no step."""
     wrapper = _wrapper_of(model)
     has_trained = model.num_timesteps > 0 or model._n_updates > 0
     if wrapper is not None and wrapper.is_new and has_trained:
+        wrapper.is_new = False
         warnings.warn(
-            "The model has trained, and its BonusVecEnvWrapper is new: the bonus begins anew. "
-            "Wrap the environment with BonusVecEnvWrapper.load to go on with what was saved.",
+            "The model has trained, and its BonusVecEnvWrapper is new. If this model was saved "
+            "with one, its bonus begins anew: wrap the environment with BonusVecEnvWrapper.load to "
+            "go on with what was saved.",
             stacklevel=2,
         )

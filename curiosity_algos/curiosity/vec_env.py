@@ -74,7 +74,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     Attributes:
         metrics: Mean losses of the last training, which `ExplorationCallback` logs.
-        is_new: Whether it has learned of no step yet.
+        is_new: Whether it was neither stepped nor loaded, and no callback has warned of that yet.
         training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
 
     Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
@@ -116,6 +116,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.batch_size = int(batch_size)
         self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
         self.training = True
+        self.is_new = True
         self._name = bonus if isinstance(bonus, str) else None
         self._make_parts(bonus, buffer_size, np.random.SeedSequence(seed), device)
         self.metrics: dict[str, float] = {}
@@ -143,11 +144,6 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             int(buffer_size), space, stored_action_size(action_space), seed=buffer_seed
         )
 
-    @property
-    def is_new(self) -> bool:
-        """See the class."""
-        return not self._has_trained and len(self.buffer) == 0
-
     # -- stepping -------------------------------------------------------------------------------
 
     def reset(self) -> VecEnvObs:
@@ -170,6 +166,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             ValueError: If observations or rewards are not finite, or an info is no dictionary.
         """
         observations, rewards, dones, infos = self.venv.step_wait()
+        self.is_new = False
         check_rewards(rewards)
         _check_infos(infos)
         before, after = self._observations, self._stored(observations)
@@ -261,6 +258,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._observations = observations
         self._n_untrained = state["n_untrained"]
         self._has_trained = state["has_trained"]
+        self.is_new = False
         self.metrics = dict(state["metrics"])
 
     def _load_bonus(self, state: Mapping[str, Any]) -> None:

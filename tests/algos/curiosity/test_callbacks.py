@@ -179,6 +179,27 @@ class TestFreshWrappers:
             model.learn(callback=callback, **settings)
             model.learn(callback=callback, **settings)
 
+    def test_both_callbacks_warn_once(self, trained, settings, tmp_path):
+        callbacks = [ExplorationCallback(), BonusCheckpointCallback(1000, str(tmp_path))]
+        with pytest.warns(UserWarning, match="If this model was saved with one") as warned:
+            trained(wrapped()).learn(callback=callbacks, **settings)
+        assert len(warned) == 1
+
+    def test_one_that_was_stepped_is_not_new_though_it_does_not_learn(self, callback, settings):
+        venv = wrapped()
+        venv.training = False
+        model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+            model.learn(callback=callback, **settings)
+
+    def test_one_that_was_loaded_is_not_new(self, trained, callback, settings, tmp_path):
+        wrapped().save(tmp_path / "unstepped.pt")
+        venv = make_vec_env("Pendulum-v1", n_envs=2)
+        model = trained(BonusVecEnvWrapper.load(tmp_path / "unstepped.pt", venv, device="cpu"))
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+
     def test_new_together_nothing_is_said(self, callback, settings):
         model = PPO("MlpPolicy", wrapped(), n_steps=80, batch_size=80, n_epochs=1, device="cpu")
         with warnings.catch_warnings(action="error"):

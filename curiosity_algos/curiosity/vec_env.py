@@ -124,6 +124,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._scale = BonusScale(self.num_envs, gamma=self.gamma)
         self._n_untrained = 0
         self._has_trained = False
+        self._must_reset = False
 
     def _make_parts(
         self,
@@ -148,6 +149,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     def reset(self) -> VecEnvObs:
         """Begin episodes in every environment."""
+        self._must_reset = False
         observations = self.venv.reset()
         self._observations = self._stored(observations)
         self._scale.reset()
@@ -155,6 +157,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
         """Begin a step."""
+        if self._must_reset:
+            self.reset()
         is_box = isinstance(self.action_space, spaces.Box)
         self._actions = np.array(actions, dtype=np.float32 if is_box else np.int64)
         self.venv.step_async(actions)
@@ -300,7 +304,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         """Wrap `venv` as the wrapper that was saved had wrapped another.
 
         Episodes go on where they were, if the file knows: give the model `force_reset=False` then,
-        or it begins new ones.
+        or it begins new ones. If the file does not know, the first step begins new ones.
 
         Args:
             path: Of the file.
@@ -327,6 +331,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             wrapper._load_bonus(saved["state"]["bonus"])
         with sound(path):
             resume_episodes(venv, saved["environments"])
+        # Not yet, as a model's own reset would take another start then.
+        wrapper._must_reset = saved["environments"] is None
         return wrapper
 
 

@@ -403,6 +403,32 @@ class TestFiles:
         assert_same(venv.state_dict(), other.state_dict())
         assert_same(model.get_parameters(), loaded.get_parameters())
 
+    def test_episodes_that_the_file_does_not_know_begin_with_the_first_step(self, tmp_path):
+        venv = wrap()
+        play(venv, 3)
+        venv.save(tmp_path / "bonus.pt")
+        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", make_venv(), device="cpu")
+        for _ in range(2):
+            loaded.step(np.zeros((2, 1), dtype=np.float32))
+        state = loaded.buffer.state_dict()
+        assert state["observations"].flatten().tolist() == [0, 0, 1, 1, 2, 2, 0, 0, 1, 1]
+        assert state["next_observations"].flatten().tolist() == [1, 1, 2, 2, 3, 3, 1, 1, 2, 2]
+
+    def test_a_model_goes_on_without_a_reset_of_its_own(self, tmp_path):
+        venv = wrap(make_vec_env("Pendulum-v1"))
+        model = PPO("MlpPolicy", venv, n_steps=16, batch_size=16, device="cpu", seed=0).learn(16)
+        model.save(tmp_path / "model")
+        venv.save(tmp_path / "bonus.pt")
+        venv = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", make_vec_env("Pendulum-v1"))
+        loaded = PPO.load(tmp_path / "model", venv, device="cpu", force_reset=False)
+        loaded.learn(16, reset_num_timesteps=False)
+        assert loaded.num_timesteps == 32
+
+    def test_a_load_leaves_the_first_start_to_the_model(self, tmp_path):
+        wrap(make_vec_env("Pendulum-v1")).save(tmp_path / "bonus.pt")
+        venv = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", make_vec_env("Pendulum-v1", seed=3))
+        np.testing.assert_array_equal(venv.reset(), make_vec_env("Pendulum-v1", seed=3).reset())
+
     def test_episodes_begin_in_another_maze(self, tmp_path, make_maze):
         venv = wrap(DummyVecEnv([make_maze] * 2))
         PPO("MlpPolicy", venv, n_steps=20, batch_size=10, device="cpu").learn(40)

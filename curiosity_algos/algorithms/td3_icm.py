@@ -30,8 +30,8 @@ BONUS_LEARNING_RATE = 6e-6
 class TD3ICM(ResumableTD3):
     """Trains a deterministic policy on `reward + weight * bonus`, a whole episode at a time.
 
-    The bonus is computed when a transition is sampled from the replay buffer, so that it is always
-    that of the module as it is. After each episode from `learning_starts` on the module is trained
+    The bonus is computed when a transition is sampled from the replay buffer, by the module as it
+    has been trained so far. After each episode from `learning_starts` on the module is trained
     for `n_updates` steps, and actor and critic for as many as the episode had (section 4.4).
 
     Args:

@@ -58,13 +58,14 @@ def build_mlp(
     """The network that maps `observation_space` to `action_space`.
 
     Raises:
-        ValueError: If a space is not supported (supported: 1-D `Box` observations; 1-D bounded
-            `Box` of floats or `Discrete` actions), or a layer's width is no whole number from 1 on.
+        ValueError: If a space is not supported (supported: 1-D `Box` observations of at least
+            one entry; 1-D bounded `Box` of floats or `Discrete` actions), or a layer's width is no
+            whole number from 1 on.
     """
-    if not isinstance(observation_space, spaces.Box) or len(observation_space.shape) != 1:
+    if not _is_vector(observation_space):
         raise ValueError(
-            f"The observation space {observation_space} is not supported: it must be a 1-D Box "
-            "(flatten others with gymnasium.wrappers.FlattenObservation)."
+            f"The observation space {observation_space} is not supported: it must be a 1-D Box of "
+            "at least one entry (flatten others with gymnasium.wrappers.FlattenObservation)."
         )
     if not all(isinstance(width, int | np.integer) and width >= 1 for width in net_arch):
         raise ValueError(f"`net_arch` must hold positive layer widths, got {list(net_arch)}.")
@@ -94,15 +95,13 @@ def _output_range(
     )
 
 
+def _is_vector(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:
+    return isinstance(space, spaces.Box) and len(space.shape) == 1 and space.shape[0] > 0
+
+
 def _is_real_box(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:
     """Whether `space` takes any numbers between bounds; a Box of integers takes no fractions."""
-    return (
-        isinstance(space, spaces.Box)
-        and np.issubdtype(space.dtype, np.floating)
-        and len(space.shape) == 1
-        and space.shape[0] > 0
-        and space.is_bounded()
-    )
+    return _is_vector(space) and np.issubdtype(space.dtype, np.floating) and space.is_bounded()
 
 
 @compiled

@@ -143,6 +143,7 @@ class TestErrors:
             spaces.Dict(a=box(2)),
             spaces.Box(0, 255, (8, 8, 3), np.uint8),
             spaces.Box(-1, 1, ()),
+            spaces.Box(-1, 1, (0,)),
             spaces.Discrete(4),
             spaces.Tuple([box(2)]),
         ],

@@ -564,7 +564,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         for fixed in sorted(cls._fixed_settings() & given.keys() - pickled_attributes(file)):
             raise ValueError(f"`{fixed}` must be left as it was saved: make a new {name}.")
         attributes = read_attributes(file, name, given, allow_pickle=allow_pickle)
-        own = attributes.pop("_own_evaluator", None)
+        own = attributes.get("_own_evaluator")
         if env is not None and own is not None and "_evaluator_choice" not in given:
             raise ValueError(
                 f'`evaluator` must be given to `load`, or "auto": the saved model had one, {own}.'
@@ -573,6 +573,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
         data, parameters = read_model(file, name, device, attributes, print_system_info)
         data |= kwargs
+        data.pop("_own_evaluator", None)  # of the file, no attribute of the model
         model = build_model(cls, data, parameters, env, device, force_reset)
         model._put_back(data)
         best = model._best_parameters

@@ -145,7 +145,7 @@ def read_attributes(
         ValueError: If the file needs cloudpickle, or its attributes are damaged.
     """
     data = _read_data(file)
-    pickled = pickled_attributes(file) - given.keys()
+    pickled = _pickled_names(data) - given.keys()
     if pickled and not allow_pickle:
         names = " and ".join(f"`{_argument(name)}`" for name in sorted(pickled))
         raise ValueError(
@@ -161,7 +161,10 @@ def read_attributes(
 
 def pickled_attributes(file: pathlib.Path | io.BufferedIOBase) -> set[str]:
     """Names of the attributes that only cloudpickle can read."""
-    data = _read_data(file)
+    return _pickled_names(_read_data(file))
+
+
+def _pickled_names(data: Mapping[str, Any]) -> set[str]:
     return {name for name, value in data.items() if isinstance(value, dict) and _PICKLED in value}
 
 

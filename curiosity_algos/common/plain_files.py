@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,26 @@ def _mapped(value: Any, kind: Any, function: Any) -> Any:
         mapped = [_mapped(each, kind, function) for each in value]
         return mapped if isinstance(value, list) else tuple(mapped)
     return value
+
+
+def is_plain(value: Any) -> bool:
+    """Whether torch reads it back without running code: tensors and plain values."""
+    if isinstance(value, Mapping):
+        return all(map(is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(is_plain, value))
+    is_leaf = isinstance(value, bool | int | float | str | th.Tensor) or value is None
+    return is_leaf and not isinstance(value, np.generic)
+
+
+def check_plain(state: Any, name: str) -> None:
+    """Check that a file can hold the state of the argument `name`.
+
+    Raises:
+        ValueError: If it cannot.
+    """
+    if not is_plain(state):
+        raise ValueError(f"`{name}` must have a state of tensors and plain values.")
 
 
 def write_plain(path: str | os.PathLike[str], content: dict[str, Any], kind: str) -> None:

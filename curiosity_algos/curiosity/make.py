@@ -11,7 +11,7 @@ import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.common.checkpoint import check_plain
+from curiosity_algos.common.plain_files import check_plain
 from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.encoders import ImageInputs, action_size
 from curiosity_algos.curiosity.icm import ICM

@@ -14,9 +14,15 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.checkpoint import check_plain, is_plain
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
-from curiosity_algos.common.plain_files import as_arrays, as_tensors, read_plain, write_plain
+from curiosity_algos.common.plain_files import (
+    as_arrays,
+    as_tensors,
+    check_plain,
+    is_plain,
+    read_plain,
+    write_plain,
+)
 from curiosity_algos.curiosity.base import Bonus
 
 FORMAT = "curiosity bonus wrapper 1"

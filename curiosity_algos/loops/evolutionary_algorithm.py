@@ -20,13 +20,10 @@ from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.checkpoint import (
-    build_model,
     check_is_checkpoint,
-    check_names,
     pickled_attributes,
     read_attributes,
     read_model,
-    read_parameters,
     save_model,
 )
 from curiosity_algos.common.randomness import AnyGenerator, EpisodeSeeds, reseed
@@ -46,6 +43,7 @@ from curiosity_algos.loops.generation import as_step
 from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.progress_bar import ProgressBar
+from curiosity_algos.loops.rebuild import build_model, check_names, read_parameters
 from curiosity_gym.validation import check_at_least_one, check_choice, check_seed
 
 _BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivation"}

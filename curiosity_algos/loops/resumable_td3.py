@@ -36,11 +36,8 @@ from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.common.checkpoint import (
     TRANSITIONS,
-    build_model,
     check_is_checkpoint,
-    check_names,
     read_model,
-    read_parameters,
     save_model,
 )
 from curiosity_algos.common.environment_state import environment_states, load_environment_states
@@ -55,6 +52,7 @@ from curiosity_algos.loops.arguments import check_learning, check_order, open_en
 from curiosity_algos.loops.constructors import AlgorithmType
 from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_algos.loops.parts import stateful_parts
+from curiosity_algos.loops.rebuild import build_model, check_names, read_parameters
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 NOISE = 0.1

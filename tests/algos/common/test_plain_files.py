@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import torch as th
 
-from curiosity_algos.common.checkpoint import is_plain
 from curiosity_algos.common.plain_files import (
     as_arrays,
     as_tensors,
+    is_plain,
     plain,
     read_plain,
     write_plain,

@@ -267,11 +267,12 @@ class EliteArchive(ArchiveBase):
     @contextmanager
     def unchanged_on_error(self) -> Iterator[None]:
         """Undo what a block that raises did by `prepare`, `clear` and `load_state_dict`."""
-        before = dict(vars(self))  # they replace attributes; generators change last
+        before, drawn = dict(vars(self)), generator_state(self._rng)  # the rest they replace
         try:
             yield
         except BaseException:
             vars(self).update(before)
+            load_generator_state(self._rng, drawn)
             raise
 
     # -- policies -------------------------------------------------------------------------------

@@ -134,7 +134,6 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         self.step = step
         self.mirrored_sampling = mirrored_sampling
         self.search = search
-        self._search_name: str | None = None
         super().__init__(env, policy, _learning_rate=learning_rate, **kwargs)
 
     def _check_settings(self) -> None:
@@ -169,12 +168,10 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
                 f"of shape {np.shape(search.center)}."
             )
         check_plain(search.state_dict(), "search")
-        self._search_name = expected = self._search_name or type(search).__name__
-        if type(search).__name__ != expected:
-            raise ValueError(
-                f"`search` must be passed to `load` as it was to the saved model: {expected}, got "
-                f"{type(search).__name__}."
-            )
+        self._check_given("search", [] if self.search is None else [type(search).__name__])
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "search"]  # passed again
 
     def _canonical_search(self, seed: np.random.SeedSequence) -> Search:
         return CanonicalSearch(

@@ -131,6 +131,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         )
         self.preset = None if preset is None else str(preset)
         self._evaluator_choice = evaluator
+        self._given: dict[str, list[str]] = {}
         self.n_threads = n_threads
         self.generation = 0
         self._best_return: float
@@ -191,10 +192,28 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             self.evaluator = self._choose_evaluator(self.env, self._evaluator_choice)
         self._show_best()
 
+    def _check_given(self, name: str, kinds: list[str]) -> None:
+        """Check parts of the user's own, which no file holds: `load` is to be given them again.
+
+        Args:
+            name: Of the argument.
+            kinds: What tells such parts apart; empty: none was given.
+
+        Raises:
+            ValueError: If the model that was saved had others.
+        """
+        expected = self._given.setdefault(name, kinds)
+        if kinds != expected:
+            raise ValueError(
+                f"`{name}` must be passed to `load` as it was to the saved model: "
+                f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
+            )
+
     def _choose_evaluator(self, env: VecEnv, choice: Evaluator | str) -> Evaluator:
         """What evaluates populations on `env`: what the user gave, or the fastest that fits."""
         if isinstance(choice, str):
             check_choice(("auto",), evaluator=choice)
+            self._given["evaluator"] = []
             return make_evaluator(env, self.policy_kwargs, self.n_threads)
         wanted, own = self.policy.mlp.n_parameters, getattr(choice, "n_parameters", None)
         if own != wanted or not hasattr(choice, "evaluate"):
@@ -202,6 +221,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
                 f'`evaluator` must be "auto" or an Evaluator of the policy\'s {wanted} parameters, '
                 f"got {choice!r} of {own}."
             )
+        self._given["evaluator"] = [type(choice).__name__]
         return choice
 
     def set_random_seed(self, seed: int | None = None) -> None:
@@ -508,9 +528,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         """
         aliases = {policy: name for name, policy in self.policy_aliases.items()}
         policy = aliases.get(self.policy_class, self.policy_class)
-        choice = self._evaluator_choice
-        own = {"_own_evaluator": None if isinstance(choice, str) else type(choice).__name__}
-        save_model(self, path, exclude, include, plain=True, policy_class=policy, **own)
+        save_model(self, path, exclude, include, plain=True, policy_class=policy)
 
     @classmethod
     def load(
@@ -562,26 +580,32 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         for fixed in sorted(cls._fixed_settings() & given.keys() - pickled_attributes(file)):
             raise ValueError(f"`{fixed}` must be left as it was saved: make a new {name}.")
         attributes = read_attributes(file, name, given, allow_pickle=allow_pickle)
-        own = attributes.get("_own_evaluator")
-        if env is not None and own is not None and "_evaluator_choice" not in given:
-            raise ValueError(
-                f'`evaluator` must be given to `load`, or "auto": the saved model had one, {own}.'
-            )
         if isinstance(attributes.get("policy_class"), str):
             attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
         data, parameters = read_model(file, name, device, attributes, print_system_info)
         data |= kwargs
-        data.pop("_own_evaluator", None)  # of the file, no attribute of the model
-        model = build_model(cls, data, parameters, env, device, force_reset)
-        model._put_back(data)
-        best = model._best_parameters
-        if best is not None and np.shape(best) != model.policy.vector.shape:
+        given_parts = data.get("_given")
+        if not isinstance(given_parts, dict):
             raise ValueError(f"`path` must be a saved {name}, {file} is damaged.")
-        if model.env is not None:
-            model._match_env(model.env)
-        model._show_best()
+        if env is not None and given_parts.get("evaluator") and "_evaluator_choice" not in data:
+            raise ValueError(
+                '`evaluator` must be given to `load`, or "auto": the saved model had one, '
+                f"{given_parts['evaluator'][0]}."
+            )
+        model = build_model(cls, data, parameters, env, device, force_reset)
+        model._go_on(data)
         model.set_random_seed(given.get("seed"))
         return model
+
+    def _go_on(self, read: Mapping[str, Any]) -> None:
+        """Take over from what a file said what `_setup_model` has begun anew."""
+        self._put_back(read)
+        best = self._best_parameters
+        if best is not None and np.shape(best) != self.policy.vector.shape:
+            raise ValueError(f"`path` must be a saved {type(self).__name__}, it is damaged.")
+        if self.env is not None:
+            self._match_env(self.env)
+        self._show_best()
 
     def _put_back(self, read: Mapping[str, Any]) -> None:
         """Set the plain values that `_setup_model` has begun anew to those that were `read`."""

@@ -8,7 +8,7 @@ import json
 import os
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -88,7 +88,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self.sigma = sigma
         self.emitters = emitters
         self._own_archive = archive
-        self._given: dict[str, list[str]] = {}
         super().__init__(env, policy, **kwargs)
 
     # -- what an algorithm writes ---------------------------------------------------------------
@@ -168,8 +167,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 )
 
     def _setup_model(self) -> None:
-        own = self._own_archive
-        with own.unchanged_on_error() if isinstance(own, EliteArchive) else nullcontext():
+        with _unchanged_on_error(self._own_archive):
             super()._setup_model()
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
@@ -214,15 +212,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
             )
         self.population_size = emitters.batch_size
         return emitters
-
-    def _check_given(self, name: str, kinds: list[str]) -> None:
-        """Raise ValueError unless `load` was given parts of the kinds that the model had."""
-        expected = self._given.setdefault(name, kinds)
-        if kinds != expected:
-            raise ValueError(
-                f"`{name}` must be passed to `load` as it was to the saved model: "
-                f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
-            )
 
     def _begin_at(self, parameters: Float32Array) -> None:
         if not self.archive.empty:
@@ -316,16 +305,17 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 replace a setting that archive or emitters were made with.
         """
         kwargs |= {"_own_archive": archive, "emitters": emitters}
-        return super().load(
-            path,
-            env,
-            device,
-            custom_objects,
-            print_system_info,
-            force_reset,
-            allow_pickle=allow_pickle,
-            **kwargs,
-        )
+        with _unchanged_on_error(archive):
+            return super().load(
+                path,
+                env,
+                device,
+                custom_objects,
+                print_system_info,
+                force_reset,
+                allow_pickle=allow_pickle,
+                **kwargs,
+            )
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:
@@ -365,6 +355,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
             return super().predict(observation, state, episode_start, deterministic)
         finally:
             self.policy.vector[:] = acting
+
+
+def _unchanged_on_error(archive: EliteArchive | None) -> AbstractContextManager[None]:
+    # What is no archive is refused in there.
+    return archive.unchanged_on_error() if isinstance(archive, EliteArchive) else nullcontext()
 
 
 def _kinds(*parts: object) -> list[str]:

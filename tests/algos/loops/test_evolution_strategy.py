@@ -118,6 +118,19 @@ class Climber:
         self._rng.bit_generator.state = json.loads(state["rng"])
 
 
+def canonical(n_parameters, seed):
+    return CanonicalSearch(
+        n_parameters,
+        population_size=56,
+        n_parents=28,
+        sigma=0.3,
+        learning_rate=0.5,
+        step="canonical",
+        mirrored=False,
+        seed=seed,
+    )
+
+
 class TestSearch:
     small = {"policy_kwargs": {"net_arch": [4]}, "seed": 0}  # noqa: RUF012
     icm = {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100}  # noqa: RUF012
@@ -136,18 +149,6 @@ class TestSearch:
         assert model.best_return > 0.0
 
     def test_the_canonical_search_given_is_the_default(self, make_easy_maze, assert_same_run):
-        def canonical(n_parameters, seed):
-            return CanonicalSearch(
-                n_parameters,
-                population_size=56,
-                n_parents=28,
-                sigma=0.3,
-                learning_rate=0.5,
-                step="canonical",
-                mirrored=False,
-                seed=seed,
-            )
-
         given = self.make(NSES, make_easy_maze(), search=canonical).learn(10_000)
         assert_same_run(given, self.make(NSES, make_easy_maze()).learn(10_000))
 
@@ -192,6 +193,11 @@ class TestSearch:
 
         with pytest.raises(ValueError, match="`search` must have a state of tensors and plain"):
             self.make(CanonicalES, make_easy_maze(), search=Unsaved)
+
+    def test_one_like_the_default_is_given_again_too(self, make_easy_maze, tmp_path):
+        self.make(CanonicalES, make_easy_maze(), search=canonical).save(tmp_path / "model")
+        with pytest.raises(ValueError, match=r"^`search` must be .*: CanonicalSearch, got none"):
+            CanonicalES.load(tmp_path / "model")
 
     @pytest.mark.parametrize("saved", [None, Climber])
     def test_load_takes_the_one_that_was_saved(self, make_easy_maze, tmp_path, saved):

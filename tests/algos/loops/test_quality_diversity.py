@@ -523,6 +523,24 @@ class TestArchive:
         assert own.net_arch is None
         assert_same(own.state_dict(), untouched.state_dict())
 
+    def test_a_load_that_fails_late_leaves_it(
+        self, make_model, make_maze, tmp_path, assert_same, monkeypatch
+    ):
+        own, untouched, saved = (
+            make_own(MAPElites, make_model, make_maze, seed=seed) for seed in (5, 5, 6)
+        )
+        make_model(MAPElites, make_maze(), archive=saved).learn(1).save(tmp_path / "model")
+
+        def fail(*args):
+            assert not own.empty
+            raise ValueError("too late")
+
+        monkeypatch.setattr(MAPElites, "_match_env", fail)  # the last that `load` does
+        with pytest.raises(ValueError, match="too late"):
+            MAPElites.load(tmp_path / "model", env=make_maze(), archive=own)
+        assert own.field_list == untouched.field_list
+        assert_same(own.state_dict(), untouched.state_dict())
+
     def refuse(self, message, model, make_env, own):
         before = own.field_list if isinstance(own, SparseGridArchive) else None
         with pytest.raises(ValueError, match=f"^`archive` must {re.escape(message)}"):

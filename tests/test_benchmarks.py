@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curiosity_gym  # noqa: F401  registers the ids
-from benchmarks import baselines, bonuses, learning, population, training
+from benchmarks import baselines, bonuses, learning, population, run, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
 
@@ -32,11 +32,6 @@ TITLES = {
     "diversity": ["diversity: share of the time", "diversity: peak memory"],
     "cold_start": ["cold_start: fresh processes"],
 }
-
-
-def benchmark(*arguments, module="run"):
-    command = [sys.executable, "-m", f"benchmarks.{module}", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
 def medians(printed):
@@ -62,11 +57,11 @@ def medians(printed):
         ["cold_start"],
     ],
 )
-def test_sections_print_figures(names):
-    result = benchmark("--quick", "--only", ",".join(names))
-    assert result.returncode == 0, result.stderr
-    assert re.search(r"CPU: .+, \d+ cores", result.stdout)
-    tables = medians(result.stdout)
+def test_sections_print_figures(names, capsys):
+    run.main(only=",".join(names), quick=True)
+    printed = capsys.readouterr().out
+    assert re.search(r"CPU: .+, \d+ cores", printed)
+    tables = medians(printed)
     assert list(tables) == [title for name in names for title in TITLES[name]]
     for title, rows in tables.items():
         assert len(rows) >= 1
@@ -77,7 +72,8 @@ def test_sections_print_figures(names):
 
 
 def test_an_unknown_section_is_refused():
-    result = benchmark("--quick", "--only", "vector,nothing")
+    command = [sys.executable, "-m", "benchmarks.run", "--quick", "--only", "vector,nothing"]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert result.returncode == 2
     assert "nothing" in result.stderr
     assert result.stdout == ""
@@ -124,10 +120,10 @@ def test_a_stream_repeats_the_episode_after_a_reset():
 
 
 @pytest.mark.extra("control")
-def test_baselines_count_successes():
-    result = benchmark("--quick", module="baselines")
-    assert result.returncode == 0, result.stderr
-    rows = [line.strip("| ").split(" | ") for line in result.stdout.splitlines() if "|" in line]
+def test_baselines_count_successes(capsys):
+    baselines.main(quick=True)
+    printed = capsys.readouterr().out
+    rows = [line.strip("| ").split(" | ") for line in printed.splitlines() if "|" in line]
     assert [row[0] for row in rows[2:]] == list(baselines.ROWS)
     assert {len(row) for row in rows[2:]} == {len(rows[0])}
     assert all(0 <= int(count) <= 3 for row in rows[2:] for count in row[1:])
@@ -224,21 +220,18 @@ def test_the_summary_of_learning_is_in_medians():
     ]
 
 
-def test_learning_prints_a_row_for_each_algorithm_and_maze():
-    settings = ["--timesteps", "1", "--n-seeds", "1", "--jobs", "1", "--envs", "US"]
-    printed = benchmark("--algorithms", "NSES,MAPElites", *settings, module="learning").stdout
+def test_learning_prints_a_row_for_each_algorithm_and_maze(capsys):
+    learning.main(timesteps=1, n_seeds=1, jobs=1, envs="US", algorithms="NSES,MAPElites")
+    printed = capsys.readouterr().out
     rows = [line for line in printed.splitlines() if line.startswith(("| NSES", "| MAPElites"))]
     assert len(rows) == 4  # two tables
     assert all("0 of 1" in row for row in rows)
 
 
-def test_bonuses_print_a_row_for_each_variant():
-    result = benchmark(
-        "--timesteps", "1", "--n-seeds", "1", "--variants", "PPO,PPO + RND", module="bonuses"
-    )
-    assert result.returncode == 0, result.stderr
-    rows = [line.strip("| ").split(" | ") for line in result.stdout.splitlines()]
-    assert [row[0] for row in rows[2:]] == ["PPO", "PPO + RND"]
+def test_bonuses_print_a_row_for_each_variant(capsys):
+    bonuses.main(timesteps=1, n_seeds=1, variants="PPO + RND")
+    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()]
+    assert [row[0] for row in rows[2:]] == ["PPO + RND"]
     assert {len(row) for row in rows[2:]} == {len(rows[0])}
     assert all(0.0 < float(row[1]) < 5.0 for row in rows[2:])
 

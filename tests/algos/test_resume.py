@@ -19,41 +19,67 @@ from curiosity_algos.common.checkpoint import check_is_checkpoint
 
 ROOT = pathlib.Path(__file__).parents[2]
 
-KILL = """
+KILLER = """
 import os, pathlib, signal, sys, threading, time
 sys.path.insert(0, {tests!r})
 from conftest import latest_checkpoint, make_easy_maze, make_model
 from stable_baselines3.common.callbacks import CheckpointCallback
 import curiosity_algos
 
-algorithm, folder = curiosity_algos.{algorithm}, pathlib.Path({folder!r})
-
-def train_forever():
+def train_forever(algorithm, folder, interval):
     last = latest_checkpoint(folder)
     if last is None:
         model = make_model(algorithm, make_easy_maze())
     else:
         model = algorithm.load(last, env=make_easy_maze())
-    every = CheckpointCallback({interval}, str(folder))
+    every = CheckpointCallback(interval, str(folder))
     model.learn(1e9, callback=every, reset_num_timesteps=False)
 
-# Machine code is loaded once, before the forks, and by one thread: a fork would copy the locks that
-# others hold, and nobody would open them.
-make_model(algorithm, make_easy_maze(), {settings}).learn(1)
-assert threading.active_count() == 1
-for moment in {moments}:
-    before = latest_checkpoint(folder)
-    process = os.fork()
-    if process == 0:
-        signal.alarm(300)  # whatever becomes of its parent
-        train_forever()
-    while latest_checkpoint(folder) == before:
-        assert os.waitpid(process, os.WNOHANG) == (0, 0)
-        time.sleep(0.002)
-    time.sleep(moment)
-    os.kill(process, signal.SIGKILL)
-    os.waitpid(process, 0)
+def kill_ten_times(algorithm, folder, interval):
+    # Machine code is loaded once, before the forks, and by one thread: a fork would copy the locks
+    # that others hold, and nobody would open them.
+    threads = {{}} if algorithm is curiosity_algos.TD3ICM else {{"n_threads": 1}}
+    make_model(algorithm, make_easy_maze(), **threads).learn(2000)
+    assert threading.active_count() == 1
+    for moment in {moments}:
+        before = latest_checkpoint(folder)
+        process = os.fork()
+        if process == 0:
+            signal.alarm(300)  # whatever becomes of its parent
+            train_forever(algorithm, folder, interval)
+        while latest_checkpoint(folder) == before:
+            assert os.waitpid(process, os.WNOHANG) == (0, 0)
+            time.sleep(0.002)
+        time.sleep(moment)
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)
+
+for line in sys.stdin:
+    name, folder, interval = line.split()
+    kill_ten_times(getattr(curiosity_algos, name), pathlib.Path(folder), int(interval))
+    print("killed", flush=True)
 """
+
+
+@pytest.fixture(scope="module")
+def kill_ten_times():
+    """Trains an algorithm in processes that are killed, one after the other, at random moments."""
+    moments = np.random.default_rng(0).uniform(0.0, 0.1, 10).tolist()
+    code = KILLER.format(tests=str(pathlib.Path(__file__).parent), moments=moments)
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, **pipes
+    ) as killer:
+
+        def kill(algorithm, folder):
+            interval = 37 if algorithm is TD3ICM else 1
+            killer.stdin.write(f"{algorithm.__name__} {folder} {interval}\n")
+            killer.stdin.flush()
+            assert killer.stdout.readline() == "killed\n"
+
+        yield kill
+        killer.stdin.close()
 
 
 class CtrlC(BaseCallback):
@@ -223,18 +249,15 @@ def test_ctrl_c_leaves_a_model_that_resumes(
 
 
 def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
-    any_algorithm, make_model, make_easy_maze, latest_checkpoint, tmp_path, assert_same_run
+    any_algorithm,
+    kill_ten_times,
+    make_model,
+    make_easy_maze,
+    latest_checkpoint,
+    tmp_path,
+    assert_same_run,
 ):
-    code = KILL.format(
-        tests=str(pathlib.Path(__file__).parent),
-        algorithm=any_algorithm.__name__,
-        folder=str(tmp_path),
-        interval=37 if any_algorithm is TD3ICM else 1,
-        settings="" if any_algorithm is TD3ICM else "n_threads=1",
-        moments=np.random.default_rng(0).uniform(0.0, 0.1, 10).tolist(),
-    )
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, env=environment)
+    kill_ten_times(any_algorithm, tmp_path)
     for path in tmp_path.glob("*.zip"):
         check_is_checkpoint(path, any_algorithm.__name__)
     resumed = any_algorithm.load(latest_checkpoint(tmp_path), env=make_easy_maze())

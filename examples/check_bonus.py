@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import typer
 from matplotlib import pyplot as plt
@@ -25,14 +26,18 @@ BONUSES = {"ICM": ICM, "RND": RND, "state prediction": StatePrediction}
 COLORS = ["tab:blue", "tab:orange", "tab:green"]
 
 
-def main(out: Path = Path("runs/check_bonus"), seed: int = 0) -> None:
+def main(
+    out: Path = Path("runs/check_bonus"),
+    seed: int = 0,
+    updates: Annotated[int, typer.Option(help="Gradient steps in front of the screen.")] = 3000,
+) -> None:
     """Check every bonus on the tiny MDP, and measure what a noisy screen does to it."""
     out.mkdir(parents=True, exist_ok=True)
     learned, watched = {}, {}
     for name, bonus in BONUSES.items():
         make = partial(bonus, seed=seed, device="cpu")
         learned[name] = check_bonus(make, seed)
-        watched[name] = watch_noisy_tv(make, seed=seed)
+        watched[name] = watch_noisy_tv(make, updates, seed)
         seen, unseen = learned[name].seen[-1], learned[name].unseen[-1]
         noise = watched[name].noise_share[-10:].mean()
         print(f"{name}: tiny MDP, {seen:.2g} where it was trained and {unseen:.2g} elsewhere")

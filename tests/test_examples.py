@@ -10,9 +10,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ARGUMENTS = {
-    "check_bonus.py": [],
-    "control_task.py": ["--timesteps", "1e5"],
-    "custom_maze.py": ["--timesteps", "1e5"],
+    "check_bonus.py": ["--updates", "100"],
+    "control_task.py": ["--timesteps", "1e4"],
+    "custom_maze.py": ["--timesteps", "1e4"],
     "plain_gymnasium_loop.py": [],
     "quality_diversity.py": ["--timesteps", "2e5", "--target", "60", "40"],
 }
@@ -22,7 +22,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 def snippets(page):
     """The page's Python blocks; their budgets are cut, as a test is no training run."""
     blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.M | re.S)
-    return [re.sub(r"\b\d+(\.\d+)?e[5678]\b", "1e4", block) for block in blocks]
+    return [re.sub(r"\b\d+(\.\d+)?e[45678]\b", "1e3", block) for block in blocks]
 
 
 def run_python(arguments, folder):

@@ -117,7 +117,9 @@ def exported(package):
 ABSTRACT = {BaseCallback, EventCallback}
 MADE = {
     CallbackList: lambda env, folder: CallbackList([LogEveryNTimesteps(100)]),
-    CheckpointCallback: lambda env, folder: CheckpointCallback(1, folder, save_replay_buffer=True),
+    CheckpointCallback: lambda env, folder: EveryNTimesteps(
+        300, CheckpointCallback(1, folder, save_replay_buffer=True)
+    ),
     ConvertCallback: lambda env, folder: ConvertCallback(lambda locals_, globals_: True),
     EvalCallback: lambda env, folder: EvalCallback(env, eval_freq=64, n_eval_episodes=1),
     MaskableEvalCallback: lambda env, folder: MaskableEvalCallback(

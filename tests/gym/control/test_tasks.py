@@ -8,7 +8,7 @@ from curiosity_gym.control.tasks import TASKS, Stacker
 
 pytestmark = pytest.mark.extra("control")
 
-N_EPISODES = 200
+N_EPISODES = 100
 
 
 def solved_episodes(name, make_actions, kind):
@@ -16,15 +16,15 @@ def solved_episodes(name, make_actions, kind):
     simulation = Simulation(TASKS[name](), N_EPISODES)
     simulation.reset()
     solved = np.zeros(N_EPISODES, dtype=bool)
-    for action in batches(make_actions, kind, simulation.task.n_actions):
+    for action in batches(make_actions, kind, simulation.task.n_actions, N_EPISODES):
         going = np.flatnonzero(~solved)
         solved[going] = simulation.step(action[going], going)
     return int(solved.sum())
 
 
-def batches(make_actions, kind, n_actions):
-    """A thousand steps of actions (N_EPISODES, n_actions), an episode a seed."""
-    episodes = [make_actions(kind, 1000, n_actions, seed) for seed in range(N_EPISODES)]
+def batches(make_actions, kind, n_actions, n_episodes):
+    """A thousand steps of actions (n_episodes, n_actions), an episode a seed."""
+    episodes = [make_actions(kind, 1000, n_actions, seed) for seed in range(n_episodes)]
     return np.stack(episodes, axis=1)
 
 
@@ -34,19 +34,20 @@ def test_independent_random_actions_do_not_solve_it(name, make_actions):
 
 
 def test_held_bang_bang_actions_catch_the_ball_in_most_episodes(make_actions):
-    assert 90 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 150
+    assert 45 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 75
 
 
 def test_random_actions_solve_the_stacker_at_its_default_threshold_alone(make_actions):
     """The falling arm kicks the box, which tumbles over the target in one episode of ten."""
-    simulation = Simulation(Stacker(), N_EPISODES)
+    n_episodes = 50  # each takes .15 s
+    simulation = Simulation(Stacker(), n_episodes)
     simulation.reset()
-    best = np.zeros(N_EPISODES)
-    for action in batches(make_actions, "uniform", 5):
+    best = np.zeros(n_episodes)
+    for action in batches(make_actions, "uniform", 5, n_episodes):
         simulation.step(action)
         best = np.maximum(best, simulation.task.reward(simulation._observe(slice(None))))
-    assert 5 <= (best >= 0.1).sum() <= 40
-    assert (best >= 0.5).sum() <= 5
+    assert 2 <= (best >= 0.1).sum() <= 12
+    assert (best >= 0.5).sum() <= 2
 
 
 def test_the_stacker_s_reward_is_dm_controls_own(make_actions, make_reference):

@@ -431,5 +431,6 @@ class TestExtras:
             text=True,
             check=True,
         )
-        assert ran.stdout == "False\n"
+        # Without labmaze shimmy prints before it that it leaves locomotion out.
+        assert ran.stdout.splitlines()[-1] == "False"
         assert "GLFW" not in ran.stderr

@@ -102,7 +102,8 @@ def _row(group: list[Result]) -> list[str]:
 def _interval(values: np.ndarray) -> str:
     if len(values) < 2:
         return f"{values.mean():.1f}"
-    found = bootstrap((values,), np.mean, method="percentile", rng=np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    found = bootstrap((values,), np.mean, method="percentile", random_state=rng)
     low, high = found.confidence_interval
     return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
 

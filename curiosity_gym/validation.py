@@ -7,13 +7,15 @@ import math
 import operator
 from numbers import Real
 
+import numpy as np
+
 
 def check_at_least_one(**values: object) -> None:
     """Raise ValueError unless every value is a whole number of at least 1."""
     for name, value in values.items():
         try:
             # Python counts True as 1.
-            is_valid = not isinstance(value, bool) and operator.index(value) >= 1  # type: ignore[arg-type]
+            is_valid = not isinstance(value, bool | np.bool_) and operator.index(value) >= 1  # type: ignore[arg-type]
         except TypeError:
             is_valid = False
         if not is_valid:

@@ -43,8 +43,9 @@ class GymnasiumView(DummyVecEnv):
 def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any, Any]]:
     """How to make one env like those of `env`."""
     inner = env.unwrapped
-    if hasattr(inner, "env_fns"):
-        maker: Callable[[], gym.Env[Any, Any]] = inner.env_fns[0]
+    makers = getattr(inner, "env_fns", None)
+    if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator
+        maker: Callable[[], gym.Env[Any, Any]] = makers[0]
         return maker
     if isinstance(inner, SparseVectorEnv):
         return inner.make_single_env

@@ -1,0 +1,1 @@
+"""Experiments: statistics over the runs of algorithms on tasks."""

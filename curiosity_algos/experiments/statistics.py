@@ -1,0 +1,400 @@
+"""Statistics over few runs with heavy tails: aggregates with intervals, and times to first reward.
+
+Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the Statistical Precipice"
+(https://arxiv.org/abs/2108.13264; rliable is their library), for all but the times to first reward:
+Kaplan & Meier 1958, "Nonparametric Estimation from Incomplete Observations"
+(https://doi.org/10.1080/01621459.1958.10501452).
+
+Scores of several tasks are a matrix (runs, tasks), or a list with the runs of each task (1-D), of
+which there may be more in one task than in another. Scores of one task are 1-D. Intervals hold
+95 %. Those of the bootstrap are the percentiles of `N_RESAMPLES` resamples; each draws as many runs
+of every task as there are, with replacement, and depends on nothing but scores and `seed`. Where a
+task has a single run, nothing says how much runs differ: the bounds are NaN.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+from curiosity_gym.validation import check_positive, check_seed
+
+Float64 = npt.NDArray[np.float64]
+Seed: TypeAlias = int | np.random.Generator
+Statistic: TypeAlias = Callable[[list[Float64]], Any]
+
+N_RESAMPLES = 5000
+BATCH = 100  # resamples in memory at once; another number would change the draws
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number and its 95 % interval, whose bounds are NaN where a task has a single run."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve and its 95 % intervals, one at each point.
+
+    Attributes:
+        x: (n,) thresholds, timesteps or seconds.
+        estimate: (n,) heights.
+        low: (n,) lower bounds, NaN where there is a single run.
+        high: (n,) upper bounds, NaN where there is a single run.
+    """
+
+    x: Float64
+    estimate: Float64
+    low: Float64
+    high: Float64
+
+
+@dataclass(frozen=True, eq=False)
+class Survival:
+    """How long runs go without reward.
+
+    Attributes:
+        curve: Share of runs still without reward, from time 0 on; each height holds until the next
+            point of `x`, which are the times of first rewards and the budgets of other runs.
+        median: Time at which at most half of the runs are still without reward; None where more
+            than half are to the end.
+    """
+
+    curve: Curve
+    median: float | None
+
+
+# -- aggregates of scores -------------------------------------------------------------------------
+
+
+def interquartile_mean(scores: npt.ArrayLike) -> Any:
+    """Mean of the middle half of all runs of all tasks.
+
+    A quarter of the runs, rounded down, is left out at either end. A task with more runs than
+    others weighs more.
+
+    Args:
+        scores: (runs, tasks), (runs,), or a list with an array (..., runs) for each task.
+
+    Returns:
+        The mean; an array (...) of means where the list's arrays have more than one dimension.
+
+    Raises:
+        ValueError: A task has no runs, or a score is not finite.
+    """
+    runs = np.concatenate(_tasks("scores", scores), axis=-1)
+    return stats.trim_mean(runs, 0.25, axis=-1)
+
+
+def stratified_bootstrap(
+    scores: npt.ArrayLike, aggregate: Statistic, *, seed: Seed = 0
+) -> Interval:
+    """Interval of any aggregate of scores.
+
+    Args:
+        scores: (runs, tasks), (runs,), or a list of (runs,).
+        aggregate: A function such as `interquartile_mean`: takes a list with an array (..., runs)
+            for each task, whose leading dimensions are resamples, and gives an array (...).
+        seed: Of the resamples, or the generator that draws them.
+
+    Raises:
+        ValueError: A task has no runs, a score is not finite, `aggregate` gives another shape, or
+            `seed` is not valid.
+    """
+
+    def statistic(tasks: list[Float64]) -> Float64:
+        values = np.asarray(aggregate(tasks), dtype=np.float64)
+        if values.shape != tasks[0].shape[:-1]:
+            raise ValueError(
+                "`aggregate` must reduce the last axis alone, to shape "
+                f"{tasks[0].shape[:-1]}, got {values.shape}."
+            )
+        return values
+
+    return Interval(*_bootstrap(statistic, _runs("scores", scores), seed).tolist())
+
+
+def performance_profile(
+    scores: npt.ArrayLike, thresholds: npt.ArrayLike, *, seed: Seed = 0
+) -> Curve:
+    """Share of runs whose score is above each threshold, averaged over tasks.
+
+    Args:
+        scores: (runs, tasks), (runs,), or a list of (runs,).
+        thresholds: (n,).
+        seed: Of the resamples, or the generator that draws them.
+
+    Returns:
+        The shares over the thresholds.
+
+    Raises:
+        ValueError: A task has no runs, a score or threshold is not finite, or `seed` is not valid.
+    """
+    x = _vector("thresholds", thresholds)
+
+    def shares_above(tasks: list[Float64]) -> Any:
+        return np.mean([np.less.outer(x, runs).mean(axis=-1) for runs in tasks], axis=0)
+
+    return Curve(x, *_bootstrap(shares_above, _runs("scores", scores), seed))
+
+
+def probability_of_improvement(
+    scores_x: npt.ArrayLike, scores_y: npt.ArrayLike, *, seed: Seed = 0
+) -> Interval:
+    """Probability that a run of X scores higher than a run of Y, averaged over tasks.
+
+    In a task it is the share of pairs that X wins, ties counting one half: the statistic of Mann
+    and Whitney over the number of pairs.
+
+    Args:
+        scores_x: (runs, tasks), (runs,), or a list of (runs,).
+        scores_y: The same tasks in the same order; of any number of runs.
+        seed: Of the resamples, or the generator that draws them.
+
+    Raises:
+        ValueError: X and Y have different numbers of tasks, a task has no runs, a score is not
+            finite, or `seed` is not valid.
+    """
+    x, y = _runs("scores_x", scores_x), _runs("scores_y", scores_y)
+    if len(x) != len(y):
+        raise ValueError(f"`scores_y` must have the {len(x)} tasks of `scores_x`, got {len(y)}.")
+
+    def share_of_wins(tasks: list[Float64]) -> Any:
+        pairs = zip(tasks[: len(x)], tasks[len(x) :], strict=True)
+        return np.mean([_share_of_wins(*pair) for pair in pairs], axis=0)
+
+    return Interval(*_bootstrap(share_of_wins, [*x, *y], seed).tolist())
+
+
+def _share_of_wins(x: Float64, y: Float64) -> Any:
+    """Share of the pairs of x (..., n) and y (..., m) that x wins, (...)."""
+    first, second = x[..., :, None], y[..., None, :]
+    return ((first > second) + 0.5 * (first == second)).mean(axis=(-2, -1))
+
+
+# -- times to first reward ------------------------------------------------------------------------
+
+
+def survival(
+    first_rewards: Iterable[float | None], budgets: float | Sequence[float] | Float64
+) -> Survival:
+    """Kaplan-Meier estimate of how long runs go without reward.
+
+    A run that found none is censored: all that is known is that it had found none by its budget.
+    Bounds are those of the exponential Greenwood formula, which stay within 0 and 1 and need fewer
+    runs than the plain one's. Two cases are beyond the formula. As long as no run has found reward,
+    both bounds are 1, by convention: nothing is known of the spread. Once all have, the lower bound
+    is 0 and the upper one that of the point before.
+
+    Args:
+        first_rewards: (runs,) timesteps or seconds of first rewards, above 0; None or infinity
+            where there was none. One later than the run's budget does not count.
+        budgets: Timesteps or seconds that runs had, above 0: one number, or one for each run.
+
+    Raises:
+        ValueError: There are no runs, or a number is NaN or not above 0.
+    """
+    times, found = _censored(first_rewards, budgets)
+    share = stats.ecdf(stats.CensoredData.right_censored(times, ~found)).sf
+    heights = np.insert([share.probabilities, *_greenwood(share)], 0, 1.0, axis=1)
+    curve = Curve(np.insert(share.quantiles, 0, 0.0), *_where_undefined(*heights))
+    return Survival(curve, _median(curve))
+
+
+def _greenwood(share: Any) -> tuple[Float64, Float64]:
+    """Lower and upper bounds of scipy's survival function, NaN where it is 0 or 1."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        bounds = share.confidence_interval(method="log-log")
+    return bounds.low.probabilities, bounds.high.probabilities
+
+
+def _where_undefined(estimate: Float64, low: Float64, high: Float64) -> tuple[Float64, ...]:
+    """The bounds filled in; a share that falls is under its upper bound of earlier, too."""
+    low[estimate == 1.0] = high[estimate == 1.0] = 1.0
+    if estimate[-1] == 0.0:
+        low[-1], high[-1] = 0.0, high[-2]
+    return estimate, low, high
+
+
+def _median(curve: Curve) -> float | None:
+    """First time at which the height is at most one half."""
+    is_past = curve.estimate <= 0.5 + 1e-9  # the heights are products, with errors of rounding
+    return float(curve.x[is_past.argmax()]) if is_past.any() else None
+
+
+def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64, Any]:
+    """Time at which each run was last seen without reward or first with it, and which it was."""
+    first = _array("first_rewards", [np.inf if each is None else each for each in first_rewards])
+    if first.ndim != 1 or not len(first) or not (first > 0.0).all():
+        raise ValueError(
+            "`first_rewards` must hold a number above 0 for each run, or None where it found none."
+        )
+    ends = _array("budgets", budgets)
+    if ends.shape not in {(), first.shape} or not ((ends > 0.0) & np.isfinite(ends)).all():
+        raise ValueError("`budgets` must be a finite number above 0, or one for each run.")
+    return np.minimum(first, ends), first <= ends
+
+
+# -- curves over timesteps or seconds -------------------------------------------------------------
+
+
+def step_values(x: npt.ArrayLike, values: npt.ArrayLike, grid: npt.ArrayLike) -> Float64:
+    """A run's curve on another grid: at each point the value of the last generation that ended.
+
+    Before the first generation ended, it is 0: nothing is visited, nothing earned. After the last
+    one, it stays as it is.
+
+    Args:
+        x: (n,) timesteps or seconds at which generations ended, ascending, at least 0.
+        values: (n,) the value from then on.
+        grid: (m,) timesteps or seconds.
+
+    Returns:
+        (m,) values.
+
+    Raises:
+        ValueError: An array is empty or not finite, `x` does not ascend from at least 0, or
+            `values` are not as many.
+    """
+    ends, heights = _points(x, values)
+    heights = np.concatenate([[0.0], heights])
+    return heights[np.searchsorted(ends, _vector("grid", grid), side="right")]
+
+
+def curve_interval(
+    curves: Iterable[tuple[npt.ArrayLike, npt.ArrayLike]], grid: npt.ArrayLike, *, seed: Seed = 0
+) -> Curve:
+    """Interquartile mean over runs of curves whose points differ, at each point of one grid.
+
+    The bootstrap draws whole runs.
+
+    Args:
+        curves: `x` and `values` of each run, as in `step_values`.
+        grid: (m,) timesteps or seconds.
+        seed: Of the resamples, or the generator that draws them.
+
+    Raises:
+        ValueError: There are no curves, `seed` is not valid, or as in `step_values`.
+    """
+    points = _vector("grid", grid)
+    heights = [step_values(x, values, points) for x, values in curves]
+    if not heights:
+        raise ValueError("`curves` must hold at least one run.")
+    runs = np.stack(heights, axis=-1)
+    return Curve(points, *_bootstrap(interquartile_mean, [runs], seed))
+
+
+def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> float:
+    """Mean height of a run's coverage from 0 to its budget.
+
+    The curve is that of `step_values`: 0 before its first point, and its last value to the end.
+    What comes after the budget does not count.
+
+    Args:
+        x: (n,) timesteps or seconds at which generations ended, ascending, at least 0.
+        values: (n,) shares, 0 to 1.
+        budget: Timesteps or seconds.
+
+    Returns:
+        A share, 0 to 1.
+
+    Raises:
+        ValueError: As in `step_values`, a value is no share, or `budget` is not above 0.
+    """
+    check_positive(budget=budget)
+    ends, shares = _points(x, values)
+    if shares.min() < 0.0 or shares.max() > 1.0:
+        raise ValueError("`values` must be shares from 0 to 1.")
+    widths = np.diff(np.minimum(ends, budget), append=budget)
+    return min(1.0, float(shares @ widths) / budget)  # rounding alone would come to more
+
+
+# -- what they share ------------------------------------------------------------------------------
+
+
+def _bootstrap(statistic: Statistic, samples: list[Float64], seed: Seed) -> Float64:
+    """Estimate and bounds (3, ...) of a statistic; each sample (..., runs) is resampled alone."""
+    rng = _generator(seed)
+    estimate = np.asarray(statistic(samples), dtype=np.float64)
+    if min(sample.shape[-1] for sample in samples) < 2:
+        nothing = np.full_like(estimate, np.nan)
+        return np.stack([estimate, nothing, nothing])
+    found = stats.bootstrap(
+        samples,
+        lambda *resamples, axis: statistic(list(resamples)),
+        n_resamples=N_RESAMPLES,
+        batch=BATCH,
+        vectorized=True,
+        axis=-1,
+        method="percentile",
+        random_state=rng,  # its name before scipy 1.15; later ones take both
+    )
+    return np.stack([estimate, *found.confidence_interval])
+
+
+def _generator(seed: Seed) -> np.random.Generator:
+    if isinstance(seed, np.random.Generator):
+        return seed
+    if seed is None:
+        raise ValueError("`seed` must be a whole number of at least 0 or a generator, got None.")
+    check_seed(seed)
+    return np.random.default_rng(seed)
+
+
+def _runs(name: str, scores: Any) -> list[Float64]:
+    """The runs (runs,) of each task."""
+    return [_vector(name, runs) for runs in _tasks(name, scores)]
+
+
+def _tasks(name: str, scores: Any) -> list[Float64]:
+    """The runs (..., runs) of each task."""
+    if not isinstance(scores, list | tuple):
+        matrix = _finite(name, scores)
+        if matrix.ndim > 2:
+            raise ValueError(f"`{name}` must be (runs, tasks) or (runs,), got {matrix.shape}.")
+        return list(np.atleast_2d(matrix.T))
+    if all(np.isscalar(score) for score in scores):
+        return [_finite(name, scores)]
+    return [_finite(name, runs) for runs in scores]
+
+
+def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64, Float64]:
+    ends, heights = _vector("x", x), _vector("values", values)
+    if ends[0] < 0.0 or (np.diff(ends) < 0.0).any():
+        raise ValueError("`x` must ascend from at least 0.")
+    if len(ends) != len(heights):
+        raise ValueError(f"`values` must be as many as `x`, {len(ends)}, got {len(heights)}.")
+    return ends, heights
+
+
+def _vector(name: str, values: Any) -> Float64:
+    array = _finite(name, values)
+    if array.ndim > 1:
+        raise ValueError(f"`{name}` must have one dimension, got shape {array.shape}.")
+    return array
+
+
+def _finite(name: str, values: Any) -> Float64:
+    """An array of at least one dimension and one number."""
+    array = _array(name, values)
+    if array.ndim == 0 or array.size == 0 or not np.isfinite(array).all():
+        raise ValueError(f"`{name}` must hold finite numbers, at least one.")
+    return array
+
+
+def _array(name: str, values: Any) -> Float64:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"`{name}` must hold numbers alone ({error}).") from error

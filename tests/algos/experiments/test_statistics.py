@@ -1,0 +1,426 @@
+import itertools
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import mannwhitneyu, trim_mean
+
+from curiosity_algos.experiments import statistics
+from curiosity_algos.experiments.statistics import (
+    Interval,
+    area_under_curve,
+    curve_interval,
+    interquartile_mean,
+    performance_profile,
+    probability_of_improvement,
+    step_values,
+    stratified_bootstrap,
+    survival,
+)
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+FEW = settings(max_examples=25, deadline=None)  # each example resamples 5,000 times
+SCORES = st.lists(st.integers(0, 6), min_size=2, max_size=6)
+TASKS = st.lists(SCORES, min_size=1, max_size=3)
+NAN = float("nan")
+
+
+def assert_same_curve(curve, other):
+    for name in ("x", "estimate", "low", "high"):
+        np.testing.assert_array_equal(getattr(curve, name), getattr(other, name))
+
+
+def mean(tasks):
+    """Mean over tasks of the means over runs: an aggregate of a user's own."""
+    return np.mean([runs.mean(axis=-1) for runs in tasks], axis=0)
+
+
+class TestInterquartileMean:
+    @pytest.mark.parametrize(
+        ("scores", "expected"),
+        [
+            ([1, 2, 3, 4, 5, 6, 7, 8], 4.5),  # of 8, 2 go at either end: (3 + 4 + 5 + 6) / 4
+            ([100, 0, 1, 3, 2], 2.0),  # of 5, 1.25 rounded down: (1 + 2 + 3) / 3
+            ([7, 1], 4.0),  # of 2, none
+            ([7], 7.0),
+            # A matrix has a row for each run, a list an entry for each task; all are put together:
+            # of 1, 2, 3, 4, 10, 20, 30, 40 there stay (3 + 4 + 10 + 20) / 4
+            (np.array([[1, 10], [2, 20], [3, 30], [4, 40]]), 9.25),
+            ([[1, 2, 3, 4], [10, 20, 30, 40]], 9.25),
+            ([[1, 2], (6, 5, 4, 3)], 3.5),  # of 6, 1 goes: (2 + 3 + 4 + 5) / 4
+        ],
+    )
+    def test_by_hand(self, scores, expected):
+        assert interquartile_mean(scores) == expected
+
+    @given(TASKS)
+    def test_is_the_trimmed_mean_of_all_runs(self, tasks):
+        middle = trim_mean(np.concatenate(tasks), 0.25)
+        assert interquartile_mean(tasks) == pytest.approx(middle)
+
+    def test_of_stacks_is_that_of_each(self):
+        rng = np.random.default_rng(0)
+        stacks = [rng.normal(size=(3, 5)), rng.normal(size=(3, 4))]
+        expected = [interquartile_mean([stack[i] for stack in stacks]) for i in range(3)]
+        np.testing.assert_array_equal(interquartile_mean(stacks), expected)
+
+
+class TestStratifiedBootstrap:
+    def test_two_runs_by_hand(self):
+        # Of 0 and 1, a quarter of the resamples is 0 and 0, a quarter 1 and 1.
+        assert stratified_bootstrap([0, 1], mean) == Interval(0.5, 0.0, 1.0)
+
+    def test_skewed_runs_by_hand(self):
+        # Each of 4 draws is 1 with probability 1 / 4. Of the resamples 32 % have no 1, 95 % at
+        # most 2 and 99.6 % at most 3: the percentiles are 0 / 4 and 3 / 4.
+        assert stratified_bootstrap([0, 0, 0, 1], mean) == Interval(0.25, 0.0, 0.75)
+
+    def test_resamples_within_each_task(self):
+        # Whatever runs are drawn, one task's mean is 0 and the other's 1.
+        scores = [[0, 0, 0], [1, 1]]
+        assert stratified_bootstrap(scores, mean) == Interval(0.5, 0.5, 0.5)
+
+    def test_every_resample_is_as_likely_as_another(self):
+        # The mean of all 2^2 * 3^3 resamples of two tasks, and where 2.5 % and 97.5 % of them lie.
+        tasks = [[0, 2], [0, 1, 3]]
+        draws = [list(itertools.product(runs, repeat=len(runs))) for runs in tasks]
+        means = [(np.mean(a) + np.mean(b)) / 2 for a, b in itertools.product(*draws)]
+        found = stratified_bootstrap(tasks, mean)
+        low, high = np.percentile(means, [2.5, 97.5], method="inverted_cdf")
+        assert (found.low, found.high) == pytest.approx((low, high))
+
+    def test_a_matrix_has_a_row_for_each_run(self):
+        matrix = np.random.default_rng(0).normal(size=(5, 3))
+        tasks = [list(matrix[:, task]) for task in range(3)]
+        expected = stratified_bootstrap(tasks, interquartile_mean)
+        assert stratified_bootstrap(matrix, interquartile_mean) == expected
+
+    @FEW
+    @given(TASKS)
+    def test_contains_the_estimate(self, tasks):
+        found = stratified_bootstrap(tasks, interquartile_mean)
+        assert found.estimate == interquartile_mean(tasks)
+        assert found.low - 1e-12 <= found.estimate <= found.high + 1e-12
+
+    def test_depends_on_the_seed_alone(self):
+        scores = np.random.default_rng(0).normal(size=12)
+        np.random.seed(1)  # noqa: NPY002
+        one = stratified_bootstrap(scores, interquartile_mean, seed=3)
+        np.random.seed(2)  # noqa: NPY002
+        assert stratified_bootstrap(scores, interquartile_mean, seed=3) == one
+        assert stratified_bootstrap(scores, interquartile_mean, seed=4) != one
+
+    def test_a_generator_goes_on(self):
+        scores = np.random.default_rng(0).normal(size=12)
+        rng = np.random.default_rng(3)
+        one = stratified_bootstrap(scores, interquartile_mean, seed=rng)
+        assert one == stratified_bootstrap(scores, interquartile_mean, seed=3)
+        assert stratified_bootstrap(scores, interquartile_mean, seed=rng) != one
+
+    def test_is_narrower_with_more_runs(self):
+        scores = np.random.default_rng(0).normal(size=640)
+        found = [stratified_bootstrap(scores[:n], interquartile_mean) for n in (10, 40, 160, 640)]
+        widths = np.array([each.high - each.low for each in found])
+        assert (np.abs(widths[1:] / widths[:-1] - 0.5) < 0.2).all()  # as 1 / sqrt(n)
+
+    def test_holds_the_truth_about_95_times_of_100(self, monkeypatch):
+        monkeypatch.setattr(statistics, "N_RESAMPLES", 500)
+        draws = np.random.default_rng(0).normal(size=(200, 30))
+        found = [stratified_bootstrap(scores, interquartile_mean) for scores in draws]
+        assert 0.9 <= np.mean([each.low <= 0.0 <= each.high for each in found]) <= 0.99
+
+    def test_of_a_single_run_nothing_is_known(self):
+        for scores in ([3], [[1, 2], [6]]):
+            found = stratified_bootstrap(scores, mean)
+            assert math.isfinite(found.estimate)
+            assert math.isnan(found.low)
+            assert math.isnan(found.high)
+
+    @pytest.mark.parametrize("aggregate", [lambda tasks: 1.0, lambda tasks: tasks[0]])
+    def test_an_aggregate_of_another_shape_is_refused(self, aggregate):
+        with pytest.raises(ValueError, match="`aggregate` must reduce the last axis alone"):
+            stratified_bootstrap([1, 2, 3], aggregate)
+
+    @pytest.mark.parametrize("seed", [None, -1, 0.5, "0"])
+    def test_other_seeds_are_refused(self, seed):
+        with pytest.raises(ValueError, match="`seed` must be"):
+            stratified_bootstrap([1, 2, 3], mean, seed=seed)
+
+
+class TestPerformanceProfile:
+    def test_by_hand(self):
+        # Above 0 are 3 runs of 4 and 0 of 2, the mean of which is 3 / 8; above 0.5 (2 / 4 + 0) / 2.
+        profile = performance_profile([[0, 0.5, 1, 1], [0, 0]], [-1, 0, 0.5, 1])
+        np.testing.assert_array_equal(profile.x, [-1, 0, 0.5, 1])
+        np.testing.assert_array_equal(profile.estimate, [1, 0.375, 0.25, 0])
+
+    @FEW
+    @given(TASKS)
+    def test_each_point_is_the_share_above_with_its_interval(self, tasks):
+        profile = performance_profile(tasks, [0.5, 3.0], seed=5)
+        for i, threshold in enumerate(profile.x):
+            above = [[float(score > threshold) for score in runs] for runs in tasks]
+            expected = stratified_bootstrap(above, mean, seed=5)
+            found = [getattr(profile, name)[i] for name in ("estimate", "low", "high")]
+            assert found == [expected.estimate, expected.low, expected.high]
+            assert found[1] <= found[0] <= found[2]
+
+    def test_same_seed_same_bits(self):
+        scores, thresholds = np.random.default_rng(0).random((7, 2)), np.linspace(0, 1, 9)
+        one = performance_profile(scores, thresholds, seed=1)
+        assert_same_curve(performance_profile(scores, thresholds, seed=1), one)
+        assert (np.diff(one.estimate) <= 0).all()
+
+
+class TestProbabilityOfImprovement:
+    def test_by_hand(self):
+        # 1 wins against 0 alone; 2 against 0, and ties with 2; 3 wins twice: 4.5 of 6 pairs.
+        assert probability_of_improvement([1, 2, 3], [2, 0]).estimate == 0.75
+        # A second task of equal scores has one half: (0.75 + 0.5) / 2
+        assert probability_of_improvement([[1, 2, 3], [4]], [[2, 0], [4]]).estimate == 0.625
+
+    @FEW
+    @given(TASKS, st.data())
+    def test_is_that_of_all_pairs(self, tasks, data):
+        others = data.draw(st.lists(SCORES, min_size=len(tasks), max_size=len(tasks)))
+        found = probability_of_improvement(tasks, others)
+        shares = [
+            sum((x > y) + (x == y) / 2 for x in runs for y in rivals) / len(runs) / len(rivals)
+            for runs, rivals in zip(tasks, others, strict=True)
+        ]
+        assert found.estimate == pytest.approx(np.mean(shares))
+        ranks = [
+            mannwhitneyu(runs, rivals, method="exact").statistic / len(runs) / len(rivals)
+            for runs, rivals in zip(tasks, others, strict=True)
+        ]
+        assert found.estimate == pytest.approx(np.mean(ranks))
+        assert found.low - 1e-12 <= found.estimate <= found.high + 1e-12
+        reverse = probability_of_improvement(others, tasks)
+        assert found.estimate + reverse.estimate == pytest.approx(1)
+
+    def test_resamples_both_within_each_task(self):
+        # X is better in the first task and worse in the second, whatever is drawn.
+        found = probability_of_improvement([[5, 6], [0, 1, 0]], [[1, 2, 3], [7, 8]])
+        assert found == Interval(0.5, 0.5, 0.5)
+        # Of X each resample is 0 and 0, or 1 and 1, in a quarter of all.
+        assert probability_of_improvement([0, 2], [1, 1]) == Interval(0.5, 0.0, 1.0)
+        assert probability_of_improvement([1, 1], [0, 2]) == Interval(0.5, 0.0, 1.0)
+
+    def test_tasks_are_the_same(self):
+        with pytest.raises(ValueError, match="`scores_y` must have the 1 tasks of `scores_x`"):
+            probability_of_improvement([1, 2], [[1, 2], [3, 4]])
+
+
+def kaplan_meier(first_rewards, budgets):
+    """Exact shares without reward at each time, from the definition."""
+    runs = [
+        (budget, False) if first is None or first > budget else (first, True)
+        for first, budget in zip(first_rewards, budgets, strict=True)
+    ]
+    share, curve = Fraction(1), []
+    for time in sorted({time for time, _ in runs}):
+        at_risk = sum(other >= time for other, _ in runs)
+        share *= 1 - Fraction(sum(run == (time, True) for run in runs), at_risk)
+        curve.append((time, share))
+    return curve
+
+
+class TestSurvival:
+    def test_by_hand(self):
+        # Of 5 runs one finds it at 1: 4 / 5. Of the other 4 one at 3: 4 / 5 * 3 / 4 = 3 / 5. The
+        # third ended at 5 without it. Of the 2 that are left one at 7: 3 / 5 * 1 / 2 = 3 / 10.
+        found = survival([1, 3, None, 7, None], [10, 10, 5, 10, 10])
+        np.testing.assert_array_equal(found.curve.x, [0, 1, 3, 5, 7, 10])
+        np.testing.assert_allclose(found.curve.estimate, [1, 0.8, 0.6, 0.6, 0.3, 0.3])
+        assert found.median == 7
+        # At 1, Greenwood's sum is 1 / (5 * 4): S^exp(-+1.96 sqrt(0.05) / ln S)
+        spread = 1.959964 * math.sqrt(0.05) / math.log(0.8)
+        bounds = [0.8 ** math.exp(-spread), 0.8 ** math.exp(spread)]
+        np.testing.assert_allclose([found.curve.low[1], found.curve.high[1]], bounds, rtol=1e-6)
+
+    def test_remission_of_leukemia(self):
+        """Freireich et al. 1963, the example of many textbooks: 21 patients under 6-MP."""
+        ends = [6, 6, 6, 7, 10, 13, 16, 22, 23]
+        losses = [6, 9, 10, 11, 17, 19, 20, 25, 32, 32, 34, 35]
+        found = survival([*ends, *[None] * 12], [*[35] * 9, *losses])
+        published = [0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448]
+        times = [6, 7, 10, 13, 16, 22, 23]
+        shares = found.curve.estimate[np.isin(found.curve.x, times)]
+        np.testing.assert_allclose(shares, published, atol=5e-4)
+        assert found.median == 23
+
+    @given(
+        st.lists(
+            st.tuples(st.none() | st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=12
+        )
+    )
+    def test_is_the_product_over_times(self, runs):
+        first_rewards, budgets = zip(*runs, strict=True)
+        found = survival(first_rewards, budgets)
+        curve = [(0, Fraction(1)), *kaplan_meier(first_rewards, budgets)]
+        np.testing.assert_array_equal(found.curve.x, [time for time, _ in curve])
+        np.testing.assert_allclose(found.curve.estimate, [float(s) for _, s in curve], atol=1e-12)
+        past = [time for time, share in curve if share <= Fraction(1, 2)]
+        assert found.median == (past[0] if past else None)
+        assert ((found.curve.low <= found.curve.estimate) & (found.curve.low >= 0)).all()
+        assert ((found.curve.estimate <= found.curve.high) & (found.curve.high <= 1)).all()
+
+    def test_half_of_many_runs_is_half_in_spite_of_rounding(self):
+        for n in range(2, 60, 2):
+            found = survival([*range(1, n // 2 + 1), *[None] * (n // 2)], 100)
+            assert found.median == n // 2
+
+    def test_where_the_formula_is_undefined(self):
+        never = survival([None, None], 10).curve
+        assert (never.estimate.tolist(), never.low.tolist()) == ([1, 1], [1, 1])
+        always = survival([2, 3], 10).curve
+        assert always.estimate.tolist() == [1, 0.5, 0]
+        assert (always.low[-1], always.high[-1]) == (0, always.high[1])
+        alone = survival([2], 10)
+        assert (alone.curve.low.tolist(), alone.curve.high.tolist()) == ([1, 0], [1, 1])
+        assert alone.median == 2
+
+    def test_what_comes_after_the_budget_does_not_count(self):
+        for late in (None, math.inf, 11):
+            found = survival([2, late], 10)
+            np.testing.assert_array_equal(found.curve.x, [0, 2, 10])
+            np.testing.assert_array_equal(found.curve.estimate, [1, 0.5, 0.5])
+
+    @pytest.mark.parametrize("first", [[], [NAN], [0], [-1, 2], ["soon"], [[1, 2]]])
+    def test_other_times_are_refused(self, first):
+        with pytest.raises(ValueError, match="`first_rewards` must hold"):
+            survival(first, 10)
+
+    @pytest.mark.parametrize("budgets", [0, NAN, math.inf, [10], [10, -1], "long"])
+    def test_other_budgets_are_refused(self, budgets):
+        with pytest.raises(ValueError, match="`budgets` must"):
+            survival([1, None], budgets)
+
+
+def height(x, values, time):
+    """The last value at or before a time."""
+    return ([0.0] + [value for end, value in zip(x, values, strict=True) if end <= time])[-1]
+
+
+CURVES = st.lists(
+    st.tuples(st.integers(0, 12), st.integers(0, 10).map(lambda tenths: tenths / 10)),
+    min_size=1,
+    max_size=8,
+).map(lambda points: list(zip(*sorted(points), strict=True)))
+
+
+class TestCurves:
+    def test_steps_by_hand(self):
+        # 0 until the generation that ends at 2, whose value holds until the one that ends at 5.
+        values = step_values([2, 5], [0.5, 1.0], [0, 1.9, 2, 4.9, 5, 100])
+        np.testing.assert_array_equal(values, [0, 0, 0.5, 0.5, 1, 1])
+
+    @given(CURVES)
+    def test_steps_are_the_last_value_before(self, curve):
+        grid = np.arange(0, 14, 0.5)
+        expected = [height(*curve, time) for time in grid]
+        np.testing.assert_array_equal(step_values(*curve, grid), expected)
+
+    def test_area_by_hand(self):
+        # 0 for 2, 0.5 for 3 and 1 for 5 of 10 steps: (1.5 + 5) / 10
+        assert area_under_curve([2, 5], [0.5, 1.0], 10) == 0.65
+        # 0.5 for 6 of 10; what the generation brings that ends at 12 is too late.
+        assert area_under_curve([4, 12], [0.5, 1.0], 10) == 0.3
+        assert area_under_curve([12], [1.0], 10) == 0
+        assert area_under_curve([0], [1.0], 10) == 1
+
+    @given(CURVES, st.integers(1, 15))
+    def test_area_is_the_mean_height(self, curve, budget):
+        area = area_under_curve(*curve, budget)
+        assert area == pytest.approx(np.mean([height(*curve, time) for time in range(budget)]))
+        assert 0 <= area <= 1
+
+    def test_area_is_no_more_than_1_in_spite_of_rounding(self):
+        rng = np.random.default_rng(0)
+        for n in np.repeat(np.arange(1, 30), 100):
+            x = np.sort(np.append(0, rng.random(n)))
+            assert area_under_curve(x, np.ones(n + 1), 3.3) <= 1
+
+    def test_interval_over_runs_by_hand(self):
+        # At 3 the runs stand at 0.2 and 0.6, with mean 0.4; at 4 at 0.8 and 0.6.
+        runs = [([1, 4], [0.2, 0.8]), ([3], [0.6])]
+        curve = curve_interval(runs, [0, 3, 4])
+        np.testing.assert_array_equal(curve.x, [0, 3, 4])
+        np.testing.assert_allclose(curve.estimate, [0, 0.4, 0.7])
+        np.testing.assert_allclose(curve.low, [0, 0.2, 0.6])
+        np.testing.assert_allclose(curve.high, [0, 0.6, 0.8])
+
+    def test_each_point_has_the_interval_of_its_heights(self):
+        rng = np.random.default_rng(0)
+        runs = [(np.sort(rng.random(n)), rng.random(n)) for n in (4, 9, 6, 7, 5)]
+        grid = np.linspace(0, 1, 5)
+        curve = curve_interval(runs, grid, seed=2)
+        heights = np.array([step_values(*run, grid) for run in runs])
+        for i in range(len(grid)):
+            expected = stratified_bootstrap(heights[:, i], interquartile_mean, seed=2)
+            assert Interval(curve.estimate[i], curve.low[i], curve.high[i]) == expected
+
+    def test_a_single_run_has_no_interval(self):
+        curve = curve_interval([([1], [0.5])], [0, 2])
+        np.testing.assert_array_equal(curve.estimate, [0, 0.5])
+        assert np.isnan([curve.low, curve.high]).all()
+
+    def test_there_is_a_run(self):
+        with pytest.raises(ValueError, match="`curves` must hold at least one run"):
+            curve_interval([], [0, 1])
+
+    @pytest.mark.parametrize(
+        ("x", "values", "budget", "message"),
+        [
+            ([], [], 1, "`x` must hold finite numbers, at least one"),
+            ([1, NAN], [0, 1], 1, "`x` must hold finite numbers"),
+            ([2, 1], [0, 1], 1, "`x` must ascend from at least 0"),
+            ([-1, 1], [0, 1], 1, "`x` must ascend from at least 0"),
+            ([[1, 2]], [0, 1], 1, "`x` must have one dimension"),
+            ([1, 2], [0], 1, "`values` must be as many as `x`, 2, got 1"),
+            ([1, 2], [0, NAN], 1, "`values` must hold finite numbers"),
+            ([1, 2], [0, 1.1], 1, "`values` must be shares"),
+            ([1, 2], [-0.1, 1], 1, "`values` must be shares"),
+            ([1, 2], [0, 1], 0, "`budget` must be finite and above 0"),
+        ],
+    )
+    def test_other_curves_are_refused(self, x, values, budget, message):
+        with pytest.raises(ValueError, match=message):
+            area_under_curve(x, values, budget)
+
+    @pytest.mark.parametrize("grid", [[], [NAN], [[0, 1]], 3])
+    def test_other_grids_are_refused(self, grid):
+        with pytest.raises(ValueError, match="`grid` must"):
+            step_values([1], [1], grid)
+
+
+BAD_SCORES = [
+    ([], "at least one"),
+    ([1, NAN], "finite"),
+    ([1, None], "numbers"),
+    (["high"], "numbers"),
+    ([[1], []], "at least one"),
+    ([[1, 2], 3], "at least one"),
+    (np.empty((3, 0)), "at least one"),
+    (np.zeros((2, 2, 2)), r"\(runs, tasks\) or \(runs,\), got \(2, 2, 2\)"),
+    (3.0, "at least one"),
+]
+
+
+@pytest.mark.parametrize(("scores", "message"), BAD_SCORES)
+def test_other_scores_are_refused(scores, message):
+    with pytest.raises(ValueError, match=f"`scores` must .*{message}"):
+        interquartile_mean(scores)
+    with pytest.raises(ValueError, match=f"`scores` must .*{message}"):
+        performance_profile(scores, [0])
+    with pytest.raises(ValueError, match=f"`scores_y` must .*{message}"):
+        probability_of_improvement([1, 2], scores)
+
+
+def test_a_run_of_a_task_has_one_score():
+    with pytest.raises(ValueError, match="`scores` must have one dimension, got shape"):
+        stratified_bootstrap([[[1, 2], [3, 4]]], mean)

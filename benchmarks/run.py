@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from importlib import import_module, metadata
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -45,6 +44,7 @@ def main(
 
 def header(plan: Plan) -> str:
     """What the figures were measured on."""
+    from curiosity_algos.experiments.description import cpu_model
     from curiosity_gym.processors import available_cpus
 
     python = f"Python {platform.python_version()}"
@@ -67,14 +67,6 @@ def version(package: str) -> str | None:
         return f"{package} {metadata.version(package)}"
     except metadata.PackageNotFoundError:
         return None
-
-
-def cpu_model() -> str:
-    """The processor's name as the system gives it."""
-    cpuinfo = Path("/proc/cpuinfo")
-    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":

@@ -254,7 +254,7 @@ class MotivatedStrategy(EvolutionStrategy):
         self._motivation = self._make_motivation(motivation_seed)
 
     def _assess(self, rollouts: Rollouts) -> tuple[Float64Array, Mapping[str, float]]:
-        intrinsic = self._motivation.score(rollouts)
+        self._intrinsic = intrinsic = self._motivation.score(rollouts)
         metrics = {"intrinsic/mean": intrinsic.mean(), "intrinsic/max": intrinsic.max()}
         learned = self._motivation.update(rollouts)
         return self._fitness.combine(rollouts.returns, intrinsic), {**metrics, **learned}

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -58,7 +59,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
 
     A timestep is one environment step of one individual. Callbacks are called once a generation, so
     their frequencies count generations; in their `locals` it is the last step of as many episodes
-    as there are individuals (`rewards`, `dones`, `infos`), beside the `rollouts` themselves.
+    as there are individuals (`rewards`, `dones`, `infos`), beside the `rollouts` themselves, the
+    `parameters` (P, n_parameters) that were evaluated, the `episode_seed` that all of them shared,
+    and the `intrinsic` fitness (P,) of algorithms that have one, else None.
 
     Args:
         env: An environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv. Observations must be
@@ -184,6 +187,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         )  # type: ignore[assignment]
         self._coverage = Coverage(self._coverage_grid)
         self._generation_values: dict[str, Any] = {}
+        self._intrinsic: npt.NDArray[np.float64] | None = None
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
         self._episodes = EpisodeSeeds(episode_seed)
         self._make_search(search_seed)
@@ -401,7 +405,12 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             "rollout/success_rate": rollouts.success.mean(),
             **metrics,
         }
-        return as_step(rollouts, self._seconds())
+        return {
+            **as_step(rollouts, self._seconds()),
+            "parameters": parameters,
+            "episode_seed": self._episodes.current,
+            "intrinsic": self._intrinsic,
+        }
 
     def _check_rollouts(self, rollouts: Rollouts) -> None:
         """Raise ValueError where the env gave what nothing can be learned from."""
@@ -504,7 +513,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
 
     def _excluded_save_params(self) -> list[str]:
         # A generation begins episodes and log anew: what was seen last is of no use.
-        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts", "_generation_values"]
+        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts"]
+        seen += ["_generation_values", "_intrinsic"]
         return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
 
     def save(

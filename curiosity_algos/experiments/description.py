@@ -1,0 +1,122 @@
+"""What a run was: algorithm, environment, every setting, and where it ran."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import platform
+import subprocess
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from gymnasium.envs.registration import EnvSpec
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_gym.processors import available_cpus
+
+PACKAGES = ("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3")
+FURTHER = ("ribs", "mujoco", "dm-control", "gymnasium-robotics")
+"""Packages that only some runs need."""
+MAY_DIFFER = {"device", "n_threads", "tensorboard_log", "verbose"}
+"""Settings that results do not depend on."""
+
+
+def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
+    """All that tells a run from another, in terms of JSON; what a run comes to is not in it."""
+    return {
+        "algorithm": type(model).__name__,
+        **describe_env(model.get_env()),
+        "seed": model.seed,
+        "settings": settings_of(model),
+        "versions": versions(),
+        "git_revision": git_revision(Path.cwd()),
+        "machine": {
+            "processor": cpu_model(),
+            "cpus": available_cpus(),
+            "system": platform.platform(),
+        },
+    }
+
+
+def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two descriptions are of one run, wherever and with whatever versions it went on."""
+    names = ("algorithm", "env", "env_kwargs", "seed")
+    settings = (
+        {name: each["settings"][name] for name in each["settings"].keys() - MAY_DIFFER}
+        for each in (one, other)
+    )
+    return all(one[name] == other[name] for name in names) and next(settings) == next(settings)
+
+
+def describe_env(env: VecEnv | None) -> dict[str, Any]:
+    """`env`, its id, and `env_kwargs`; None and {} where it was not made by an id."""
+    spec = spec_of(env)
+    return {"env": spec and spec.id, "env_kwargs": _as_json(spec.kwargs) if spec else {}}
+
+
+def spec_of(env: VecEnv | None) -> EnvSpec | None:
+    """What the (first) single environment was made by, but for SB3's Monitor, or None."""
+    spec = env.get_attr("spec", indices=0)[0] if env is not None and env.has_attr("spec") else None
+    if spec is None:
+        return None
+    wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
+    made_by: EnvSpec = replace(spec, additional_wrappers=wrappers)
+    return made_by
+
+
+def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
+    """Every keyword of the constructor, defaults included; of objects their class."""
+    names = inspect.signature(type(model)).parameters.keys() - {"env", "seed"}
+    values = {name: getattr(model, name, None) for name in names}
+    values["device"] = str(model.device)
+    values["policy"] = model.policy_class
+    return {name: _as_json(values[name]) for name in sorted(values)}
+
+
+def _as_json(value: Any) -> Any:
+    return json.loads(json.dumps(value, default=_name))
+
+
+def _name(value: Any) -> Any:
+    """A number of numpy's as Python's, an array as a list, anything else by its class."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    named = value if hasattr(value, "__qualname__") else type(value)
+    return named.__qualname__
+
+
+def versions() -> dict[str, str]:
+    """Of Python and the packages that results depend on, as far as they are installed."""
+    found = {"python": platform.python_version()}
+    for package in (*PACKAGES, *FURTHER):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def git_revision(folder: Path) -> str | None:
+    """The commit that a folder is at, with "+" where files differ; None outside of git."""
+    try:
+        commit, changes = (
+            subprocess.run(
+                ["git", "-C", str(folder), *words], capture_output=True, text=True, check=True
+            ).stdout.strip()
+            for words in (["rev-parse", "HEAD"], ["status", "--porcelain", "-uno"])
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return f"{commit}+" if changes else commit
+
+
+def cpu_model() -> str:
+    """The processor's name as the system gives it."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()

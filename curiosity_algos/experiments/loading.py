@@ -1,0 +1,86 @@
+"""Runs as pandas' tables."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from curiosity_algos.experiments.run_folder import RunFolder, read_rows
+
+KEYS = ("algorithm", "env", "seed")
+
+
+def find_runs(folder: str | os.PathLike[str]) -> list[Path]:
+    """The folders of runs in a folder and the folders in it, sorted.
+
+    Raises:
+        FileNotFoundError: If there is none.
+    """
+    found = sorted(path.parent for path in Path(folder).rglob("run.json"))
+    if not found:
+        raise FileNotFoundError(f"`folder` must hold runs, there is no run.json in {folder}.")
+    return found
+
+
+def load_runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
+    """A row for each run in a folder, and in folders in it.
+
+    Returns:
+        `run`, its folder; `algorithm`, `env`, `seed` and what else `run.json` says of it, its
+        settings as `settings.sigma`; what it has come to at its last checkpoint: `timesteps`,
+        `best_return`, `first_success_timesteps` (NaN: never), `coverage.reachable`, `seconds`.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If a run is of another format, or damaged.
+    """
+    rows = [_row(path) for path in find_runs(folder)]
+    return pd.json_normalize(rows)
+
+
+def _row(path: Path) -> dict[str, Any]:
+    run = RunFolder(path)
+    result = run.result()
+    result.pop("pending_log", None)
+    return {"run": str(path), **run.describe(), **result}
+
+
+def load_progress(folder: str | os.PathLike[str]) -> pd.DataFrame:
+    """A row for each log of each run in a folder: its columns, `run`, `algorithm`, `env`, `seed`.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If a run is of another format, or damaged.
+    """
+    return pd.concat([_progress(path) for path in find_runs(folder)], ignore_index=True)
+
+
+def _progress(path: Path) -> pd.DataFrame:
+    run = RunFolder(path)
+    described = run.describe()
+    table = pd.DataFrame(read_rows(run.progress))
+    for i, name in enumerate(KEYS):
+        table.insert(i, name, described[name])
+    table.insert(0, "run", str(path))
+    return table
+
+
+def load_final_states(folder: str | os.PathLike[str]) -> dict[str, npt.NDArray[np.generic]]:
+    """Of every episode of one run, in their order, what it ended in.
+
+    Returns:
+        `generation`, `timesteps` (after its generation), `return`, `length`, `success` and
+        `curiosity` (NaN where the algorithm has none), (n,); `behavior`, (n, B).
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If it is of another format, or damaged.
+    """
+    run = RunFolder(folder)
+    run.describe()
+    return run.final_states()

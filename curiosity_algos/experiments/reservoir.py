@@ -1,0 +1,57 @@
+"""A uniform sample, of bounded size, of the policies that succeeded in a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FIELDS = ("parameters", "return", "generation", "episode_seed")
+
+
+class Reservoir:
+    """Keeps `size` policies, each of those seen with the same probability (Vitter 1985, R).
+
+    A policy and the seed of its episode say what the episode was: it can be played again, so that
+    its states need not be kept.
+
+    Args:
+        size: Policies kept, at most.
+        seed: Of the draws.
+    """
+
+    def __init__(self, size: int, seed: np.random.SeedSequence) -> None:
+        self.size = size
+        self.n_seen = 0
+        self._kept: list[dict[str, Any]] = []
+        self._rng = np.random.default_rng(seed)
+
+    def __len__(self) -> int:
+        """Policies kept."""
+        return len(self._kept)
+
+    def add(self, policy: Mapping[str, Any]) -> None:
+        """See one more policy: a value for each of `FIELDS`."""
+        self.n_seen += 1
+        if len(self._kept) < self.size:
+            self._kept.append(dict(policy))
+            return
+        place = int(self._rng.integers(self.n_seen))
+        if place < self.size:
+            self._kept[place] = dict(policy)
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """Each of `FIELDS`, (n, ...), n 0 where none is kept; `n_seen`; the state of the draws."""
+        stacked = {name: np.array([each[name] for each in self._kept]) for name in FIELDS}
+        state = json.dumps(self._rng.bit_generator.state)
+        return {**stacked, "n_seen": np.array(self.n_seen), "rng": np.array(state)}
+
+    def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Take over what `arrays` gave."""
+        columns = [arrays[name] for name in FIELDS]
+        self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
+        self.n_seen = int(arrays["n_seen"])
+        self._rng.bit_generator.state = json.loads(str(arrays["rng"]))

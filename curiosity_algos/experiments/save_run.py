@@ -1,0 +1,207 @@
+"""A callback that leaves a record of a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import CSVOutputFormat
+
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
+from curiosity_algos.experiments.replay import play
+from curiosity_algos.experiments.reservoir import Reservoir
+from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.resumable_td3 import ResumableTD3
+from curiosity_gym.validation import check_at_least_one, check_positive
+
+Columns = dict[str, npt.NDArray[Any]]
+
+
+class SaveRun(BaseCallback):
+    """Keeps all of a run in a folder, see `curiosity_algos.experiments.run_folder`.
+
+    A run that was killed goes on from its last checkpoint, and ends in the same files:
+
+        checkpoint = RunFolder("runs/hard").checkpoint
+        model = CuriosityES.load(checkpoint / "model", env="CuriosityMaze-Hard-v0")
+        rest = 1e7 - model.num_timesteps
+        model.learn(rest, callback=SaveRun("runs/hard"), reset_num_timesteps=False)
+
+    Args:
+        folder: Of the run: empty or missing, or that of the run that the model goes on with.
+        interval: Seconds between two checkpoints, above 0. One more is taken when `learn` ends,
+            without the transitions that bonuses and TD3 are trained on: a run that goes on from
+            there collects them anew.
+        n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
+        verbose: As in SB3.
+
+    Raises:
+        ValueError: When `learn` begins: if the model is not of this package, or the folder holds
+            another run.
+    """
+
+    model: EvolutionaryAlgorithm | ResumableTD3
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        interval: float = 60.0,
+        n_rewarding: int = 5000,
+        verbose: int = 0,
+    ) -> None:
+        super().__init__(verbose)
+        check_at_least_one(n_rewarding=n_rewarding)
+        check_positive(interval=interval)
+        self.folder = RunFolder(folder)
+        self.interval = interval
+        self.n_rewarding = n_rewarding
+
+    # -- SB3's callback -------------------------------------------------------------------------
+
+    def _on_training_start(self) -> None:
+        if not isinstance(self.model, EvolutionaryAlgorithm | ResumableTD3):
+            raise ValueError(
+                f"SaveRun is for algorithms of curiosity_algos, got {type(self.model).__name__}."
+            )
+        seed = np.random.SeedSequence(self.model.seed, spawn_key=(0x5A7E,))
+        self._rewarding = Reservoir(self.n_rewarding, seed)
+        self._n_episodes, self._seconds_before = 0, 0.0
+        self._pending: list[Columns] = []
+        self._begin_or_go_on(describe_run(self.model))
+        self._began = self._saved = time.monotonic()
+        self._log: CSVOutputFormat = self.folder.open_progress(self.model.num_timesteps)
+        self.logger.output_formats.append(self._log)
+
+    def _begin_or_go_on(self, description: dict[str, Any]) -> None:
+        if self.folder.is_empty():
+            self.folder.begin(description)
+            return
+        there, checkpoint = self.folder.describe(), self.folder.checkpoint
+        same = is_same_run(there, description)
+        timesteps = 0 if checkpoint is None else int(checkpoint.name)
+        if not same or timesteps != self.model.num_timesteps:
+            raise ValueError(
+                f"`folder` must be empty, or that of the run that goes on: {self.folder.path} "
+                f"holds {there['algorithm']} on {there['env']} after {timesteps} timesteps."
+            )
+        if checkpoint is not None:
+            result = self.folder.result()
+            self._n_episodes, self._seconds_before = result["n_episodes"], result["seconds"]
+            self._rewarding.load(dict(np.load(checkpoint / "rewarding.npz")))
+            for name, (value, count) in result["pending_log"].items():
+                self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
+        self.folder.drop_after(self._n_episodes)
+
+    def _on_rollout_start(self) -> None:
+        # All of the rollout before has been learned from and logged by now.
+        if time.monotonic() - self._saved >= self.interval:
+            self.save()
+
+    def _on_step(self) -> bool:
+        self.logger.record("time/seconds", self._seconds())
+        ended = np.flatnonzero(self.locals["dones"])
+        if len(ended):
+            self._pending.append(self._final_states(ended))
+            self._sample_rewarding()
+        return True
+
+    def _on_training_end(self) -> None:
+        self._save(exclude=["buffer"])
+        self.logger.output_formats.remove(self._log)
+        self._log.close()
+        self._save_trajectory()
+
+    # -- what is kept ---------------------------------------------------------------------------
+
+    def _final_states(self, ended: npt.NDArray[np.int64]) -> Columns:
+        """An entry for each episode that ended in this step."""
+        infos = [self.locals["infos"][i] for i in ended]
+        episodes = [info["episode"] for info in infos]
+        unknown = np.full(len(ended), np.nan)
+        intrinsic = self.locals.get("intrinsic")
+        return {
+            "generation": np.full(len(ended), getattr(self.model, "generation", 0)),
+            "timesteps": np.full(len(ended), self.model.num_timesteps),
+            "return": np.array([episode["r"] for episode in episodes]),
+            "length": np.array([episode["l"] for episode in episodes]),
+            "success": np.array([bool(info.get("is_success", False)) for info in infos]),
+            "curiosity": unknown if intrinsic is None else intrinsic[ended],
+            "behavior": np.array([info.get("behavior", ()) for info in infos], dtype=np.float64),
+        }
+
+    def _sample_rewarding(self) -> None:
+        parameters = self.locals.get("parameters")
+        if parameters is None:  # an algorithm that trains one policy
+            return
+        columns = self._pending[-1]
+        for i in np.flatnonzero(columns["success"]):
+            policy = {"parameters": parameters[i], "episode_seed": self.locals["episode_seed"]}
+            self._rewarding.add(policy | {k: columns[k][i] for k in ("return", "generation")})
+
+    def _seconds(self) -> float:
+        """Of training, those before an interruption included."""
+        return self._seconds_before + time.monotonic() - self._began
+
+    # -- files ----------------------------------------------------------------------------------
+
+    def save(self) -> None:
+        """Take a checkpoint now, after a generation or a step."""
+        self._save(exclude=[])
+
+    def _save(self, exclude: list[str]) -> None:
+        if self._pending:
+            joined = {
+                name: np.concatenate([each[name] for each in self._pending])
+                for name in self._pending[0]
+            }
+            self.folder.add_final_states(self._n_episodes, joined)
+            self._n_episodes += len(joined["return"])
+            self._pending.clear()
+        self.folder.commit(
+            self.model.num_timesteps, lambda folder: self._write_checkpoint(folder, exclude)
+        )
+        self._saved = time.monotonic()
+
+    def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
+        self.model.save(folder / "model", exclude)
+        write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
+        policy = self.model.policy
+        if isinstance(policy, MlpPolicy):
+            best = {"parameters": policy.vector, "net_arch": policy.net_arch}
+            write_arrays(
+                folder / "best_policy.npz", {**best, "return": np.array(self.model.best_return)}
+            )
+        (folder / "result.json").write_text(json.dumps(self._result(), indent=2))
+
+    def _result(self) -> dict[str, Any]:
+        model = self.model
+        return {
+            "timesteps": model.num_timesteps,
+            "total_timesteps": model._total_timesteps,
+            "n_episodes": self._n_episodes,
+            "best_return": model.best_return,
+            "first_success_timesteps": model.first_success_timesteps,
+            "coverage": model.coverage_shares,
+            "n_rewarding": self._rewarding.n_seen,
+            "seconds": self._seconds(),
+            # What the next row is the mean of: an algorithm may log less often than it is saved.
+            "pending_log": {
+                name: (float(value), self.logger.name_to_count[name])
+                for name, value in self.logger.name_to_value.items()
+            },
+        }
+
+    def _save_trajectory(self) -> None:
+        spec = spec_of(self.model.get_env())
+        # A wrapper that keeps no record of its arguments cannot be made again.
+        if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
+            play(self.model, spec, self.folder.best_trajectory)

@@ -1,0 +1,48 @@
+import pytest
+
+from curiosity_algos import CanonicalES, MAPElites
+from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
+
+
+@pytest.fixture
+def folder(make_model, make_easy_maze, tmp_path):
+    for algorithm, seed in [(CanonicalES, 0), (CanonicalES, 1), (MAPElites, 0)]:
+        run = SaveRun(tmp_path / algorithm.__name__ / f"{seed}")
+        make_model(algorithm, make_easy_maze(), seed=seed).learn(600, run)
+    return tmp_path
+
+
+def test_runs_are_rows(folder):
+    runs = load_runs(folder)
+    assert runs["algorithm"].tolist() == ["CanonicalES", "CanonicalES", "MAPElites"]
+    assert runs["seed"].tolist() == [0, 1, 0]
+    assert runs["run"].tolist() == [
+        str(folder / name) for name in ("CanonicalES/0", "CanonicalES/1", "MAPElites/0")
+    ]
+    assert runs["settings.sigma"].tolist() == [0.3] * 3
+    assert (runs["timesteps"] >= 600).all()
+    assert runs["coverage.all"].between(0, 1).all()
+
+
+def test_progress_is_of_all_runs(folder):
+    progress = load_progress(folder)
+    assert set(progress["algorithm"]) == {"CanonicalES", "MAPElites"}
+    last = progress.groupby("run")["time/total_timesteps"].max()
+    assert last.to_dict() == load_runs(folder).set_index("run")["timesteps"].to_dict()
+
+
+def test_a_run_that_was_not_saved_yet_is_a_row(folder):
+    (folder / "new").mkdir()
+    (folder / "new" / "run.json").write_text(
+        '{"format": 1, "algorithm": "NSES", "env": null, "seed": 0}'
+    )
+    runs = load_runs(folder)
+    assert runs[runs["algorithm"] == "NSES"]["timesteps"].isna().all()
+    assert len(load_progress(folder)["run"].unique()) == 3
+    assert load_final_states(folder / "new") == {}
+
+
+def test_there_must_be_runs(tmp_path):
+    for load in (load_runs, load_progress, load_final_states):
+        with pytest.raises(FileNotFoundError, match="`folder` must"):
+            load(tmp_path)

@@ -1,0 +1,108 @@
+import json
+
+import numpy as np
+import pytest
+
+from curiosity_algos.experiments.run_folder import RunFolder, read_rows
+
+
+@pytest.fixture
+def run(tmp_path):
+    return RunFolder(tmp_path / "runs" / "mine")
+
+
+def test_an_empty_or_missing_folder_is_empty(run):
+    assert run.is_empty()
+    run.path.mkdir(parents=True)
+    assert run.is_empty()
+    run.begin({})
+    assert not run.is_empty()
+
+
+class TestDescription:
+    def test_is_read_back(self, run):
+        run.begin({"algorithm": "NSES", "seed": 3})
+        assert run.describe() == {"algorithm": "NSES", "seed": 3}
+
+    def test_of_another_format_is_refused(self, run):
+        run.begin({"format": 2})
+        with pytest.raises(ValueError, match="`folder` must hold a run of format 1"):
+            run.describe()
+
+    @pytest.mark.parametrize("content", ["", "{", "[]", "{}", "3"])
+    def test_a_damaged_one_is_refused(self, run, content):
+        run.begin({})
+        (run.path / "run.json").write_text(content)
+        with pytest.raises(ValueError, match=r"`folder` must be that of a run, .* is damaged"):
+            run.describe()
+
+    def test_there_must_be_one(self, run):
+        with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
+            run.describe()
+
+
+class TestCheckpoints:
+    def commit(self, run, timesteps, fails=False):
+        def write(folder):
+            (folder / "result.json").write_text(json.dumps({"timesteps": timesteps}))
+            if fails:
+                raise OSError("full")
+
+        run.commit(timesteps, write)
+
+    def test_the_last_one_counts(self, run):
+        assert run.checkpoint is None
+        assert run.result() == {}
+        for timesteps in (90, 1000, 20_000):
+            self.commit(run, timesteps)
+            assert run.result() == {"timesteps": timesteps}
+        assert [path.name for path in run.checkpoint.parent.iterdir()] == ["20000"]
+
+    def test_one_that_fails_leaves_the_one_before(self, run):
+        self.commit(run, 10)
+        with pytest.raises(OSError, match="full"):
+            self.commit(run, 20, fails=True)
+        assert run.result() == {"timesteps": 10}
+        self.commit(run, 20)
+        assert run.result() == {"timesteps": 20}
+        assert [path.name for path in run.checkpoint.parent.iterdir()] == ["20"]
+
+    def test_of_two_that_a_kill_has_left_the_later_counts(self, run):
+        self.commit(run, 10)
+        (run.path / "checkpoints" / "9").mkdir()
+        assert run.checkpoint.name == "10"
+
+
+def test_final_states_are_in_their_order(run):
+    assert run.final_states() == {}
+    for first in (0, 3, 6):
+        run.add_final_states(first, {"return": np.arange(first, first + 3.0)})
+    assert run.final_states()["return"].tolist() == list(range(9))
+    run.drop_after(3)
+    assert run.final_states()["return"].tolist() == [0, 1, 2]
+
+
+class TestProgress:
+    def write(self, run, first, last):
+        log = run.open_progress(first)
+        for i in range(first, last):
+            row = {"time/total_timesteps": i + 1, "b": i / 3} | ({"c": 1.0} if i % 2 else {})
+            log.write(row, dict.fromkeys(row, ()))
+        log.close()
+
+    def test_rows_after_a_checkpoint_are_dropped(self, run):
+        run.path.mkdir(parents=True)
+        self.write(run, 0, 6)
+        self.write(run, 3, 5)
+        rows = read_rows(run.progress)
+        assert [row["time/total_timesteps"] for row in rows] == [1, 2, 3, 4, 5]
+        assert [row["b"] for row in rows] == [i / 3 for i in range(5)]
+        assert [i for i, row in enumerate(rows) if "c" in row] == [1, 3]
+
+    def test_half_a_row_is_dropped(self, run):
+        run.path.mkdir(parents=True)
+        self.write(run, 0, 3)
+        content = run.progress.read_text().splitlines()
+        run.progress.write_text("\n".join([*content[:-1], content[-1][:1]]))
+        self.write(run, 2, 3)
+        assert [row["time/total_timesteps"] for row in read_rows(run.progress)] == [1, 2, 3]

@@ -1,0 +1,185 @@
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.classic_control import PendulumEnv
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+from curiosity_algos import TD3ICM, CanonicalES, CuriosityES, MAPElites, make_evaluator
+from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
+from curiosity_algos.experiments.run_folder import RunFolder
+
+CLOCK = ["time/seconds", "time/fps", "time/time_elapsed"]
+
+
+class KilledError(Exception):
+    pass
+
+
+class Kill(BaseCallback):
+    """Ends a run in the midst of it, after so many timesteps."""
+
+    def __init__(self, timesteps):
+        super().__init__()
+        self.timesteps = timesteps
+
+    def _on_step(self):
+        if self.num_timesteps >= self.timesteps:
+            raise KilledError
+        return True
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "run"
+
+
+def without_clock(folder):
+    return load_progress(folder).drop(columns=["run", *CLOCK], errors="ignore").sort_index(axis=1)
+
+
+def test_the_folder_holds_the_run(any_algorithm, make_model, make_easy_maze, folder):
+    model = make_model(any_algorithm, make_easy_maze()).learn(900, SaveRun(folder), log_interval=1)
+    (run,) = load_runs(folder.parent).to_dict("records")
+    assert (run["algorithm"], run["run"]) == (any_algorithm.__name__, str(folder))
+    assert (run["timesteps"], run["best_return"]) == (model.num_timesteps, model.best_return)
+    for name, share in model.coverage_shares.items():
+        assert run[f"coverage.{name}"] == share
+    states = load_final_states(folder)
+    assert states["length"].sum() <= model.num_timesteps
+    assert states["return"].max() == model.best_return
+    assert len(states["behavior"]) == run["n_episodes"] == len(states["return"]) > 1
+    progress = load_progress(folder)
+    assert progress["coverage/all"].iloc[-1] == model.coverage_shares["all"]
+    assert (progress["seed"] == 0).all()
+    assert progress["time/seconds"].is_monotonic_increasing
+    loaded = any_algorithm.load(RunFolder(folder).checkpoint / "model")
+    assert loaded.num_timesteps == model.num_timesteps
+
+
+def test_a_run_is_the_same_with_it(
+    any_algorithm, make_model, make_easy_maze, folder, assert_same_run
+):
+    one, other = (make_model(any_algorithm, make_easy_maze()) for _ in range(2))
+    one.learn(900, SaveRun(folder, interval=1e-9))
+    assert_same_run(one, other.learn(900))
+
+
+@pytest.mark.parametrize("timesteps", [1, 500])
+def test_a_killed_run_goes_on_to_the_same_files(
+    any_algorithm, make_model, make_easy_maze, tmp_path, timesteps, assert_same, assert_same_run
+):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    expected = make_model(any_algorithm, make_easy_maze())
+    expected.learn(1200, SaveRun(whole), log_interval=1)
+    model = make_model(any_algorithm, make_easy_maze())
+    with pytest.raises(KilledError):
+        model.learn(1200, [SaveRun(killed, interval=1e-9), Kill(timesteps)], log_interval=1)
+    checkpoint = RunFolder(killed).checkpoint
+    model = any_algorithm.load(checkpoint / "model", env=make_easy_maze())
+    assert model.num_timesteps == int(checkpoint.name) <= timesteps
+    rest = 1200 - model.num_timesteps
+    model.learn(rest, SaveRun(killed), log_interval=1, reset_num_timesteps=False)
+    assert_same_run(model, expected)
+    assert_same(load_final_states(killed), load_final_states(whole))
+    assert without_clock(killed).equals(without_clock(whole))
+    for name in ("rewarding.npz", "best_policy.npz"):
+        files = [RunFolder(path).checkpoint / name for path in (killed, whole)]
+        if any_algorithm is TD3ICM and name == "best_policy.npz":
+            assert not any(path.exists() for path in files)
+        else:
+            one, other = (dict(np.load(path)) for path in files)
+            assert_same(one, other)
+
+
+def test_curiosity_is_that_of_each_individual(make_model, make_easy_maze, folder):
+    seen = []
+
+    class Intrinsic(BaseCallback):
+        def _on_step(self):
+            seen.extend(self.locals["intrinsic"])
+            return True
+
+    make_model(CuriosityES, make_easy_maze()).learn(900, [SaveRun(folder), Intrinsic()])
+    np.testing.assert_array_equal(load_final_states(folder)["curiosity"], seen)
+    assert np.isfinite(seen).all()
+
+
+def test_without_curiosity_there_is_none(make_model, make_easy_maze, folder):
+    make_model(MAPElites, make_easy_maze()).learn(300, SaveRun(folder))
+    assert np.isnan(load_final_states(folder)["curiosity"]).all()
+
+
+def test_rewarding_policies_can_be_played_again(make_model, make_easy_maze, folder):
+    model = make_model(CanonicalES, make_easy_maze(), sigma=2.0)
+    model.learn(10_000, SaveRun(folder, n_rewarding=7))
+    kept = dict(np.load(RunFolder(folder).checkpoint / "rewarding.npz"))
+    states = load_final_states(folder)
+    assert kept["n_seen"] == states["success"].sum() > 7 == len(kept["return"])
+    evaluator = make_evaluator(make_easy_maze(), model.policy_kwargs)
+    rollouts = evaluator.evaluate(kept["parameters"], int(kept["episode_seed"][0]))
+    np.testing.assert_allclose(rollouts.returns, kept["return"], atol=1e-6)
+
+
+def test_the_best_policys_episode_is_there(make_model, folder):
+    model = make_model(CuriosityES, "CuriosityMaze-US-v0").learn(1, SaveRun(folder))
+    episode = np.load(folder / "best_trajectory.npz")
+    best = np.load(RunFolder(folder).checkpoint / "best_policy.npz")
+    np.testing.assert_array_equal(best["parameters"], model.policy.vector)
+    assert best["net_arch"].tolist() == [4]
+    rollouts = make_evaluator("CuriosityMaze-US-v0", model.policy_kwargs).evaluate(
+        best["parameters"][None]
+    )
+    np.testing.assert_array_equal(episode["observations"][-1], rollouts.final_observations[0])
+    np.testing.assert_array_equal(episode["behaviors"][-1], rollouts.behaviors[0])
+    assert len(episode["rewards"]) == len(episode["actions"]) == rollouts.lengths[0]
+
+
+def test_an_env_without_an_id_leaves_no_episode(make_model, folder):
+    env = gym.wrappers.TimeLimit(PendulumEnv(), 20)
+    make_model(CuriosityES, env).learn(1, SaveRun(folder))
+    assert not (folder / "best_trajectory.npz").exists()
+    assert json.loads((folder / "run.json").read_text())["env"] is None
+
+
+class TestFolder:
+    def test_another_run_is_refused(self, make_model, make_easy_maze, folder):
+        make_model(CuriosityES, make_easy_maze()).learn(600, SaveRun(folder))
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+        for other in [
+            make_model(CanonicalES, make_easy_maze()),
+            make_model(CuriosityES, make_easy_maze()),
+            make_model(CuriosityES, make_easy_maze(), sigma=1.0),
+        ]:
+            with pytest.raises(ValueError, match=r"^`folder` must be empty, or that of the run"):
+                other.learn(600, SaveRun(folder))
+        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+    def test_threads_may_differ(self, make_model, make_easy_maze, folder):
+        make_model(CuriosityES, make_easy_maze(), n_threads=1).learn(600, SaveRun(folder))
+        model = CuriosityES.load(
+            RunFolder(folder).checkpoint / "model", env=make_easy_maze(), n_threads=2
+        )
+        model.learn(600, SaveRun(folder), reset_num_timesteps=False)
+        assert load_runs(folder)["timesteps"].item() == model.num_timesteps
+
+    def test_one_with_other_files_is_refused(self, make_model, make_easy_maze, folder):
+        folder.mkdir()
+        (folder / "notes.txt").write_text("mine")
+        with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
+            make_model(CuriosityES, make_easy_maze()).learn(1, SaveRun(folder))
+        assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
+def test_algorithms_of_others_are_refused(make_easy_maze, folder):
+    with pytest.raises(ValueError, match="SaveRun is for algorithms of curiosity_algos, got PPO"):
+        PPO("MlpPolicy", make_easy_maze(), device="cpu").learn(1, SaveRun(folder))
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("wrong", [{"interval": 0.0}, {"n_rewarding": 0}])
+def test_errors_name_the_argument(folder, wrong):
+    with pytest.raises(ValueError, match=f"^`{next(iter(wrong))}` must"):
+        SaveRun(folder, **wrong)

@@ -1,0 +1,133 @@
+"""One run, from its settings to its folder; one that was interrupted goes on."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+import curiosity_gym  # noqa: F401  registers the ids
+from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
+from curiosity_algos.experiments.names import check_known, find_algorithm
+from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.save_run import SaveRun
+from curiosity_algos.loops.arguments import check_learning
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is to be trained.
+
+    Args:
+        algorithm: Its name, in any spelling.
+        env: Id of the environment.
+        seed: Of everything random.
+        timesteps: Budget in environment steps.
+        env_kwargs: Keywords of the environment.
+        settings: Keywords of the algorithm, `preset` and `device` among them.
+    """
+
+    algorithm: str
+    env: str
+    seed: int
+    timesteps: float
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def folder(self, parent: str | os.PathLike[str]) -> Path:
+        """Where its files are: a folder for the algorithm, the environment and the seed."""
+        name = find_algorithm(self.algorithm).__name__
+        return Path(parent) / name / self.env.replace("/", "-") / str(self.seed)
+
+    def check(self) -> None:
+        """Make the environment and the model once, so that mistakes are found before a run begins.
+
+        Raises:
+            ValueError: If a name, a keyword or a value is wrong.
+        """
+        if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
+            check_known("env", self.env, gym.registry, shown=self.env, choices=gym.registry)
+        cls = find_algorithm(self.algorithm)
+        known = inspect.signature(cls).parameters.keys() - {"env", "seed"}
+        for name in self.settings:
+            check_known("hyperparams", name, known, shown=name, choices=known)
+        try:
+            check_learning(self.make().get_env(), self.timesteps, None)
+        except RuntimeError as error:  # torch's, of a device
+            raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
+
+    def make(self) -> BaseAlgorithm:
+        """A model that has not trained."""
+        cls = find_algorithm(self.algorithm)
+        model: BaseAlgorithm = cls(self._make_env(), seed=self.seed, **self.settings)
+        return model
+
+    def _make_env(self) -> gym.Env[Any, Any]:
+        try:
+            env: gym.Env[Any, Any] = gym.make(self.env, **self.env_kwargs)
+        except TypeError as error:
+            raise ValueError(f"`env_kwargs` must be keywords of {self.env}: {error}.") from error
+        return env
+
+    def load(self, checkpoint: Path) -> BaseAlgorithm:
+        """The model as it was at a checkpoint."""
+        free = {name: value for name, value in self.settings.items() if name in MAY_DIFFER}
+        cls = find_algorithm(self.algorithm)
+        model: BaseAlgorithm = cls.load(checkpoint / "model", env=self._make_env(), **free)
+        return model
+
+
+def is_finished(run: Run, folder: Path) -> bool:
+    """Whether the budget of the run in a folder is spent; False where there is none.
+
+    Raises:
+        ValueError: If the folder holds another run.
+    """
+    stored = RunFolder(folder)
+    if stored.is_empty():
+        return False
+    if not is_same_run(stored.describe(), describe_run(run.make())):
+        raise ValueError(f"`folder` must be empty or that of this run, {folder} holds another.")
+    return bool(stored.result().get("timesteps", 0) >= run.timesteps)
+
+
+def train(
+    run: Run,
+    folder: Path,
+    *,
+    interval: float = 60.0,
+    progress_bar: bool = False,
+    callbacks: list[Any] | None = None,
+) -> bool:
+    """Train until the budget is spent, from where the run in the folder stands.
+
+    Returns:
+        Whether there was anything to do.
+
+    Raises:
+        ValueError: If the folder holds another run.
+    """
+    if is_finished(run, folder):
+        return False
+    checkpoint = RunFolder(folder).checkpoint
+    model = run.make() if checkpoint is None else run.load(checkpoint)
+    rest = int(run.timesteps) - model.num_timesteps
+    save = SaveRun(folder, interval=interval)
+    try:
+        model.learn(
+            rest,
+            callback=[save, *(callbacks or [])],
+            reset_num_timesteps=False,
+            progress_bar=progress_bar,
+        )
+    except KeyboardInterrupt:
+        if save.n_calls:
+            save.save()  # Ctrl-C comes between two generations
+        raise
+    return True

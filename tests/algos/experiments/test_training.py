@@ -1,0 +1,88 @@
+import pytest
+
+from curiosity_algos import TD3ICM
+from curiosity_algos.experiments import RunFolder, load_final_states
+from curiosity_algos.experiments.training import Run, train
+
+SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
+
+
+def small(algorithm="map_elites", timesteps=1200, seed=0, **settings):
+    return Run(algorithm, "CuriosityMaze-US-v0", seed, timesteps, {"horizon": 50}, SMALL | settings)
+
+
+def test_a_finished_run_is_left_alone(tmp_path):
+    assert train(small(), tmp_path)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    assert not train(small(), tmp_path)
+    assert not train(small(timesteps=900), tmp_path)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+def test_more_timesteps_go_on(tmp_path, assert_same):
+    whole, grown = tmp_path / "whole", tmp_path / "grown"
+    train(small(timesteps=2400), whole)
+    for timesteps in (600, 2400):
+        assert train(small(timesteps=timesteps), grown)
+    assert_same(load_final_states(grown), load_final_states(whole))
+
+
+def test_another_run_is_refused(tmp_path):
+    train(small(), tmp_path)
+    for other in (small(seed=1), small(sigma=1.0), small("cma_me")):
+        with pytest.raises(ValueError, match="`folder` must be empty or that of this run"):
+            train(other, tmp_path)
+
+
+def test_the_folder_is_named_by_what_is_trained(tmp_path):
+    path = small("map-elites", seed=3).folder(tmp_path)
+    assert path == tmp_path / "MAPElites" / "CuriosityMaze-US-v0" / "3"
+    assert Run("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
+
+
+def test_ctrl_c_leaves_a_checkpoint(tmp_path, monkeypatch):
+    def press(self, *args):
+        if self.generation == 2:
+            raise KeyboardInterrupt
+        return ask(self)
+
+    cls = type(small().make())
+    ask = cls._ask
+    monkeypatch.setattr(cls, "_ask", press)
+    with pytest.raises(KeyboardInterrupt):
+        train(small(), tmp_path)
+    assert RunFolder(tmp_path).result()["timesteps"] == 2 * 6 * 50
+    monkeypatch.undo()
+    assert train(small(), tmp_path)
+    assert RunFolder(tmp_path).result()["timesteps"] == 1200
+
+
+def test_gradients_are_trained_too(tmp_path):
+    run = Run("td3icm", "CuriosityMaze-US-v0", 0, 100, {"horizon": 50}, {"device": "cpu"})
+    assert train(run, tmp_path)
+    assert RunFolder(tmp_path).describe()["algorithm"] == TD3ICM.__name__
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (small("map_elite"), "`algo` map_elite is unknown: did you mean MAPElites"),
+        (Run("nses", "CuriosityMaze-UZ-v0", 0, 1), "did you mean CuriosityMaze-US-v0"),
+        (Run("nses", "Nothing-v3", 0, 1), "`env` "),
+        (small(sigm=1), "`hyperparams` sigm is unknown: did you mean sigma"),
+        (small(sigma=-1.0), "`sigma` must be"),
+        (small(preset="best"), "`preset` must be one of"),
+        (small(device="gpu"), "`device` must be"),
+        (small(seed=-1), "`seed` must be"),
+        (small(timesteps=-1), "`total_timesteps` must be finite and at least 0"),
+        (Run("nses", "CuriosityMaze-US-v0", 0, 1, {"horizn": 3}), "`env_kwargs` must be keywords"),
+    ],
+)
+def test_mistakes_are_found_before_it_begins(run, message):
+    with pytest.raises(ValueError, match=message):
+        run.check()
+
+
+def test_what_is_right_passes(any_algorithm):
+    Run(any_algorithm.__name__, "CuriosityMaze-US-v0", 0, 1).check()
+    Run("curiosity_es", "CartPole-v1", 0, 1).check()

@@ -1,0 +1,173 @@
+"""The command `curiosity`, as users run it."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from curiosity_algos.cli import main
+from curiosity_algos.experiments import load_final_states, load_runs
+
+ROOT = pathlib.Path(__file__).parents[2]
+SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
+COMMAND = [sys.executable, "-c", "from curiosity_algos.cli import main; main()"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+
+
+def curiosity(*words, cwd):
+    return subprocess.run(
+        [*COMMAND, *map(str, words)], cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True
+    )
+
+
+@pytest.mark.extra("render")
+def test_train_and_enjoy(tmp_path):
+    words = ["--algo", "map_elites", "--env", "CuriosityMaze-US-v0", "-n", "1e4", "--seed", "3"]
+    trained = curiosity("train", *words, *SMALL, "--preset", "paper", cwd=tmp_path)
+    assert trained.returncode == 0, trained.stderr
+    folder = pathlib.Path("runs", "MAPElites", "CuriosityMaze-US-v0", "3")
+    assert trained.stdout.startswith(f"{folder}: best return 0.000, no reward, coverage reachable")
+    runs = load_runs(tmp_path)
+    assert runs["settings.sigma"].item() == 0.5
+    assert runs["env_kwargs.horizon"].item() == 100
+    assert curiosity("train", *words, *SMALL, "--preset", "paper", cwd=tmp_path).stdout == (
+        f"{folder} is finished.\n"
+    )
+    enjoyed = curiosity("enjoy", folder, cwd=tmp_path)
+    assert enjoyed.stdout == f"Return 0.000: {folder / 'best_policy.gif'}\n"
+    assert (tmp_path / folder / "best_policy.gif").stat().st_size > 1000
+
+
+@pytest.fixture
+def run_here(tmp_path, monkeypatch, capsys):
+    """Runs the command in this process: its status, what it prints, and its errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["curiosity", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return (ended.value.code, *capsys.readouterr())
+
+    return run
+
+
+def test_list(run_here):
+    status, listed, _ = run_here("list")
+    assert status == 0
+    for name in ("CuriosityMaze-Hard-v0", "CuriosityES", "paper"):
+        assert f"\n  {name}\n" in listed
+
+
+def test_help_says_what_there_is(run_here):
+    status, printed, _ = run_here()
+    assert status == 0
+    assert all(command in printed for command in ("train", "enjoy", "sweep", "list"))
+    for command in ("train", "enjoy", "sweep"):
+        assert f"Example: curiosity {command}" in run_here(command, "--help")[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["train", "--algo", "curiosity_ee"], "did you mean CuriosityES"),
+        (["train", "--env", "CuriosityMaze-Hrd-v0"], "did you mean CuriosityMaze-Hard-v0"),
+        (["train", "--hyperparams", "sigm:1"], "did you mean sigma"),
+        (["train", "--hyperparams", "sigma"], "--hyperparams must be NAME:VALUE"),
+        (["train", "-n", "many"], "valid number"),
+        (["train", "-n", "-5"], "must be finite and at least 0"),
+        (["train", "--env-kwargs", "horizn:3"], "`env_kwargs` must be keywords"),
+        (["enjoy", "nothing"], "`folder` must be that of a run"),
+        (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),
+        (["trian"], "trian"),
+    ],
+)
+def test_a_mistake_is_one_line(words, message, run_here, tmp_path):
+    status, printed, errors = run_here(*words)
+    assert status != 0
+    assert printed == ""
+    (line,) = errors.splitlines()
+    assert line.startswith("Error: ")
+    assert message in line
+    assert not any(tmp_path.iterdir())
+
+
+class TestSweep:
+    words = ("sweep", "--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "3e5", *SMALL)
+
+    def kill_once(self, folder, rng):
+        """Begin the sweep, and kill all of it after the next checkpoint."""
+
+        def checkpoints():
+            return {str(path) for path in folder.rglob("checkpoints/[0-9]*")}
+
+        before = checkpoints()
+        command = [*COMMAND, *self.words, "--interval", "0.05", "-f", str(folder)]
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        process = subprocess.Popen(
+            command, cwd=folder.parent, env=ENVIRONMENT, start_new_session=True, **silent
+        )
+        while checkpoints() <= before and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0.0, 0.3))
+        process.kill()  # alone: its workers end by themselves
+        process.wait()
+        while is_anyone_left(process.pid):
+            time.sleep(0.01)
+
+    def test_killed_five_times_it_ends_in_the_same_runs(self, run_here, tmp_path, assert_same):
+        whole, killed = tmp_path / "whole", tmp_path / "killed"
+        assert run_here(*self.words, "-f", str(whole))[0] == 0
+        rng = np.random.default_rng(0)
+        for _ in range(5):
+            self.kill_once(killed, rng)
+        ended = curiosity(*self.words, "-f", killed, cwd=tmp_path)
+        assert ended.returncode == 0, ended.stderr
+        one, other = (load_runs(folder) for folder in (whole, killed))
+        assert len(one) == 4
+        left_out = ["run", "seconds", "total_timesteps"]
+        assert one.drop(columns=left_out).equals(other.drop(columns=left_out))
+        for first, second in zip(one["run"], other["run"], strict=True):
+            assert_same(load_final_states(first), load_final_states(second))
+
+        before = {path: path.stat().st_mtime_ns for path in killed.rglob("*")}
+        assert run_here(*self.words, "-f", str(killed))[:2] == (0, "")
+        assert {path: path.stat().st_mtime_ns for path in killed.rglob("*")} == before
+
+    def test_one_that_fails_leaves_the_others(self, tmp_path):
+        (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)
+        blocked = tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0" / "notes"
+        blocked.write_text("mine")
+        words = ["--algos", "map_elites", "--seeds", "0,1", "-n", "1000"]
+        result = curiosity("sweep", *words, *SMALL, cwd=tmp_path)
+        assert result.returncode == 1
+        assert "Error: 1 of 2 runs failed" in result.stderr.splitlines()[-1]
+        assert load_runs(tmp_path)["seed"].tolist() == [1]
+
+
+def is_anyone_left(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_ctrl_c_leaves_a_run_that_goes_on(tmp_path):
+    words = ["train", "--algo", "map_elites", "--env", "CuriosityMaze-US-v0", "-n", "1e12", *SMALL]
+    process = subprocess.Popen(
+        [*COMMAND, *words], cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
+    )
+    while not list(tmp_path.rglob("progress.csv")):
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    assert process.wait() == 130
+    assert "Traceback" not in process.stderr.read()
+    process.stderr.close()
+    assert load_runs(tmp_path)["timesteps"].item() > 0

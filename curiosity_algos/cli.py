@@ -176,7 +176,7 @@ def _keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:
 def _value(text: str) -> Any:
     try:
         return ast.literal_eval(text)
-    except (SyntaxError, ValueError):
+    except (MemoryError, RecursionError, SyntaxError, TypeError, ValueError):
         return text
 
 
@@ -195,7 +195,8 @@ def _summary(folder: Path) -> str:
     found = "no reward" if first is None else f"first reward after {first:,} timesteps"
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
     coverage = f", coverage {', '.join(shares)}" if shares else ""
-    return f"{folder}: best return {result['best_return']:.3f}, {found}{coverage}"
+    best = result["best_return"]
+    return f"{folder}: best return {'none' if best is None else f'{best:.3f}'}, {found}{coverage}"
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_gym.sparse_vector_env import SparseVectorEnv
 
-_VECTOR_KEYWORDS = {
+VECTOR_KEYWORDS = {
     "autoreset_mode",
     "num_envs",
     "vector_kwargs",
@@ -55,7 +55,7 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any
             "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, so "
             "that a single env like its own can be made."
         )
-    kwargs = {key: value for key, value in spec.kwargs.items() if key not in _VECTOR_KEYWORDS}
+    kwargs = {key: value for key, value in spec.kwargs.items() if key not in VECTOR_KEYWORDS}
     return lambda: gym.make(spec.id, **kwargs)
 
 

@@ -8,14 +8,18 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from dataclasses import replace
+from enum import Enum
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView
 from curiosity_gym.processors import available_cpus
 
 PACKAGES = ("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3")
@@ -44,7 +48,7 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 
 def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether two descriptions are of one run, wherever and with whatever versions it went on."""
-    names = ("algorithm", "env", "env_kwargs", "seed")
+    names = ("algorithm", "env", "env_class", "env_kwargs", "wrappers", "seed")
     settings = (
         {name: each["settings"][name] for name in each["settings"].keys() - MAY_DIFFER}
         for each in (one, other)
@@ -53,25 +57,41 @@ def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 
 
 def describe_env(env: VecEnv | None) -> dict[str, Any]:
-    """`env`, its id, and `env_kwargs`; None and {} where it was not made by an id."""
+    """`env`, its id or else its class, and all that it was made with, as far as it says so."""
     spec = spec_of(env)
-    return {"env": spec and spec.id, "env_kwargs": _as_json(spec.kwargs) if spec else {}}
+    if spec is None:
+        inner = None if env is None else env.get_attr("unwrapped", indices=0)[0]
+        return {"env": None, "env_class": type(inner).__name__, "env_kwargs": {}, "wrappers": {}}
+    wrappers = {each.name: _as_json(each.kwargs) for each in spec.additional_wrappers}
+    kwargs = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
+    kwargs |= {"max_episode_steps": spec.max_episode_steps}
+    return {
+        "env": spec.id,
+        "env_class": str(spec.entry_point),
+        "env_kwargs": _as_json(kwargs),
+        "wrappers": wrappers,
+    }
 
 
 def spec_of(env: VecEnv | None) -> EnvSpec | None:
     """What the (first) single environment was made by, but for SB3's Monitor, or None."""
-    spec = env.get_attr("spec", indices=0)[0] if env is not None and env.has_attr("spec") else None
+    if isinstance(env, GymnasiumView):
+        spec = env.vector_env.spec
+    else:
+        has_spec = env is not None and env.has_attr("spec")
+        spec = env.get_attr("spec", indices=0)[0] if env is not None and has_spec else None
     if spec is None:
         return None
     wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
-    made_by: EnvSpec = replace(spec, additional_wrappers=wrappers)
+    kwargs = {name: value for name, value in spec.kwargs.items() if name not in VECTOR_KEYWORDS}
+    made_by: EnvSpec = replace(spec, additional_wrappers=wrappers, kwargs=kwargs)
     return made_by
 
 
 def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
     """Every keyword of the constructor, defaults included; of objects their class."""
     names = inspect.signature(type(model)).parameters.keys() - {"env", "seed"}
-    values = {name: getattr(model, name, None) for name in names}
+    values = {name: getattr(model, name, getattr(model, f"_{name}", None)) for name in names}
     values["device"] = str(model.device)
     values["policy"] = model.policy_class
     return {name: _as_json(values[name]) for name in sorted(values)}
@@ -85,6 +105,12 @@ def _name(value: Any) -> Any:
     """A number of numpy's as Python's, an array as a list, anything else by its class."""
     if hasattr(value, "tolist"):
         return value.tolist()
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, ActionNoise):
+        numbers = int | float | np.ndarray
+        settings = {k: v for k, v in vars(value).items() if k[0] == "_" and isinstance(v, numbers)}
+        return {type(value).__name__: settings}
     named = value if hasattr(value, "__qualname__") else type(value)
     return named.__qualname__
 

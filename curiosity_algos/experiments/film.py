@@ -10,6 +10,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from curiosity_algos.experiments.names import find_algorithm
+from curiosity_algos.experiments.replay import episode
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
@@ -28,18 +29,18 @@ def film(folder: Path, path: Path, *, stride: int, seed: int) -> float:
     check_choice((".gif", ".mp4"), out=path.suffix)
     run = RunFolder(folder)
     described = run.describe()
+    if described["wrappers"]:
+        raise ValueError(f"`run` must be of an environment without wrappers of its own: {folder}.")
     if run.checkpoint is None or described["env"] is None:
         raise ValueError(f"`run` must have a checkpoint, and an environment by its id: {folder}.")
     model = find_algorithm(described["algorithm"]).load(run.checkpoint / "model")
     env = gym.make(described["env"], render_mode="rgb_array", **described["env_kwargs"])
-    observation, _ = env.reset(seed=seed)
-    frames, total, t, is_over = [_frame(env)], 0.0, 0, False
-    while not is_over:
-        action, _ = model.predict(observation, deterministic=True)
-        observation, reward, terminated, truncated, _ = env.step(action)
-        total, t, is_over = total + float(reward), t + 1, terminated or truncated
-        if is_over or t % stride == 0:
+    frames, total = [], 0.0
+    for t, step in enumerate(episode(model, env, seed)):
+        total += step.reward
+        if t % stride == 0:
             frames.append(_frame(env))
+    frames.append(_frame(env))
     env.close()
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(frames, path)

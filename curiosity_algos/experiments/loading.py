@@ -40,7 +40,10 @@ def load_runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
         ValueError: If a run is of another format, or damaged.
     """
     rows = [_row(path) for path in find_runs(folder)]
-    return pd.json_normalize(rows)
+    runs = pd.json_normalize(rows)
+    for name in {"first_success_timesteps", "best_return"} & set(runs.columns):
+        runs[name] = runs[name].astype(float)  # None: NaN
+    return runs
 
 
 def _row(path: Path) -> dict[str, Any]:

@@ -2,15 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.evaluation.environments import step_limit
+from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.experiments.run_folder import write_arrays
+
+
+class Step(NamedTuple):
+    """Where an action has led; of the first, the reset, there is none."""
+
+    observation: Any
+    action: Any
+    reward: float
+    info: dict[str, Any]
+
+
+def episode(model: BaseAlgorithm, env: gym.Env[Any, Any], seed: int) -> Iterator[Step]:
+    """One episode of the best policy; of an environment without a limit, its first 10,000 steps."""
+    observation, info = env.reset(seed=seed)
+    yield Step(observation, None, 0.0, info)
+    for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
+        action, _ = model.predict(observation, deterministic=True)
+        observation, reward, terminated, truncated, info = env.step(action)
+        yield Step(observation, action, float(reward), info)
+        if terminated or truncated:
+            return
+
+
+def can_be_played(env: VecEnv | None, spec: EnvSpec) -> bool:
+    """Whether an environment can be made again in which the policy sees what it saw."""
+    # A wrapper that keeps no record of its arguments cannot be made again.
+    is_known = all(each.kwargs is not None for each in spec.additional_wrappers)
+    return is_known and (not isinstance(env, VecEnvWrapper) or isinstance(env, VecMonitor))
 
 
 def play(model: BaseAlgorithm, spec: EnvSpec, path: Path, seed: int = 0) -> None:
@@ -26,18 +58,13 @@ def play(model: BaseAlgorithm, spec: EnvSpec, path: Path, seed: int = 0) -> None
         seed: Of the environment.
     """
     env = gym.make(spec)
-    observation, info = env.reset(seed=seed)
-    steps: dict[str, list[Any]] = {"observations": [observation], "actions": [], "rewards": []}
-    behaviors, is_over = [info.get("behavior")], False
-    while not is_over:
-        action, _ = model.predict(observation, deterministic=True)
-        observation, reward, terminated, truncated, info = env.step(action)
-        is_over = terminated or truncated
-        steps["observations"].append(observation)
-        steps["actions"].append(action)
-        steps["rewards"].append(reward)
-        behaviors.append(info.get("behavior"))
+    steps = list(episode(model, env, seed))
     env.close()
-    if all(behavior is not None for behavior in behaviors):
-        steps["behaviors"] = behaviors
-    write_arrays(path, {name: np.array(values) for name, values in steps.items()})
+    columns = {
+        "observations": [step.observation for step in steps],
+        "actions": [step.action for step in steps[1:]],
+        "rewards": [step.reward for step in steps[1:]],
+    }
+    if all("behavior" in step.info for step in steps):
+        columns["behaviors"] = [step.info["behavior"] for step in steps]
+    write_arrays(path, {name: np.array(values) for name, values in columns.items()})

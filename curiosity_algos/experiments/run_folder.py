@@ -7,8 +7,9 @@
     checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, best_policy.npz
     best_trajectory.npz an episode of the best policy
 
-Nothing that is written is written again but `progress.csv`'s end. A checkpoint appears at once and
-whole, and what was written after the last one is dropped when a run goes on from there.
+Nothing that is written is written again but `progress.csv`, where a new column appears. A
+checkpoint appears at once and whole, and what was written after the last one is dropped when a run
+goes on from there. One process at a time trains in a folder: it holds `lock`.
 """
 
 from __future__ import annotations
@@ -17,15 +18,17 @@ import csv
 import json
 import os
 import shutil
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.logger import CSVOutputFormat
 
 from curiosity_algos.common.atomic_file import atomic_file
+from curiosity_algos.experiments.locks import lock_file
 
 FORMAT = 1
 TIMESTEPS = "time/total_timesteps"
@@ -46,10 +49,26 @@ class RunFolder:
         self._description = self.path / "run.json"
         self._final_states = self.path / "final_states"
         self._checkpoints = self.path / "checkpoints"
+        self._lock = self.path / "lock"
 
     def is_empty(self) -> bool:
         """Whether a run can begin here."""
-        return not self.path.exists() or not any(self.path.iterdir())
+        return not self.path.exists() or all(path == self._lock for path in self.path.iterdir())
+
+    def lock(self) -> BinaryIO:
+        """Hold the folder until the file that this gives is closed, or its process ends.
+
+        Raises:
+            ValueError: If another process trains in the folder.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        file = open(self._lock, "ab")  # noqa: SIM115  whoever asked closes it
+        try:
+            lock_file(file)
+        except OSError as error:
+            file.close()
+            raise ValueError(f"`folder` must not be at work: {self.path} is.") from error
+        return file
 
     # -- what the run is ------------------------------------------------------------------------
 
@@ -73,7 +92,11 @@ class RunFolder:
             described = json.loads(self._description.read_text())
         except ValueError:
             described = None
-        if not isinstance(described, dict) or "format" not in described:
+        if not isinstance(described, dict) or not described.keys() >= {
+            "format",
+            "algorithm",
+            "env",
+        }:
             raise ValueError(f"`folder` must be that of a run, {self._description} is damaged.")
         if described.pop("format") != FORMAT:
             raise ValueError(
@@ -112,7 +135,11 @@ class RunFolder:
         """What the run has come to at its last checkpoint; empty before the first."""
         if self.checkpoint is None:
             return {}
-        result: dict[str, Any] = json.loads((self.checkpoint / "result.json").read_text())
+        path = self.checkpoint / "result.json"
+        try:
+            result: dict[str, Any] = json.loads(path.read_text())
+        except (OSError, ValueError) as error:
+            raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
         return result
 
     # -- final states ---------------------------------------------------------------------------
@@ -123,7 +150,7 @@ class RunFolder:
 
     def final_states(self) -> dict[str, npt.NDArray[Any]]:
         """Every column with an entry for each episode; empty before the first checkpoint."""
-        parts = [dict(np.load(path)) for path in self._final_state_files()]
+        parts = [_read_arrays(path) for path in self._final_state_files()]
         return {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]}
 
     def _final_state_files(self) -> list[Path]:
@@ -139,7 +166,9 @@ class RunFolder:
 
     def open_progress(self, timesteps: int) -> CSVOutputFormat:
         """The log, its rows up to `timesteps` kept."""
-        rows = [row for row in read_rows(self.progress) if row[TIMESTEPS] <= timesteps]
+        rows = read_rows(self.progress)
+        late = [i for i, row in enumerate(rows) if float(row.get(TIMESTEPS, 0)) > timesteps]
+        rows = rows[: late[0]] if late else rows
         unfinished = self.progress.with_name("progress.csv.unfinished")
         log = CSVOutputFormat(str(unfinished))
         for row in rows:
@@ -154,8 +183,22 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
         np.savez(file, **arrays)
 
 
-def read_rows(path: Path) -> list[dict[str, float]]:
-    """The rows of a log, as numbers, without empty entries; none where there is no file."""
+def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
+    try:
+        return dict(np.load(path))
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
+
+
+def read_rows(path: Path) -> list[dict[str, float | str]]:
+    """The rows of a log without empty entries, numbers and text; none where there is no file."""
     lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
     whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
-    return [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(whole)]
+    return [{k: _number(v) for k, v in row.items() if v} for row in csv.DictReader(whole)]
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -12,10 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import CSVOutputFormat
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import VecMonitor, is_vecenv_wrapped
 
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
-from curiosity_algos.experiments.replay import play
+from curiosity_algos.experiments.replay import can_be_played, play
 from curiosity_algos.experiments.reservoir import Reservoir
 from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -44,8 +46,8 @@ class SaveRun(BaseCallback):
         verbose: As in SB3.
 
     Raises:
-        ValueError: When `learn` begins: if the model is not of this package, or the folder holds
-            another run.
+        ValueError: When `learn` begins: if the model is not of this package, or no Monitor sees its
+            episodes; if the folder holds another run, or another process trains there.
     """
 
     model: EvolutionaryAlgorithm | ResumableTD3
@@ -72,18 +74,30 @@ class SaveRun(BaseCallback):
             raise ValueError(
                 f"SaveRun is for algorithms of curiosity_algos, got {type(self.model).__name__}."
             )
+        if not isinstance(self.model, EvolutionaryAlgorithm):
+            self._check_monitor(self.model)
         seed = np.random.SeedSequence(self.model.seed, spawn_key=(0x5A7E,))
         self._rewarding = Reservoir(self.n_rewarding, seed)
         self._n_episodes, self._seconds_before = 0, 0.0
         self._pending: list[Columns] = []
-        self._begin_or_go_on(describe_run(self.model))
+        description = describe_run(self.model)
+        self._check_folder(description)
+        self._held = self.folder.lock()
+        self._begin_or_go_on(description)
         self._began = self._saved = time.monotonic()
         self._log: CSVOutputFormat = self.folder.open_progress(self.model.num_timesteps)
         self.logger.output_formats.append(self._log)
 
-    def _begin_or_go_on(self, description: dict[str, Any]) -> None:
+    def _check_monitor(self, model: ResumableTD3) -> None:
+        env = model.get_env()
+        assert env is not None  # `learn` has asked for one
+        if not (is_vecenv_wrapped(env, VecMonitor) or all(env.env_is_wrapped(Monitor))):
+            raise ValueError(
+                "`env` must have a Monitor: wrap it in Stable-Baselines3's VecMonitor."
+            )
+
+    def _check_folder(self, description: dict[str, Any]) -> None:
         if self.folder.is_empty():
-            self.folder.begin(description)
             return
         there, checkpoint = self.folder.describe(), self.folder.checkpoint
         same = is_same_run(there, description)
@@ -93,6 +107,11 @@ class SaveRun(BaseCallback):
                 f"`folder` must be empty, or that of the run that goes on: {self.folder.path} "
                 f"holds {there['algorithm']} on {there['env']} after {timesteps} timesteps."
             )
+
+    def _begin_or_go_on(self, description: dict[str, Any]) -> None:
+        checkpoint = self.folder.checkpoint
+        if self.folder.is_empty():
+            self.folder.begin(description)
         if checkpoint is not None:
             result = self.folder.result()
             self._n_episodes, self._seconds_before = result["n_episodes"], result["seconds"]
@@ -119,6 +138,7 @@ class SaveRun(BaseCallback):
         self.logger.output_formats.remove(self._log)
         self._log.close()
         self._save_trajectory()
+        self._held.close()
 
     # -- what is kept ---------------------------------------------------------------------------
 
@@ -131,7 +151,7 @@ class SaveRun(BaseCallback):
         return {
             "generation": np.full(len(ended), getattr(self.model, "generation", 0)),
             "timesteps": np.full(len(ended), self.model.num_timesteps),
-            "return": np.array([episode["r"] for episode in episodes]),
+            "return": np.array([episode["r"] for episode in episodes], dtype=np.float64),
             "length": np.array([episode["l"] for episode in episodes]),
             "success": np.array([bool(info.get("is_success", False)) for info in infos]),
             "curiosity": unknown if intrinsic is None else intrinsic[ended],
@@ -188,7 +208,7 @@ class SaveRun(BaseCallback):
             "timesteps": model.num_timesteps,
             "total_timesteps": model._total_timesteps,
             "n_episodes": self._n_episodes,
-            "best_return": model.best_return,
+            "best_return": model.best_return if np.isfinite(model.best_return) else None,
             "first_success_timesteps": model.first_success_timesteps,
             "coverage": model.coverage_shares,
             "n_rewarding": self._rewarding.n_seen,
@@ -202,6 +222,5 @@ class SaveRun(BaseCallback):
 
     def _save_trajectory(self) -> None:
         spec = spec_of(self.model.get_env())
-        # A wrapper that keeps no record of its arguments cannot be made again.
-        if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
+        if spec is not None and can_be_played(self.model.get_env(), spec):
             play(self.model, spec, self.folder.best_trajectory)

@@ -14,6 +14,7 @@ task has a single run, nothing says how much runs differ: the bounds are NaN.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -197,8 +198,8 @@ def survival(
     is 0 and the upper one that of the point before.
 
     Args:
-        first_rewards: (runs,) timesteps or seconds of first rewards, above 0; None or infinity
-            where there was none. One later than the run's budget does not count.
+        first_rewards: (runs,) timesteps or seconds of first rewards, above 0; None, NaN or
+            infinity where there was none. One later than the run's budget does not count.
         budgets: Timesteps or seconds that runs had, above 0: one number, or one for each run.
 
     Raises:
@@ -235,7 +236,7 @@ def _median(curve: Curve) -> float | None:
 
 def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64, Any]:
     """Time at which each run was last seen without reward or first with it, and which it was."""
-    first = _array("first_rewards", [np.inf if each is None else each for each in first_rewards])
+    first = _array("first_rewards", [np.inf if _is_missing(t) else t for t in first_rewards])
     if first.ndim != 1 or not len(first) or not (first > 0.0).all():
         raise ValueError(
             "`first_rewards` must hold a number above 0 for each run, or None where it found none."
@@ -244,6 +245,11 @@ def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Floa
     if ends.shape not in {(), first.shape} or not ((ends > 0.0) & np.isfinite(ends)).all():
         raise ValueError("`budgets` must be a finite number above 0, or one for each run.")
     return np.minimum(first, ends), first <= ends
+
+
+def _is_missing(time: float | None) -> bool:
+    """Whether there is none; a column of a table has NaN for None."""
+    return time is None or (isinstance(time, float) and math.isnan(time))
 
 
 # -- curves over timesteps or seconds -------------------------------------------------------------

@@ -13,17 +13,17 @@ from typing import Any
 
 import torch as th
 
+from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.training import Run, is_finished, train
 
 
 def grid(
     algorithms: Sequence[str], envs: Sequence[str], seeds: Sequence[int], **common: Any
 ) -> list[Run]:
-    """A run for each algorithm, environment and seed; the keywords are those of `Run`."""
-    return [
-        Run(algorithm, env, seed, **common)
-        for algorithm, env, seed in product(algorithms, envs, seeds)
-    ]
+    """A run for each algorithm, environment and seed, none twice; keywords are those of `Run`."""
+    names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
+    places = product(names, dict.fromkeys(envs), dict.fromkeys(seeds))
+    return [Run(algorithm, env, seed, **common) for algorithm, env, seed in places]
 
 
 def sweep(

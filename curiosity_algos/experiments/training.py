@@ -43,7 +43,8 @@ class Run:
     def folder(self, parent: str | os.PathLike[str]) -> Path:
         """Where its files are: a folder for the algorithm, the environment and the seed."""
         name = find_algorithm(self.algorithm).__name__
-        return Path(parent) / name / self.env.replace("/", "-") / str(self.seed)
+        env = self.env.rpartition(":")[2].replace("/", "-")
+        return Path(parent) / name / env / str(self.seed)
 
     def check(self) -> None:
         """Make the environment and the model once, so that mistakes are found before a run begins.
@@ -61,6 +62,8 @@ class Run:
             check_learning(self.make().get_env(), self.timesteps, None)
         except RuntimeError as error:  # torch's, of a device
             raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
+        except (AssertionError, TypeError) as error:  # of classes that take what they are given
+            raise ValueError(f"`hyperparams` must fit {cls.__name__}: {error}") from error
 
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""

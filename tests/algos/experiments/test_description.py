@@ -4,10 +4,18 @@ import subprocess
 import gymnasium as gym
 import numpy as np
 import pytest
+from stable_baselines3.common.noise import NormalActionNoise
 
-from curiosity_algos import MAPElites
+from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.experiments.description import describe_run, git_revision, settings_of
+from curiosity_algos.experiments.description import (
+    describe_env,
+    describe_run,
+    git_revision,
+    is_same_run,
+    settings_of,
+)
+from curiosity_algos.loops.arguments import wrap_env
 
 
 class OwnPolicy(MlpPolicy):
@@ -48,6 +56,40 @@ def test_the_environment_has_its_arguments(make_model):
     described = describe_run(make_model(MAPElites, env))
     assert described["env"] == "CuriosityMaze-US-v0"
     assert described["env_kwargs"]["horizon"] == 50
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda: gym.make("Pendulum-v1", max_episode_steps=9),
+        lambda: gym.wrappers.RescaleAction(gym.make("Pendulum-v1"), np.float32(-1), np.float32(1)),
+        lambda: gym.make("Pendulum-v1", g=3.0),
+        lambda: gym.make("MountainCarContinuous-v0"),
+    ],
+)
+def test_another_environment_is_another_run(other):
+    one, twin = (
+        {**describe_env(wrap_env(env)), "algorithm": "NSES", "seed": 0, "settings": {}}
+        for env in (gym.make("Pendulum-v1"), other())
+    )
+    assert is_same_run(one, dict(one))
+    assert not is_same_run(one, twin)
+
+
+def test_a_vector_environment_is_told_by_its_id():
+    envs = gym.make_vec("CuriosityMaze-US-v0", num_envs=2, vectorization_mode="vector_entry_point")
+    described = describe_env(wrap_env(envs))
+    assert described["env"] == "CuriosityMaze-US-v0"
+    assert "num_envs" not in described["env_kwargs"]
+
+
+def test_td3s_settings_keep_their_values(make_model, make_easy_maze):
+    noise = NormalActionNoise(np.zeros(2), 0.9 * np.ones(2))
+    changes = {"train_freq": (1, "episode"), "action_noise": noise, "stats_window_size": 7}
+    settings = settings_of(make_model(TD3ICM, make_easy_maze(), **changes))
+    assert settings["train_freq"] == [1, "episode"]
+    assert settings["action_noise"] == {"NormalActionNoise": {"_mu": [0, 0], "_sigma": [0.9, 0.9]}}
+    assert settings["stats_window_size"] == 7
 
 
 class TestGit:

@@ -38,6 +38,6 @@ def test_other_kinds_of_files_are_refused(folder, tmp_path):
 
 
 def test_a_run_without_a_checkpoint_is_refused(tmp_path):
-    RunFolder(tmp_path).begin({"env": "CuriosityMaze-US-v0"})
+    RunFolder(tmp_path).begin({"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "wrappers": {}})
     with pytest.raises(ValueError, match="`run` must have a checkpoint"):
         film(tmp_path, tmp_path / "best.gif", stride=20, seed=0)

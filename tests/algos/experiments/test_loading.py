@@ -2,6 +2,7 @@ import pytest
 
 from curiosity_algos import CanonicalES, MAPElites
 from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
+from curiosity_algos.experiments.statistics import survival
 
 
 @pytest.fixture
@@ -40,6 +41,12 @@ def test_a_run_that_was_not_saved_yet_is_a_row(folder):
     assert runs[runs["algorithm"] == "NSES"]["timesteps"].isna().all()
     assert len(load_progress(folder)["run"].unique()) == 3
     assert load_final_states(folder / "new") == {}
+
+
+def test_first_successes_can_be_compared(folder):
+    found = load_runs(folder)["first_success_timesteps"]
+    assert found.dtype == float
+    assert survival(found, 600).curve.estimate[0] == 1.0
 
 
 def test_there_must_be_runs(tmp_path):

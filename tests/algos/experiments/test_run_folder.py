@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -21,11 +23,12 @@ def test_an_empty_or_missing_folder_is_empty(run):
 
 class TestDescription:
     def test_is_read_back(self, run):
-        run.begin({"algorithm": "NSES", "seed": 3})
-        assert run.describe() == {"algorithm": "NSES", "seed": 3}
+        described = {"algorithm": "NSES", "env": None, "seed": 3}
+        run.begin(described)
+        assert run.describe() == described
 
     def test_of_another_format_is_refused(self, run):
-        run.begin({"format": 2})
+        run.begin({"format": 2, "algorithm": "NSES", "env": None})
         with pytest.raises(ValueError, match="`folder` must hold a run of format 1"):
             run.describe()
 
@@ -35,6 +38,17 @@ class TestDescription:
         (run.path / "run.json").write_text(content)
         with pytest.raises(ValueError, match=r"`folder` must be that of a run, .* is damaged"):
             run.describe()
+
+    def test_what_is_damaged_is_named(self, run):
+        run.begin({"algorithm": "NSES", "env": None})
+        run.commit(10, lambda folder: (folder / "result.json").write_text("{"))
+        run.add_final_states(0, {"return": np.zeros(3)})
+        (path,) = run.path.glob("final_states/*")
+        path.write_bytes(path.read_bytes()[:40])
+        with pytest.raises(ValueError, match=r"result\.json is damaged"):
+            run.result()
+        with pytest.raises(ValueError, match=r"npz is damaged"):
+            run.final_states()
 
     def test_there_must_be_one(self, run):
         with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
@@ -73,6 +87,17 @@ class TestCheckpoints:
         assert run.checkpoint.name == "10"
 
 
+def test_one_process_at_a_time(run):
+    held = run.lock()
+    code = f"from curiosity_algos.experiments import RunFolder; RunFolder({str(run.path)!r}).lock()"
+    taken = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "ValueError: `folder` must not be at work" in taken.stderr
+    run.lock().close()  # the same process may
+    held.close()
+    assert run.is_empty()
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_final_states_are_in_their_order(run):
     assert run.final_states() == {}
     for first in (0, 3, 6):
@@ -98,6 +123,18 @@ class TestProgress:
         assert [row["time/total_timesteps"] for row in rows] == [1, 2, 3, 4, 5]
         assert [row["b"] for row in rows] == [i / 3 for i in range(5)]
         assert [i for i, row in enumerate(rows) if "c" in row] == [1, 3]
+
+    def test_columns_of_the_users_own_are_kept(self, run):
+        run.path.mkdir(parents=True)
+        log = run.open_progress(0)
+        for row in [{"own": 1.5}, {"flag": True, "time/total_timesteps": 1, "text": 'a "b", c'}]:
+            log.write(row, dict.fromkeys(row, ()))
+        log.close()
+        before = read_rows(run.progress)
+        run.open_progress(1).close()
+        assert read_rows(run.progress) == before
+        assert before[0] == {"own": 1.5}
+        assert before[1] == {"flag": "True", "time/total_timesteps": 1.0, "text": 'a "b", c'}
 
     def test_half_a_row_is_dropped(self, run):
         run.path.mkdir(parents=True)

@@ -6,9 +6,10 @@ import pytest
 from gymnasium.envs.classic_control import PendulumEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from curiosity_algos import TD3ICM, CanonicalES, CuriosityES, MAPElites, make_evaluator
-from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
+from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs, replay
 from curiosity_algos.experiments.run_folder import RunFolder
 
 CLOCK = ["time/seconds", "time/fps", "time/time_elapsed"]
@@ -171,6 +172,23 @@ class TestFolder:
         with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
             make_model(CuriosityES, make_easy_maze()).learn(1, SaveRun(folder))
         assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
+def test_a_monitor_must_see_the_episodes(make_model, folder):
+    envs = DummyVecEnv([lambda: gym.make("Pendulum-v1", max_episode_steps=20)])
+    with pytest.raises(ValueError, match="`env` must have a Monitor"):
+        make_model(TD3ICM, envs).learn(50, SaveRun(folder))
+    assert not folder.exists()
+    make_model(TD3ICM, VecMonitor(envs)).learn(50, SaveRun(folder))
+    assert len(load_final_states(folder)["return"]) == 3
+
+
+def test_an_endless_episode_is_cut(make_model, folder, monkeypatch):
+    monkeypatch.setattr(replay, "MAX_EPISODE_STEPS", 30)
+    env = gym.make("Pendulum-v1", max_episode_steps=-1)
+    make_model(TD3ICM, env, train_freq=(50, "step")).learn(50, SaveRun(folder))
+    assert len(np.load(folder / "best_trajectory.npz")["rewards"]) == 30
+    assert load_runs(folder)["best_return"].isna().all()
 
 
 def test_algorithms_of_others_are_refused(make_easy_maze, folder):

@@ -290,7 +290,12 @@ class TestSurvival:
             np.testing.assert_array_equal(found.curve.x, [0, 2, 10])
             np.testing.assert_array_equal(found.curve.estimate, [1, 0.5, 0.5])
 
-    @pytest.mark.parametrize("first", [[], [NAN], [0], [-1, 2], ["soon"], [[1, 2]]])
+    def test_nan_is_never_as_in_tables(self):
+        expected = survival([5, None], 10).curve.estimate
+        np.testing.assert_array_equal(survival([5.0, NAN], 10).curve.estimate, expected)
+        np.testing.assert_array_equal(survival(np.array([5.0, NAN]), 10).curve.estimate, expected)
+
+    @pytest.mark.parametrize("first", [[], [0], [-1, 2], ["soon"], [[1, 2]]])
     def test_other_times_are_refused(self, first):
         with pytest.raises(ValueError, match="`first_rewards` must hold"):
             survival(first, 10)

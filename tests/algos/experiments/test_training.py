@@ -2,6 +2,7 @@ import pytest
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
+from curiosity_algos.experiments.sweep import grid
 from curiosity_algos.experiments.training import Run, train
 
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
@@ -63,6 +64,16 @@ def test_gradients_are_trained_too(tmp_path):
     assert RunFolder(tmp_path).describe()["algorithm"] == TD3ICM.__name__
 
 
+def test_modules_are_no_part_of_the_folder(tmp_path):
+    run = Run("nses", "curiosity_gym:CuriosityMaze-US-v0", 0, 1)
+    assert run.folder(tmp_path).parent.name == "CuriosityMaze-US-v0"
+
+
+def test_a_sweep_has_no_run_twice():
+    runs = grid(["nses", "NS_ES"], ["a-v0", "a-v0"], [0, 1, 0], timesteps=1)
+    assert [(run.algorithm, run.seed) for run in runs] == [("NSES", 0), ("NSES", 1)]
+
+
 @pytest.mark.parametrize(
     ("run", "message"),
     [
@@ -71,6 +82,7 @@ def test_gradients_are_trained_too(tmp_path):
         (Run("nses", "Nothing-v3", 0, 1), "`env` "),
         (small(sigm=1), "`hyperparams` sigm is unknown: did you mean sigma"),
         (small(sigma=-1.0), "`sigma` must be"),
+        (small(verbose="abc"), "`hyperparams` must fit MAPElites"),
         (small(preset="best"), "`preset` must be one of"),
         (small(device="gpu"), "`device` must be"),
         (small(seed=-1), "`seed` must be"),

@@ -23,7 +23,7 @@ FOLDERS = ["benchmarks", "curiosity_algos", "curiosity_gym", "docs", "examples",
 MODULES = {
     "control": ["dm_control.suite", "imageio", "mujoco.batch", "packaging", "shimmy"],
     "robotics": ["gymnasium_robotics", "mujoco"],
-    "render": ["pygame"],
+    "render": ["moviepy", "pygame"],
     "ray": ["ray"],
     "report": ["plotly"],
     "tensorboard": ["tensorboard"],

@@ -114,7 +114,7 @@ def sweep(
     from curiosity_algos.experiments import sweep as many
     from curiosity_gym.processors import available_cpus
 
-    settings = _settings(hyperparams, preset, device, 1)
+    settings = _settings(hyperparams, preset, device, None)
     common = {"timesteps": timesteps, "settings": settings}
     common["env_kwargs"] = _keywords("env-kwargs", env_kwargs)
     runs = many.grid(algos.split(","), envs.split(","), _numbers("seeds", seeds), **common)

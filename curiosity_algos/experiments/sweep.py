@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import replace
 from itertools import product
 from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
@@ -83,4 +85,7 @@ def _end_with_parent() -> None:
 
 def _train_alone(run: Run, folder: Path, interval: float) -> bool:
     th.set_num_threads(1)
-    return train(run, run.folder(folder), interval=interval)
+    settings = dict(run.settings)
+    if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
+        settings["n_threads"] = 1
+    return train(replace(run, settings=settings), run.folder(folder), interval=interval)

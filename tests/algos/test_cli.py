@@ -139,6 +139,12 @@ class TestSweep:
         assert run_here(*self.words, "-f", str(killed))[:2] == (0, "")
         assert {path: path.stat().st_mtime_ns for path in killed.rglob("*")} == before
 
+    def test_gradients_are_swept_too(self, run_here, tmp_path):
+        words = ["--algos", "td3_icm", "--seeds", "0", "-n", "100", "--env-kwargs", "horizon:50"]
+        status, _, errors = run_here("sweep", *words)
+        assert status == 0, errors
+        assert load_runs(tmp_path)["timesteps"].item() >= 100
+
     def test_one_that_fails_leaves_the_others(self, tmp_path):
         (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)
         blocked = tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0" / "notes"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from importlib import import_module, metadata
+from importlib import import_module
 from typing import Annotated
 
 import typer
@@ -44,11 +44,12 @@ def main(
 
 def header(plan: Plan) -> str:
     """What the figures were measured on."""
-    from curiosity_algos.experiments.description import cpu_model
+    from curiosity_algos.experiments.description import cpu_model, version
     from curiosity_gym.processors import available_cpus
 
     python = f"Python {platform.python_version()}"
-    versions = [python, *(v for name in (*PACKAGES, *PEERS) if (v := version(name)))]
+    found = ((name, version(name)) for name in (*PACKAGES, *PEERS))
+    versions = [python, *(f"{name} {number}" for name, number in found if number)]
     lines = [
         "# Speed\n",
         f"- CPU: {cpu_model()}, {available_cpus()} cores",
@@ -59,14 +60,6 @@ def header(plan: Plan) -> str:
     if plan.quick:
         lines.insert(1, "**--quick: too short to mean anything.**\n")
     return "\n".join(lines)
-
-
-def version(package: str) -> str | None:
-    """Name and version, or None where it is not installed."""
-    try:
-        return f"{package} {metadata.version(package)}"
-    except metadata.PackageNotFoundError:
-        return None
 
 
 if __name__ == "__main__":

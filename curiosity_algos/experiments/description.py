@@ -49,11 +49,11 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether two descriptions are of one run, wherever and with whatever versions it went on."""
     names = ("algorithm", "env", "env_class", "env_kwargs", "wrappers", "seed")
-    settings = (
-        {name: each["settings"][name] for name in each["settings"].keys() - MAY_DIFFER}
+    first, second = (
+        {name: value for name, value in each["settings"].items() if name not in MAY_DIFFER}
         for each in (one, other)
     )
-    return all(one[name] == other[name] for name in names) and next(settings) == next(settings)
+    return first == second and all(one[name] == other[name] for name in names)
 
 
 def describe_env(env: VecEnv | None) -> dict[str, Any]:
@@ -117,13 +117,17 @@ def _name(value: Any) -> Any:
 
 def versions() -> dict[str, str]:
     """Of Python and the packages that results depend on, as far as they are installed."""
-    found = {"python": platform.python_version()}
-    for package in (*PACKAGES, *FURTHER):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+    found = {package: version(package) for package in (*PACKAGES, *FURTHER)}
+    installed = {package: number for package, number in found.items() if number is not None}
+    return {"python": platform.python_version(), **installed}
+
+
+def version(package: str) -> str | None:
+    """Of a package, or None where it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def git_revision(folder: Path) -> str | None:

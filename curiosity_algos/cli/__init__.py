@@ -1,0 +1,40 @@
+"""The command `curiosity`: train, watch and compare."""
+
+from __future__ import annotations
+
+import sys
+
+import gymnasium as gym
+import typer
+
+from curiosity_algos.cli.enjoy import enjoy
+from curiosity_algos.cli.list_names import list_names
+from curiosity_algos.cli.sweep import sweep
+from curiosity_algos.cli.train import train
+
+app = typer.Typer(
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Curiosity-driven policy search.",
+)
+for command in (train, enjoy, sweep):
+    app.command()(command)
+app.command("list")(list_names)
+
+
+def main() -> None:
+    """Run the command; a mistake is one line on standard error and a status that is not 0."""
+    try:
+        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except Exception as error:
+        message = getattr(error, "format_message", error.__str__)()
+        if not isinstance(error, ValueError | OSError | ImportError | gym.error.Error) and (
+            not hasattr(error, "exit_code")
+        ):
+            raise
+        print(f"Error: {' '.join(message.split())}", file=sys.stderr)
+        sys.exit(getattr(error, "exit_code", 1))
+    sys.exit(status if isinstance(status, int) else 0)

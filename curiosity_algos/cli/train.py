@@ -1,0 +1,42 @@
+"""`curiosity train`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from curiosity_algos.cli import options
+from curiosity_algos.cli.options import Algo, Device, Env, Keywords, LogFolder, Preset, Timesteps
+
+
+def train(
+    algo: Algo = "curiosity_es",
+    env: Env = "CuriosityMaze-Hard-v0",
+    timesteps: Timesteps = 1e7,
+    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    log_folder: LogFolder = Path("runs"),
+    env_kwargs: Keywords = None,
+    hyperparams: Keywords = None,
+    preset: Preset = None,
+    device: Device = "auto",
+    num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
+    progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
+) -> None:
+    """Train one model and keep its run in a folder; one that was interrupted goes on.
+
+    Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7 -P
+    """
+    from curiosity_algos.experiments import training
+
+    settings = options.settings(hyperparams, preset, device, num_threads)
+    run = training.Run(
+        algo, env, seed, timesteps, options.keywords("env-kwargs", env_kwargs), settings
+    )
+    run.check()
+    folder = run.folder(log_folder)
+    if not training.train(run, folder, progress_bar=progress):
+        typer.echo(f"{folder} is finished.")
+        return
+    typer.echo(options.summary(folder))

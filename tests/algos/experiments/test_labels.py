@@ -1,0 +1,39 @@
+"""Names and colors of runs that are shown together."""
+
+import pandas as pd
+
+from curiosity_algos.experiments.labels import COLORS, FURTHER, color_labels, label_runs
+from curiosity_algos.experiments.names import ALGORITHMS
+
+
+def test_a_label_names_the_settings_that_tell_runs_of_one_environment_apart():
+    runs = pd.DataFrame(
+        {
+            "algorithm": ["NSES", "NSES", "NSES", "NSLC", "NSLC"],
+            "env": ["US", "US", "Hard", "US", "Hard"],
+            "settings.behavior": ["final", "state", "final", "final", "final"],
+            "settings.learning_rate": [0.5, 0.5, 1.0, 0.5, 1.0],
+            "settings.device": ["cpu", "cuda", "cpu", "cpu", "cpu"],
+            "settings.k": [10, 10, 10, [1], float("nan")],
+        },
+        index=[4, 3, 2, 1, 0],
+    )
+    labels = label_runs(runs)
+    assert list(labels.index) == [4, 3, 2, 1, 0]
+    assert list(labels) == [
+        "NSES, behavior final",
+        "NSES, behavior state",
+        "NSES, behavior final",
+        "NSLC",
+        "NSLC",
+    ]
+
+
+def test_every_algorithm_has_a_color_of_its_own():
+    assert set(COLORS) == set(ALGORITHMS)
+    assert len({*COLORS.values(), *FURTHER}) == len(COLORS) + len(FURTHER)
+
+
+def test_other_labels_get_colors_in_turn():
+    colors = color_labels(["PPO", "NSES", "PPO", "NSES, k 10"])
+    assert colors == {"PPO": FURTHER[0], "NSES": COLORS["NSES"], "NSES, k 10": FURTHER[1]}

@@ -20,6 +20,7 @@ MODULES = {
     "report": "plotly",
     "robotics": "gymnasium_robotics",
     "tensorboard": "tensorboard",
+    "track": "wandb",
 }
 """Extra: the module without which it is not installed."""
 PARAMETERS = {

@@ -27,6 +27,7 @@ MODULES = {
     "ray": ["ray"],
     "report": ["plotly"],
     "tensorboard": ["tensorboard"],
+    "track": ["wandb"],
 }
 ENVS = {
     "control": ["CuriosityControl-Stacker-v0", "CuriositySparse-CartPoleSwingUp-v0"],

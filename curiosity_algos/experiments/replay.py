@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.evaluation.environments import step_limit
+from curiosity_algos.evaluation.policies import MlpPolicy, act
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.experiments.run_folder import write_arrays
 
@@ -30,12 +31,21 @@ def episode(model: BaseAlgorithm, env: gym.Env[Any, Any], seed: int) -> Iterator
     """One episode of the best policy; of an environment without a limit, its first 10,000 steps."""
     observation, info = env.reset(seed=seed)
     yield Step(observation, None, 0.0, info)
+    choose = _actor(model)
     for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
-        action, _ = model.predict(observation, deterministic=True)
+        action = choose(observation)
         observation, reward, terminated, truncated, info = env.step(action)
         yield Step(observation, action, float(reward), info)
         if terminated or truncated:
             return
+
+
+def _actor(model: BaseAlgorithm) -> Callable[[Any], Any]:
+    """What `predict` does, for a flat policy without the tensors around it, a third of the time."""
+    policy = model.policy
+    if isinstance(policy, MlpPolicy):
+        return lambda observation: act(policy.mlp, policy.vector[None], observation[None])[0]
+    return lambda observation: model.predict(observation, deterministic=True)[0]
 
 
 def can_be_played(env: VecEnv | None, spec: EnvSpec) -> bool:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -18,10 +20,10 @@ from curiosity_algos.evaluation.episodes import EpisodeRecord
 class ExplorationCallback(BaseCallback):
     """Logs what this package's algorithms log: coverage, and of a `BonusVecEnvWrapper` the bonus.
 
-    With each rollout it logs `coverage/...`, the cells that episodes have ended in, where
-    environments give `info["behavior"]` as those of `curiosity_gym` do; `intrinsic/mean` and
-    `intrinsic/max` of the steps since the last log; and the losses of the wrapper's last training.
-    It warns where a model that has trained goes on with a wrapper that is new.
+    With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended
+    in, where environments give `info["behavior"]` as those of `curiosity_gym` do. With each rollout
+    it logs `intrinsic/mean` and `intrinsic/max` of the steps since the last log, and the losses of
+    the wrapper's last training. It warns where a model that has trained goes on with a new wrapper.
 
     Args:
         verbose: As in SB3.
@@ -43,6 +45,11 @@ class ExplorationCallback(BaseCallback):
         return self._episodes.coverage
 
     @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self.coverage.shares
+
+    @property
     def first_success_timesteps(self) -> int | None:
         """Timesteps, or None."""
         return self._episodes.first_success_timesteps
@@ -61,20 +68,33 @@ class ExplorationCallback(BaseCallback):
     def _on_step(self) -> bool:
         infos = self.locals["infos"]
         self._episodes.add(infos, self.locals["dones"], self.num_timesteps)
+        if any(self.locals["dones"]):  # off-policy algorithms log before their rollout ends
+            self._log_coverage()
         self._intrinsic += [
             info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info
         ]
         return True
 
     def _on_rollout_end(self) -> None:
-        for name, share in self.coverage.shares.items():
-            self.logger.record(f"coverage/{name}", share)
+        self._log_coverage()
         if self._intrinsic:
             record_bonus(self.logger, np.array(self._intrinsic))
             self._intrinsic.clear()
-        wrapper = _wrapper_of(self.model)
+        wrapper = bonus_wrapper(self.model)
         for name, loss in ({} if wrapper is None else wrapper.metrics).items():
             self.logger.record(name, loss)
+
+    def _log_coverage(self) -> None:
+        for name, share in self.coverage_shares.items():
+            self.logger.record(f"coverage/{name}", share)
+
+    def state_dict(self) -> dict[str, Any]:
+        """What was found so far, for a checkpoint."""
+        return self._episodes.state_dict()
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave, once `learn` has begun."""
+        self._episodes.load_state_dict(state)
 
 
 class BonusCheckpointCallback(CheckpointCallback):
@@ -88,7 +108,7 @@ class BonusCheckpointCallback(CheckpointCallback):
     """
 
     def _init_callback(self) -> None:
-        if _wrapper_of(self.model) is None:
+        if bonus_wrapper(self.model) is None:
             raise ValueError("`env` must be wrapped in a BonusVecEnvWrapper, it is not.")
         super()._init_callback()
 
@@ -96,21 +116,22 @@ class BonusCheckpointCallback(CheckpointCallback):
         _warn_of_a_new_wrapper(self.model)
 
     def _on_step(self) -> bool:
-        wrapper = _wrapper_of(self.model)
+        wrapper = bonus_wrapper(self.model)
         # The model comes second, so that wherever there is one its wrapper is there too.
         if wrapper is not None and self.n_calls % self.save_freq == 0:
             wrapper.save(self._checkpoint_path("bonus_", extension="pt"))
         return super()._on_step()
 
 
-def _wrapper_of(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
+def bonus_wrapper(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
+    """The `BonusVecEnvWrapper` that a model learns with, or None."""
     venv = model.get_env()
     return None if venv is None else unwrap_vec_wrapper(venv, BonusVecEnvWrapper)
 
 
 def _warn_of_a_new_wrapper(model: BaseAlgorithm) -> None:
     """Warn, once, if a model that has trained goes on with a wrapper that has seen no step."""
-    wrapper = _wrapper_of(model)
+    wrapper = bonus_wrapper(model)
     has_trained = model.num_timesteps > 0 or model._n_updates > 0
     if wrapper is not None and wrapper.is_new and has_trained:
         wrapper.is_new = False

@@ -114,11 +114,12 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.train_interval = int(train_interval)
         self.n_updates = int(n_updates)
         self.batch_size = int(batch_size)
+        self.buffer_size = int(buffer_size)
         self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
         self.training = True
         self.is_new = True
         self._name = bonus if isinstance(bonus, str) else None
-        self._make_parts(bonus, buffer_size, np.random.SeedSequence(seed), device)
+        self._make_parts(bonus, np.random.SeedSequence(seed), device)
         self.metrics: dict[str, float] = {}
         self._observations = self._actions = np.empty(0)
         self._scale = BonusScale(self.num_envs, gamma=self.gamma)
@@ -129,7 +130,6 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def _make_parts(
         self,
         bonus: str | Bonus,
-        buffer_size: int,
         seed: np.random.SeedSequence,
         device: th.device | str,
     ) -> None:
@@ -142,7 +142,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
         self.buffer = TransitionBuffer(
-            int(buffer_size), space, stored_action_size(action_space), seed=buffer_seed
+            self.buffer_size, space, stored_action_size(action_space), seed=buffer_seed
         )
 
     # -- stepping -------------------------------------------------------------------------------
@@ -284,11 +284,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If the state of a bonus of your own holds what no file of torch may.
         """
-        held = {"bonus": self._name, "buffer_size": self.buffer.capacity}
         write_wrapper(
             path,
             venv=self.venv,
-            settings={name: getattr(self, name) for name in SETTINGS if name not in held} | held,
+            settings={name: getattr(self, name) for name in SETTINGS} | {"bonus": self._name},
             state=self.state_dict(),
         )
 

@@ -6,7 +6,7 @@ import inspect
 import json
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from importlib import metadata
@@ -17,9 +17,12 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import ActionNoise
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.curiosity.callbacks import bonus_wrapper
 from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_gym.processors import available_cpus
 
 PACKAGES = ("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3")
@@ -32,8 +35,9 @@ MAY_DIFFER = {"device", "n_threads", "tensorboard_log", "verbose"}
 def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
     """All that tells a run from another, in terms of JSON; what a run comes to is not in it."""
     return {
-        "algorithm": type(model).__name__,
+        "algorithm": algorithm_name(model),
         **describe_env(model.get_env()),
+        **describe_vec_env(model),
         "seed": model.seed,
         "settings": settings_of(model),
         "versions": versions(),
@@ -46,14 +50,21 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
     }
 
 
+def algorithm_name(model: BaseAlgorithm) -> str:
+    """That of its class, and of the bonus in its reward: `PPO + ICM`."""
+    wrapper = bonus_wrapper(model)
+    added = "" if wrapper is None else f" + {type(wrapper.bonus).__name__}"
+    return f"{type(model).__name__}{added}"
+
+
 def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether two descriptions are of one run, wherever and with whatever versions it went on."""
-    names = ("algorithm", "env", "env_class", "env_kwargs", "wrappers", "seed")
+    names = ("algorithm", "env", "env_class", "env_kwargs", "wrappers", "vec_env", "seed")
     first, second = (
         {name: value for name, value in each["settings"].items() if name not in MAY_DIFFER}
         for each in (one, other)
     )
-    return first == second and all(one[name] == other[name] for name in names)
+    return first == second and all(one.get(name) == other.get(name) for name in names)
 
 
 def describe_env(env: VecEnv | None) -> dict[str, Any]:
@@ -73,6 +84,26 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
     }
 
 
+def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:
+    """How many environments a model steps, and the wrappers of the VecEnv with their settings.
+
+    Empty for algorithms that evaluate whole populations, whose results do not depend on it.
+    """
+    env = model.get_env()
+    if env is None or isinstance(model, EvolutionaryAlgorithm):
+        return {}
+    wrappers = {type(each).__name__: _arguments(each, vars(each)) for each in vec_wrappers(env)}
+    return {"vec_env": {"n_envs": env.num_envs, "wrappers": wrappers}}
+
+
+def vec_wrappers(env: VecEnv) -> Iterator[VecEnvWrapper]:
+    """Those of a VecEnv from the outermost on, but for SB3's monitor."""
+    while isinstance(env, VecEnvWrapper):
+        if not isinstance(env, VecMonitor):
+            yield env
+        env = env.venv
+
+
 def spec_of(env: VecEnv | None) -> EnvSpec | None:
     """What the (first) single environment was made by, but for SB3's Monitor, or None."""
     if isinstance(env, GymnasiumView):
@@ -89,12 +120,20 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
 
 
 def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
-    """Every keyword of the constructor, defaults included; of objects their class."""
-    names = inspect.signature(type(model)).parameters.keys() - {"env", "seed"}
-    values = {name: getattr(model, name, getattr(model, f"_{name}", None)) for name in names}
-    values["device"] = str(model.device)
-    values["policy"] = model.policy_class
-    return {name: _as_json(values[name]) for name in sorted(values)}
+    """Every keyword of the constructor that a model keeps, defaults included; objects by class."""
+    own = {"device": str(model.device), "policy": model.policy_class}
+    return _arguments(model, vars(model) | own)
+
+
+def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the constructor that are kept in attributes of the same name, or with a `_`."""
+    names = inspect.signature(type(thing)).parameters.keys() - {"env", "venv", "seed"}
+    kept = {
+        name: attributes.get(name, attributes.get(f"_{name}"))
+        for name in sorted(names)
+        if attributes.keys() & {name, f"_{name}"} and not name.startswith("_")
+    }
+    return {name: _as_json(value) for name, value in kept.items()}
 
 
 def _as_json(value: Any) -> Any:
@@ -107,6 +146,10 @@ def _name(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, Enum):
         return value.value
+    if isinstance(value, FloatSchedule):  # SB3's, of a number or of a function
+        if isinstance(value.value_schedule, ConstantSchedule):
+            return value.value_schedule.val
+        return [value(left) for left in (1.0, 0.5, 0.0)]
     if isinstance(value, ActionNoise):
         numbers = int | float | np.ndarray
         settings = {k: v for k, v in vars(value).items() if k[0] == "_" and isinstance(v, numbers)}

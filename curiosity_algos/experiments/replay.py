@@ -10,11 +10,13 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
+from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import MlpPolicy, act
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+from curiosity_algos.experiments.description import vec_wrappers
 from curiosity_algos.experiments.run_folder import write_arrays
 
 
@@ -52,7 +54,10 @@ def can_be_played(env: VecEnv | None, spec: EnvSpec) -> bool:
     """Whether an environment can be made again in which the policy sees what it saw."""
     # A wrapper that keeps no record of its arguments cannot be made again.
     is_known = all(each.kwargs is not None for each in spec.additional_wrappers)
-    return is_known and (not isinstance(env, VecEnvWrapper) or isinstance(env, VecMonitor))
+    sees_the_same = env is None or all(
+        isinstance(each, BonusVecEnvWrapper) for each in vec_wrappers(env)
+    )
+    return is_known and sees_the_same
 
 
 def play(model: BaseAlgorithm, spec: EnvSpec, path: Path, seed: int = 0) -> None:

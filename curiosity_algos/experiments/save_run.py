@@ -10,11 +10,22 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from stable_baselines3.common.callbacks import BaseCallback
+import torch as th
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.logger import CSVOutputFormat
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecMonitor, is_vecenv_wrapped
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.vec_env import (
+    VecEnv,
+    VecMonitor,
+    VecNormalize,
+    is_vecenv_wrapped,
+    unwrap_vec_wrapper,
+)
 
+from curiosity_algos.curiosity.callbacks import ExplorationCallback, bonus_wrapper
+from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
 from curiosity_algos.experiments.replay import can_be_played, play
@@ -37,6 +48,11 @@ class SaveRun(BaseCallback):
         rest = 1e7 - model.num_timesteps
         model.learn(rest, callback=SaveRun("runs/hard"), reset_num_timesteps=False)
 
+    An algorithm of Stable-Baselines3's own, or of sb3-contrib's, goes on too, but not bit for bit:
+    its replay buffer, its random draws and the episodes under way begin anew. Beside its `model`
+    the checkpoint holds `bonus.pt` of a `BonusVecEnvWrapper` and `vecnormalize.pkl` of a
+    VecNormalize, to wrap the environments with.
+
     Args:
         folder: Of the run: empty or missing, or that of the run that the model goes on with.
         interval: Seconds between two checkpoints, above 0. One more is taken when `learn` ends,
@@ -46,11 +62,12 @@ class SaveRun(BaseCallback):
         verbose: As in SB3.
 
     Raises:
-        ValueError: When `learn` begins: if the model is not of this package, or no Monitor sees its
-            episodes; if the folder holds another run, or another process trains there.
+        ValueError: When `learn` begins: if the model steps no VecEnv, as sb3-contrib's ARS, or no
+            Monitor sees its episodes; if the folder holds another run, or another process trains
+            there.
     """
 
-    model: EvolutionaryAlgorithm | ResumableTD3
+    model: EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
 
     def __init__(
         self,
@@ -70,12 +87,7 @@ class SaveRun(BaseCallback):
     # -- SB3's callback -------------------------------------------------------------------------
 
     def _on_training_start(self) -> None:
-        if not isinstance(self.model, EvolutionaryAlgorithm | ResumableTD3):
-            raise ValueError(
-                f"SaveRun is for algorithms of curiosity_algos, got {type(self.model).__name__}."
-            )
-        if not isinstance(self.model, EvolutionaryAlgorithm):
-            self._check_monitor(self.model)
+        self._check_model()
         seed = np.random.SeedSequence(self.model.seed, spawn_key=(0x5A7E,))
         self._rewarding = Reservoir(self.n_rewarding, seed)
         self._n_episodes, self._seconds_before = 0, 0.0
@@ -83,18 +95,37 @@ class SaveRun(BaseCallback):
         description = describe_run(self.model)
         self._check_folder(description)
         self._held = self.folder.lock()
+        self._begin_to_observe()
         self._begin_or_go_on(description)
         self._began = self._saved = time.monotonic()
         self._log: CSVOutputFormat = self.folder.open_progress(self.model.num_timesteps)
         self.logger.output_formats.append(self._log)
 
-    def _check_monitor(self, model: ResumableTD3) -> None:
-        env = model.get_env()
-        assert env is not None  # `learn` has asked for one
-        if not (is_vecenv_wrapped(env, VecMonitor) or all(env.env_is_wrapped(Monitor))):
+    def _check_model(self) -> None:
+        if isinstance(self.model, EvolutionaryAlgorithm):
+            return
+        if not isinstance(self.model, OnPolicyAlgorithm | OffPolicyAlgorithm):
             raise ValueError(
-                "`env` must have a Monitor: wrap it in Stable-Baselines3's VecMonitor."
+                "SaveRun is for algorithms of curiosity_algos, and those of Stable-Baselines3 that "
+                f"step a VecEnv, got {type(self.model).__name__}."
             )
+        if not _sees_the_task(self.training_env):
+            raise ValueError(
+                "`env` must have a Monitor, below wrappers that change rewards: wrap the "
+                "environment itself in Stable-Baselines3's VecMonitor."
+            )
+
+    def _begin_to_observe(self) -> None:
+        """Count what algorithms of Stable-Baselines3's own do not."""
+        counts = isinstance(self.model, EvolutionaryAlgorithm | ResumableTD3)
+        self._observers = CallbackList([] if counts else [ExplorationCallback()])
+        self._observers.init_callback(self.model)
+        self._observers.on_training_start(self.locals, self.globals)
+
+    @property
+    def _found(self) -> EvolutionaryAlgorithm | ResumableTD3 | ExplorationCallback:
+        """What knows of coverage, best return and first success."""
+        return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
 
     def _check_folder(self, description: dict[str, Any]) -> None:
         if self.folder.is_empty():
@@ -116,6 +147,8 @@ class SaveRun(BaseCallback):
             result = self.folder.result()
             self._n_episodes, self._seconds_before = result["n_episodes"], result["seconds"]
             self._rewarding.load(dict(np.load(checkpoint / "rewarding.npz")))
+            if isinstance(self._found, ExplorationCallback):
+                self._found.load_state_dict(th.load(checkpoint / "found.pt", weights_only=True))
             for name, (value, count) in result["pending_log"].items():
                 self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
         self.folder.drop_after(self._n_episodes)
@@ -127,11 +160,15 @@ class SaveRun(BaseCallback):
 
     def _on_step(self) -> bool:
         self.logger.record("time/seconds", self._seconds())
+        self._observers.on_step()
         ended = np.flatnonzero(self.locals["dones"])
         if len(ended):
             self._pending.append(self._final_states(ended))
             self._sample_rewarding()
         return True
+
+    def _on_rollout_end(self) -> None:
+        self._observers.on_rollout_end()
 
     def _on_training_end(self) -> None:
         self._save(exclude=["buffer"])
@@ -193,24 +230,35 @@ class SaveRun(BaseCallback):
 
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
         self.model.save(folder / "model", exclude)
+        self._write_wrappers(folder)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
         policy = self.model.policy
         if isinstance(policy, MlpPolicy):
             best = {"parameters": policy.vector, "net_arch": policy.net_arch}
             write_arrays(
-                folder / "best_policy.npz", {**best, "return": np.array(self.model.best_return)}
+                folder / "best_policy.npz", {**best, "return": np.array(self._found.best_return)}
             )
+        if isinstance(self._found, ExplorationCallback):
+            th.save(self._found.state_dict(), folder / "found.pt")
         (folder / "result.json").write_text(json.dumps(self._result(), indent=2))
 
+    def _write_wrappers(self, folder: Path) -> None:
+        """Those of the VecEnv that learn, which no model saves."""
+        bonus, normalize = bonus_wrapper(self.model), self.model.get_vec_normalize_env()
+        if bonus is not None:
+            bonus.save(folder / "bonus.pt")
+        if normalize is not None:
+            normalize.save(str(folder / "vecnormalize.pkl"))
+
     def _result(self) -> dict[str, Any]:
-        model = self.model
+        model, found = self.model, self._found
         return {
             "timesteps": model.num_timesteps,
             "total_timesteps": model._total_timesteps,
             "n_episodes": self._n_episodes,
-            "best_return": model.best_return if np.isfinite(model.best_return) else None,
-            "first_success_timesteps": model.first_success_timesteps,
-            "coverage": model.coverage_shares,
+            "best_return": found.best_return if np.isfinite(found.best_return) else None,
+            "first_success_timesteps": found.first_success_timesteps,
+            "coverage": found.coverage_shares,
             "n_rewarding": self._rewarding.n_seen,
             "seconds": self._seconds(),
             # What the next row is the mean of: an algorithm may log less often than it is saved.
@@ -224,3 +272,12 @@ class SaveRun(BaseCallback):
         spec = spec_of(self.model.get_env())
         if spec is not None and can_be_played(self.model.get_env(), spec):
             play(self.model, spec, self.folder.best_trajectory)
+
+
+def _sees_the_task(env: VecEnv) -> bool:
+    """Whether a Monitor sees each episode, with the rewards of the task."""
+    monitor = unwrap_vec_wrapper(env, VecMonitor)
+    if monitor is None:
+        return all(env.env_is_wrapped(Monitor))
+    changes_rewards = (BonusVecEnvWrapper, VecNormalize)
+    return not any(is_vecenv_wrapped(monitor.venv, each) for each in changes_rewards)

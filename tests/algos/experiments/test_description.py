@@ -1,12 +1,19 @@
+import inspect
 import json
 import subprocess
 
 import gymnasium as gym
 import numpy as np
 import pytest
+import sb3_contrib
+import stable_baselines3
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos import TD3ICM, MAPElites
+from curiosity_algos import TD3ICM, BonusVecEnvWrapper, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
     describe_env,
@@ -90,6 +97,44 @@ def test_td3s_settings_keep_their_values(make_model, make_easy_maze):
     assert settings["train_freq"] == [1, "episode"]
     assert settings["action_noise"] == {"NormalActionNoise": {"_mu": [0, 0], "_sigma": [0.9, 0.9]}}
     assert settings["stats_window_size"] == 7
+
+
+DISCRETE = ("DQN", "QRDQN")
+KEPT_IN_POLICY_KWARGS = {"rms_prop_eps", "use_rms_prop"}
+
+
+@pytest.mark.parametrize(
+    ("package", "name"),
+    [(stable_baselines3, name) for name in ("A2C", "DDPG", "DQN", "PPO", "SAC", "TD3")]
+    + [(sb3_contrib, name) for name in ("CrossQ", "QRDQN", "TQC", "TRPO")],
+)
+def test_stable_baselines_settings_have_their_defaults(package, name):
+    cls = getattr(package, name)
+    env = "CartPole-v1" if name in DISCRETE else "Pendulum-v1"
+    settings = settings_of(cls("MlpPolicy", env, device="cpu"))
+    parameters = inspect.signature(cls).parameters
+    left_out = {"env", "seed", "_init_setup_model", *KEPT_IN_POLICY_KWARGS}
+    assert settings.keys() == parameters.keys() - left_out
+    for name, value in settings.items():
+        if isinstance(parameters[name].default, bool | float):
+            assert value == parameters[name].default, name
+
+
+def test_schedules_are_told_by_their_values():
+    model = PPO("MlpPolicy", "CartPole-v1", clip_range=LinearSchedule(0.4, 0.0, 1.0), device="cpu")
+    assert settings_of(model)["clip_range"] == [0.4, 0.2, 0.0]
+
+
+def test_wrappers_of_a_vec_env_have_their_settings():
+    venv = BonusVecEnvWrapper(make_vec_env("Pendulum-v1", 3), bonus="rnd", weight=0.5, seed=0)
+    described = describe_run(PPO("MlpPolicy", VecNormalize(venv, clip_obs=5.0), device="cpu"))
+    assert json.loads(json.dumps(described)) == described
+    assert described["algorithm"] == "PPO + RND"
+    assert described["vec_env"]["n_envs"] == 3
+    normalize, bonus = described["vec_env"]["wrappers"].items()
+    assert (normalize[0], normalize[1]["clip_obs"]) == ("VecNormalize", 5.0)
+    assert bonus[0] == "BonusVecEnvWrapper"
+    assert (bonus[1]["weight"], bonus[1]["buffer_size"]) == (0.5, 100_000)
 
 
 class TestGit:

@@ -3,12 +3,23 @@ import json
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from gymnasium.envs.classic_control import PendulumEnv
-from stable_baselines3 import PPO
+from sb3_contrib import ARS
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
-from curiosity_algos import TD3ICM, CanonicalES, CuriosityES, MAPElites, make_evaluator
+from curiosity_algos import (
+    TD3ICM,
+    BonusVecEnvWrapper,
+    CanonicalES,
+    CuriosityES,
+    ExplorationCallback,
+    MAPElites,
+    make_evaluator,
+)
 from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs, replay
 from curiosity_algos.experiments.run_folder import RunFolder
 
@@ -191,10 +202,123 @@ def test_an_endless_episode_is_cut(make_model, folder, monkeypatch):
     assert load_runs(folder)["best_return"].isna().all()
 
 
-def test_algorithms_of_others_are_refused(make_easy_maze, folder):
-    with pytest.raises(ValueError, match="SaveRun is for algorithms of curiosity_algos, got PPO"):
-        PPO("MlpPolicy", make_easy_maze(), device="cpu").learn(1, SaveRun(folder))
-    assert not folder.exists()
+US = "CuriosityMaze-US-v0"
+
+
+def make_mazes(n_envs=2, bonus=None):
+    """Mazes for an algorithm of Stable-Baselines3's own, with or without a bonus."""
+    venv = make_vec_env(US, n_envs, seed=0, env_kwargs={"horizon": 50})
+    if bonus is None:
+        return venv
+    settings = {"train_interval": 40, "n_updates": 2, "seed": 0, "device": "cpu"}
+    return BonusVecEnvWrapper(venv, bonus=bonus, **settings)
+
+
+def make_ppo(env, **settings):
+    small = {"n_steps": 60, "batch_size": 60, "n_epochs": 1, "seed": 0, "device": "cpu"}
+    return PPO("MlpPolicy", env, **(small | settings))
+
+
+def make_off_policy(algorithm, **settings):
+    small = {"learning_starts": 100, "buffer_size": 1000, "seed": 0, "device": "cpu"}
+    return algorithm("MlpPolicy", make_mazes(1), **(small | settings))
+
+
+def the_run(folder):
+    (run,) = load_runs(folder).to_dict("records")
+    return run
+
+
+class TestStableBaselines:
+    @pytest.mark.parametrize("bonus", [None, "icm"])
+    def test_on_policy(self, folder, bonus):
+        seen = ExplorationCallback()
+        model = make_ppo(make_mazes(bonus=bonus))
+        model.learn(600, [SaveRun(folder), seen], log_interval=1)
+        run = the_run(folder)
+        assert run["algorithm"] == ("PPO" if bonus is None else "PPO + ICM")
+        assert (run["timesteps"], run["n_episodes"]) == (600, 12)
+        assert run["coverage.all"] == seen.coverage.all > 0
+        assert run["best_return"] == seen.best_return == load_final_states(folder)["return"].max()
+        assert run["env_kwargs.horizon"] == 50
+        progress = load_progress(folder)
+        assert progress["coverage/all"].iloc[-1] == seen.coverage.all
+        assert ("intrinsic/mean" in progress) == (bonus is not None)
+
+    @pytest.mark.parametrize("algorithm", [SAC, TD3])
+    def test_off_policy(self, folder, algorithm):
+        schedule = {"train_freq": (1, "episode")} if algorithm is TD3 else {}
+        model = make_off_policy(algorithm, **schedule)
+        model.learn(300, SaveRun(folder), log_interval=1)
+        run = the_run(folder)
+        assert (run["algorithm"], run["n_episodes"]) == (algorithm.__name__, 6)
+        last = load_progress(folder).iloc[-1]
+        assert last["time/total_timesteps"] == 300
+        assert last["coverage/all"] == run["coverage.all"] > 0
+
+    def test_the_last_policys_episode_is_there(self, folder):
+        model = make_ppo(make_mazes(bonus="rnd")).learn(120, SaveRun(folder))
+        episode = np.load(folder / "best_trajectory.npz")
+        assert len(episode["behaviors"]) == 51
+        actions, _ = model.predict(episode["observations"][:-1], deterministic=True)
+        np.testing.assert_allclose(episode["actions"], actions, rtol=1e-5, atol=1e-6)
+
+    def test_a_killed_run_goes_on(self, folder):
+        killed = make_ppo(VecNormalize(make_mazes(bonus="icm")))
+        with pytest.raises(KilledError):
+            killed.learn(600, [SaveRun(folder, interval=1e-9), Kill(500)], log_interval=1)
+        checkpoint, before = RunFolder(folder).checkpoint, the_run(folder)
+        assert int(checkpoint.name) == before["timesteps"] == 480
+        wrapped = BonusVecEnvWrapper.load(checkpoint / "bonus.pt", make_mazes())
+        assert len(wrapped.buffer) == 480
+        env = VecNormalize.load(checkpoint / "vecnormalize.pkl", wrapped)
+        model = PPO.load(checkpoint / "model", env=env)
+        model.learn(120, SaveRun(folder), log_interval=1, reset_num_timesteps=False)
+        run = the_run(folder)
+        assert run["timesteps"] == 600
+        assert run["coverage.all"] >= before["coverage.all"]
+        assert run["n_episodes"] == len(load_final_states(folder)["return"])
+        assert load_progress(folder)["time/total_timesteps"].tolist() == list(range(120, 601, 120))
+        assert not (folder / "best_trajectory.npz").exists()  # of normalized observations
+
+    def test_what_was_found_before_still_counts(self, folder):
+        make_ppo(make_mazes()).learn(240, SaveRun(folder))
+        found = RunFolder(folder).checkpoint / "found.pt"
+        state = th.load(found, weights_only=True)
+        state["coverage"]["visited"], state["best_return"] = th.arange(30), 7.0
+        th.save(state | {"first_success_timesteps": 5}, found)
+        model = PPO.load(RunFolder(folder).checkpoint / "model", env=make_mazes())
+        model.learn(120, SaveRun(folder), reset_num_timesteps=False)
+        run = the_run(folder)
+        assert (run["best_return"], run["first_success_timesteps"]) == (7.0, 5)
+        assert 30 / 2500 <= run["coverage.all"] <= 33 / 2500
+
+    @pytest.mark.parametrize(
+        "other",
+        [
+            lambda: make_ppo(make_mazes(bonus="icm")),
+            lambda: make_ppo(make_mazes(3)),
+            lambda: make_ppo(VecNormalize(make_mazes())),
+            lambda: make_ppo(make_mazes(), clip_range=0.1),
+        ],
+    )
+    def test_another_run_is_refused(self, folder, other):
+        make_ppo(make_mazes()).learn(120, SaveRun(folder))
+        model = other()
+        model.num_timesteps = 120
+        with pytest.raises(ValueError, match=r"^`folder` must be empty, or that of the run"):
+            model.learn(120, SaveRun(folder), reset_num_timesteps=False)
+
+    def test_those_that_step_no_vec_env_are_refused(self, folder):
+        with pytest.raises(ValueError, match="step a VecEnv, got ARS"):
+            ARS("MlpPolicy", "Pendulum-v1").learn(1, SaveRun(folder))
+        assert not folder.exists()
+
+    @pytest.mark.parametrize("wrap", [lambda env: BonusVecEnvWrapper(env, seed=0), VecNormalize])
+    def test_a_monitor_must_see_the_tasks_rewards(self, folder, wrap):
+        with pytest.raises(ValueError, match="below wrappers that change rewards"):
+            make_ppo(VecMonitor(wrap(make_mazes()))).learn(1, SaveRun(folder))
+        assert not folder.exists()
 
 
 @pytest.mark.parametrize("wrong", [{"interval": 0.0}, {"n_rewarding": 0}])

@@ -17,6 +17,20 @@ class AppliedPreset(str):
     __slots__ = ()
 
 
+def name_of_applied(preset: str | None) -> str | None:
+    """The name of a preset, for constructors.
+
+    Raises:
+        ValueError: If its keywords were not applied: it was given where the class does not see it.
+    """
+    if not isinstance(preset, AppliedPreset | None):
+        raise ValueError(
+            "`preset` must be given where the model is made: a class of your own passes "
+            "**load_preset(...) on."
+        )
+    return None if preset is None else str(preset)
+
+
 class AlgorithmType(ABCMeta):
     """The type of algorithms' classes.
 
@@ -38,9 +52,20 @@ class AlgorithmType(ABCMeta):
         preset = kwargs.get("preset")
         if preset is not None:
             env = args[0] if args else kwargs.get("env")
-            settings = load_preset(preset, _known_name(cls), env_id(env))
+            settings = _load_settings(cls, preset, env_id(env))
             kwargs = _filled_in(kwargs, settings) | {"preset": AppliedPreset(preset)}
         return super().__call__(*args, **kwargs)
+
+
+def _load_settings(cls: type, preset: str, env: str | None) -> dict[str, Any]:
+    """Keywords of a preset, all of which the class takes."""
+    settings = load_preset(preset, _known_name(cls), env)
+    unknown = sorted(settings.keys() - inspect.signature(cls).parameters.keys())
+    if unknown:
+        raise ValueError(
+            f"{preset}.yml must have keywords of {cls.__name__}, it has {', '.join(unknown)}."
+        )
+    return settings
 
 
 def _filled_in(given: dict[str, Any], settings: dict[str, Any]) -> dict[str, Any]:

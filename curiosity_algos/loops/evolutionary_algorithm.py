@@ -39,7 +39,7 @@ from curiosity_algos.evaluation.evaluator import (
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
-from curiosity_algos.loops.constructors import AlgorithmType, AppliedPreset
+from curiosity_algos.loops.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.loops.generation import as_step
 from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_algos.loops.parts import stateful_parts
@@ -111,11 +111,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
     ) -> None:
         check_order(self, env, policy)
-        if not isinstance(preset, AppliedPreset | None):
-            raise ValueError(
-                "`preset` must be given where the model is made: a class of your own passes "
-                "**load_preset(...) on."
-            )
+        preset = name_of_applied(preset)
         check_seed(seed)
         net_arch = check_policy_kwargs(policy_kwargs)
         env = open_env(env)
@@ -132,7 +128,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             support_multi_env=True,
             seed=seed,
         )
-        self.preset = None if preset is None else str(preset)
+        self.preset = preset
         self._evaluator_choice = evaluator
         self._given: dict[str, list[str]] = {}
         self.n_threads = n_threads

@@ -49,7 +49,7 @@ from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
-from curiosity_algos.loops.constructors import AlgorithmType
+from curiosity_algos.loops.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.rebuild import build_model, check_names, read_parameters
@@ -88,6 +88,8 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
             Actions must be a bounded Box.
         policy: "MlpPolicy", "CnnPolicy", or a subclass of either.
+        preset: "paper" or "tuned": settings that replace the defaults of what is not given here,
+            see `load_preset`; None: none.
         learning_rate: Adam's, of actor and critics, or a schedule as in SB3.
         buffer_size: Transitions kept.
         learning_starts: Steps of random actions before the first training.
@@ -121,6 +123,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         env: AnyEnv | None,
         policy: str | type[TD3Policy] = "MlpPolicy",
         *,
+        preset: str | None = None,
         learning_rate: float | Schedule = 1e-3,
         buffer_size: int = 1_000_000,
         learning_starts: int = 100,
@@ -142,6 +145,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
     ) -> None:
         check_order(self, env, policy)
+        preset = name_of_applied(preset)
         check_seed(seed)
         env = open_env(env)
         if env is not None or _init_setup_model:
@@ -169,6 +173,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             stats_window_size=stats_window_size,
             _init_setup_model=False,
         )
+        self.preset = preset
         self._n_steps = self._n_episodes = 0  # of the rollout under way
         self._is_seen = False
         self._interrupted: dict[str, Any] | None = None
@@ -542,8 +547,8 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` are
-                others than those saved.
+            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` or
+                `preset` are others than those saved.
             RuntimeError: If a `bonus` given here is made in another way than the one saved.
         """
         file = check_is_checkpoint(path, cls.__name__)
@@ -553,8 +558,9 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         seed = kwargs.get("seed")
         check_seed(seed)
         data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
-        if kwargs.get("policy_kwargs", data["policy_kwargs"]) != data["policy_kwargs"]:
-            raise ValueError(f"`policy_kwargs` must be as saved, {data['policy_kwargs']}.")
+        for name in kwargs.keys() & {"policy_kwargs", "preset"}:
+            if kwargs[name] != data.get(name):
+                raise ValueError(f"`{name}` must be as saved, {data.get(name)}.")
         model = build_model(cls, data | kwargs, parameters, env, device, force_reset)
         if model.env is not None:
             model._match_env()

@@ -12,10 +12,12 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import curiosity_algos
 from curiosity_algos import NSES, TD3ICM, CuriosityES, load_preset
+from curiosity_algos.experiments.names import ALGORITHMS
+from curiosity_algos.loops import presets
 from curiosity_algos.loops.presets import PRESETS
 
 FOLDER = Path(curiosity_algos.__file__).parent / "presets"
-NO_SETTINGS = {"env", "policy", "preset", "evaluator", "archive"}
+NO_SETTINGS = {"env", "policy", "preset", "evaluator", "archive", "action_noise"}
 """Arguments that a model keeps in another form."""
 HARD = "CuriosityMaze-Hard-v0"
 MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]
@@ -49,6 +51,53 @@ def test_every_preset_makes_a_model(preset, algorithm, env_id):
 
 
 @pytest.mark.parametrize("preset", PRESETS)
+def test_every_algorithm_and_task_has_settings(preset):
+    table = yaml.safe_load((FOLDER / f"{preset}.yml").read_text())
+    assert sorted(table) == sorted(ALGORITHMS)
+    aliases = {env_id.removeprefix("Curiosity") for env_id in MAZES}
+    for algorithm, settings in table.items():
+        assert settings.keys() == {*MAZES, *aliases, *CONTROL}
+        taken = inspect.signature(getattr(curiosity_algos, algorithm)).parameters.keys()
+        assert all(keywords.keys() <= taken for keywords in settings.values())
+
+
+class TestFile:
+    @pytest.fixture
+    def write(self, tmp_path, monkeypatch):
+        path = tmp_path / "paper.yml"
+        monkeypatch.setitem(presets._FILES, "paper.yml", path)
+        return path.write_text
+
+    @pytest.mark.parametrize(
+        "text", ["CuriosityMaze-Hrd-v0: {}", f"{HARD}:", f"{HARD}: 3", f"{HARD}: [sigma]"]
+    )
+    def test_environments_must_be_known(self, write, text):
+        write(f"NSES: {{{HARD}: {{}}}}\nCuriosityES:\n  {text}")
+        with pytest.raises(ValueError, match="of CuriosityES it has Curiosity"):
+            load_preset("paper", "NSES", HARD)
+
+    def test_keywords_must_be_known(self, write):
+        write(f"NSES: {{{HARD}: {{k: 3, sigm: 1}}}}")
+        with pytest.raises(ValueError, match="must have keywords of NSES, it has sigm"):
+            NSES(HARD, preset="paper")
+
+
+def test_the_papers_td3_is_the_class_but_for_its_inputs():
+    model = TD3ICM(HARD, preset="paper")
+    settings = {"learning_rate": 5e-5, "gamma": 0.99, "batch_size": 128, "tau": 0.005}
+    settings |= {"learning_starts": 10_000, "buffer_size": 1_000_000, "n_updates": 64}
+    assert {name: getattr(model, name) for name in settings} == settings
+    assert model.bonus_kwargs == {"normalize": False}
+
+
+def test_a_loaded_td3_has_its_preset(tmp_path):
+    TD3ICM(HARD, preset="paper", buffer_size=10).save(tmp_path / "model")
+    assert TD3ICM.load(tmp_path / "model").preset == "paper"
+    with pytest.raises(ValueError, match="`preset` must be as saved, paper"):
+        TD3ICM.load(tmp_path / "model", preset="tuned")
+
+
+@pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("env_id", MAZES)
 @pytest.mark.parametrize("algorithm", ["CuriosityES", "NSES", "MAPElites"])
 def test_aliases_have_the_same_settings(preset, env_id, algorithm):
@@ -72,7 +121,7 @@ def test_the_papers_table():
 def test_the_papers_neighbors_and_mutations():
     neighbors = [load_preset("paper", "NSES", env_id)["k"] for env_id in MAZES + CONTROL]
     assert neighbors == [20, 10, 20, 20, 10, 20]
-    for algorithm in ("NSES", "MAPElites", "CMAME", "NSLC", "AURORA"):
+    for algorithm in ("NSES", "MAPElites", "CMAME", "NSLC", "AURORA", "CuriosityMAPElites"):
         sigmas = [load_preset("paper", algorithm, env_id)["sigma"] for env_id in MAZES + CONTROL]
         assert sigmas == [0.5, 0.5, 0.5, 0.005, 0.005, 0.001]
 
@@ -106,8 +155,8 @@ def test_what_a_preset_says_nothing_of_is_refused():
         load_preset("tuned", "CuriosityEs", HARD)
     with pytest.raises(ValueError, match="not for Pendulum-v1"):
         CuriosityES("Pendulum-v1", preset="paper")
-    with pytest.raises(ValueError, match="not of TD3ICM"):
-        TD3ICM(HARD, preset="paper")
+    with pytest.raises(ValueError, match="not for CuriosityMaze-Labyrinth-v0"):
+        TD3ICM("CuriosityMaze-Labyrinth-v0", preset="paper")
 
 
 def test_a_preset_is_found_for_every_kind_of_env():

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from curiosity_algos.experiments.tracking import Project
+    from curiosity_algos.experiments.training import Run
+
+TIMESTEPS = 1e7
 
 Algo = Annotated[
     str,
@@ -14,9 +21,9 @@ Algo = Annotated[
 ]
 Env = Annotated[str, typer.Option("--env", help="Id of an environment.")]
 Timesteps = Annotated[
-    float,
+    float | None,
     typer.Option(
-        "--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget, such as 1e7."
+        "--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget; None: 1e7."
     ),
 ]
 LogFolder = Annotated[
@@ -27,19 +34,55 @@ Keywords = Annotated[
     typer.Option(metavar="NAME:VALUE", help="A keyword and its value; may be given many times."),
 ]
 Preset = Annotated[str | None, typer.Option(help="Settings to begin with: paper or tuned.")]
-Device = Annotated[str, typer.Option(help="Where networks are, as in Stable-Baselines3.")]
+Device = Annotated[str | None, typer.Option(help="Where networks are: auto, cpu, cuda.")]
+ConfFile = Annotated[
+    Path | None, typer.Option(help="A YAML file, as rl-zoo3's: keywords by environment.")
+]
+Track = Annotated[bool, typer.Option("--track", help="Send logs to Weights & Biases.")]
+ProjectName = Annotated[str, typer.Option("--wandb-project-name", help="There.")]
+Entity = Annotated[str | None, typer.Option("--wandb-entity", help="There: a team.")]
 
 
-def settings(
-    hyperparams: list[str] | None, preset: str | None, device: str, n_threads: int | None
-) -> dict[str, Any]:
-    """Keywords of an algorithm."""
-    found = {"device": device, **keywords("hyperparams", hyperparams)}
-    if preset is not None:
-        found["preset"] = preset
-    if n_threads is not None:
-        found["n_threads"] = n_threads
-    return found
+def make_runs(
+    algos: Sequence[str],
+    envs: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    timesteps: float | None,
+    env_kwargs: list[str] | None,
+    settings: dict[str, Any],
+    conf_file: Path | None,
+) -> list[Run]:
+    """A run of each algorithm, environment and seed, all of which can begin."""
+    from curiosity_algos.experiments import conf_file as files
+    from curiosity_algos.experiments.sweep import grid
+
+    common = {"timesteps": TIMESTEPS if timesteps is None else timesteps, "settings": settings}
+    common["env_kwargs"] = keywords("env-kwargs", env_kwargs)
+    runs = grid(algos, envs, seeds, **common)
+    if conf_file is not None:
+        table = files.read_conf_file(conf_file)
+        runs = [files.complete(run, table, timesteps) for run in runs]
+    for run in {(run.algorithm, run.env): run for run in runs}.values():
+        run.check()
+    return runs
+
+
+def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:
+    """Keywords of an algorithm: its hyperparameters, and what other options give."""
+    given = {name: value for name, value in others.items() if value is not None}
+    return keywords("hyperparams", hyperparams) | given
+
+
+def find_project(track: bool, name: str, entity: str | None) -> Project | None:
+    """Where to track runs, if they are to be."""
+    from curiosity_algos.experiments.tracking import Project
+
+    if not track:
+        return None
+    project = Project(name, entity)
+    project.check()
+    return project
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:

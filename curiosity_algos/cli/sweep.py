@@ -9,7 +9,17 @@ import typer
 from tqdm import tqdm
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.options import Device, Keywords, LogFolder, Preset, Timesteps
+from curiosity_algos.cli.options import (
+    ConfFile,
+    Device,
+    Entity,
+    Keywords,
+    LogFolder,
+    Preset,
+    ProjectName,
+    Timesteps,
+    Track,
+)
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -17,14 +27,18 @@ def sweep(
     algos: Annotated[str, typer.Option(help="Algorithms, with commas.")] = "curiosity_es,nses",
     envs: Annotated[str, typer.Option(help="Ids, with commas.")] = "CuriosityMaze-US-v0",
     seeds: Annotated[str, typer.Option(help="Whole numbers, with commas.")] = "0,1,2",
-    timesteps: Timesteps = 1e7,
+    timesteps: Timesteps = None,
     log_folder: LogFolder = Path("runs"),
     env_kwargs: Keywords = None,
     hyperparams: Keywords = None,
     preset: Preset = None,
-    device: Device = "cpu",
+    conf_file: ConfFile = None,
+    device: Device = None,
     jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
+    track: Track = False,
+    wandb_project_name: ProjectName = "curiosity",
+    wandb_entity: Entity = None,
 ) -> None:
     """Train each algorithm on each environment with each seed; what is finished is left alone.
 
@@ -33,14 +47,18 @@ def sweep(
     from curiosity_algos.experiments import sweep as many
     from curiosity_gym.processors import available_cpus
 
-    settings = options.settings(hyperparams, preset, device, None)
-    common = {"timesteps": timesteps, "settings": settings}
-    common["env_kwargs"] = options.keywords("env-kwargs", env_kwargs)
-    runs = many.grid(algos.split(","), envs.split(","), options.numbers("seeds", seeds), **common)
     jobs = available_cpus() if jobs is None else jobs
     check_at_least_one(jobs=jobs)
-    for run in {(run.algorithm, run.env): run for run in runs}.values():
-        run.check()
+    runs = options.make_runs(
+        algos.split(","),
+        envs.split(","),
+        options.numbers("seeds", seeds),
+        timesteps=timesteps,
+        env_kwargs=env_kwargs,
+        settings=options.settings(hyperparams, preset=preset, device=device),
+        conf_file=conf_file,
+    )
+    project = options.find_project(track, wandb_project_name, wandb_entity)
     errors = []
     with tqdm(total=len(runs), unit="run") as bar:
 
@@ -51,6 +69,6 @@ def sweep(
             elif outcome:
                 bar.write(options.summary(run.folder(log_folder)))
 
-        many.sweep(runs, log_folder, jobs=jobs, interval=interval, report=report)
+        many.sweep(runs, log_folder, jobs=jobs, interval=interval, track=project, report=report)
     if errors:
         raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")

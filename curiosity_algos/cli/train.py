@@ -8,21 +8,37 @@ from typing import Annotated
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.options import Algo, Device, Env, Keywords, LogFolder, Preset, Timesteps
+from curiosity_algos.cli.options import (
+    Algo,
+    ConfFile,
+    Device,
+    Entity,
+    Env,
+    Keywords,
+    LogFolder,
+    Preset,
+    ProjectName,
+    Timesteps,
+    Track,
+)
 
 
 def train(
     algo: Algo = "curiosity_es",
     env: Env = "CuriosityMaze-Hard-v0",
-    timesteps: Timesteps = 1e7,
+    timesteps: Timesteps = None,
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
     log_folder: LogFolder = Path("runs"),
     env_kwargs: Keywords = None,
     hyperparams: Keywords = None,
     preset: Preset = None,
-    device: Device = "auto",
+    conf_file: ConfFile = None,
+    device: Device = None,
     num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
     progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
+    track: Track = False,
+    wandb_project_name: ProjectName = "curiosity",
+    wandb_entity: Entity = None,
 ) -> None:
     """Train one model and keep its run in a folder; one that was interrupted goes on.
 
@@ -30,13 +46,18 @@ def train(
     """
     from curiosity_algos.experiments import training
 
-    settings = options.settings(hyperparams, preset, device, num_threads)
-    run = training.Run(
-        algo, env, seed, timesteps, options.keywords("env-kwargs", env_kwargs), settings
+    (run,) = options.make_runs(
+        [algo],
+        [env],
+        [seed],
+        timesteps=timesteps,
+        env_kwargs=env_kwargs,
+        settings=options.settings(hyperparams, preset=preset, device=device, n_threads=num_threads),
+        conf_file=conf_file,
     )
-    run.check()
+    project = options.find_project(track, wandb_project_name, wandb_entity)
     folder = run.folder(log_folder)
-    if not training.train(run, folder, progress_bar=progress):
+    if not training.train(run, folder, progress_bar=progress, track=project):
         typer.echo(f"{folder} is finished.")
         return
     typer.echo(options.summary(folder))

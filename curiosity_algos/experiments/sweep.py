@@ -16,6 +16,7 @@ from typing import Any
 import torch as th
 
 from curiosity_algos.experiments.names import find_algorithm
+from curiosity_algos.experiments.tracking import Project
 from curiosity_algos.experiments.training import Run, is_finished, train
 
 
@@ -34,6 +35,7 @@ def sweep(
     *,
     jobs: int,
     interval: float = 60.0,
+    track: Project | None = None,
     report: Callable[[Run, bool | BaseException], None],
 ) -> None:
     """Train every run in its folder, `jobs` at a time; one that fails does not stop the others.
@@ -43,6 +45,7 @@ def sweep(
         folder: That holds a folder for each.
         jobs: Processes.
         interval: Seconds between two checkpoints of a run.
+        track: Where Weights & Biases keeps the runs; None: nowhere.
         report: Is told of each run as it ends whether there was anything to do, or its error.
     """
     left = []
@@ -55,7 +58,7 @@ def sweep(
         except (OSError, ValueError) as error:  # another run is there, or other files
             report(run, error)
     with ProcessPoolExecutor(jobs, get_context("spawn"), _end_with_parent) as pool:
-        futures = {pool.submit(_train_alone, run, folder, interval): run for run in left}
+        futures = {pool.submit(_train_alone, run, folder, interval, track): run for run in left}
         for future in _as_they_end(futures):
             report(futures[future], future.exception() or future.result())
 
@@ -83,9 +86,10 @@ def _end_with_parent() -> None:
     Thread(target=watch, daemon=True).start()
 
 
-def _train_alone(run: Run, folder: Path, interval: float) -> bool:
+def _train_alone(run: Run, folder: Path, interval: float, track: Project | None) -> bool:
     th.set_num_threads(1)
-    settings = dict(run.settings)
+    settings = {"device": "cpu", **run.settings}
     if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
         settings["n_threads"] = 1
-    return train(replace(run, settings=settings), run.folder(folder), interval=interval)
+    run = replace(run, settings=settings)
+    return train(run, run.folder(folder), interval=interval, track=track)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is
 from curiosity_algos.experiments.names import check_known, find_algorithm
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
+from curiosity_algos.experiments.tracking import Project, TrackRun
 from curiosity_algos.loops.arguments import check_learning
 
 
@@ -106,9 +108,16 @@ def train(
     *,
     interval: float = 60.0,
     progress_bar: bool = False,
-    callbacks: list[Any] | None = None,
+    track: Project | None = None,
 ) -> bool:
     """Train until the budget is spent, from where the run in the folder stands.
+
+    Args:
+        run: What is trained.
+        folder: Of the run.
+        interval: Seconds between two checkpoints.
+        progress_bar: Show a bar of timesteps.
+        track: Where Weights & Biases keeps the run; None: nowhere.
 
     Returns:
         Whether there was anything to do.
@@ -122,15 +131,17 @@ def train(
     model = run.make() if checkpoint is None else run.load(checkpoint)
     rest = int(run.timesteps) - model.num_timesteps
     save = SaveRun(folder, interval=interval)
-    try:
-        model.learn(
-            rest,
-            callback=[save, *(callbacks or [])],
-            reset_num_timesteps=False,
-            progress_bar=progress_bar,
-        )
-    except KeyboardInterrupt:
-        if save.n_calls:
-            save.save()  # Ctrl-C comes between two generations
-        raise
+    with ExitStack() as stack:
+        tracks = [] if track is None else [stack.enter_context(TrackRun(track, folder))]
+        try:
+            model.learn(
+                rest,
+                callback=[save, *tracks],
+                reset_num_timesteps=False,
+                progress_bar=progress_bar,
+            )
+        except KeyboardInterrupt:
+            if save.n_calls:
+                save.save()  # Ctrl-C comes between two generations
+            raise
     return True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,18 +15,35 @@ from curiosity_gym.validation import check_at_least_one
 def enjoy(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
     out: Annotated[
-        Path | None, typer.Option(help="A GIF or MP4; None: best_policy.gif in the run's folder.")
+        Path | None,
+        typer.Option(
+            help="A GIF or MP4; None: a window, without a screen best_policy.gif in the folder."
+        ),
     ] = None,
+    no_render: Annotated[bool, typer.Option("--no-render", help="Print the return alone.")] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
     seed: Annotated[int, typer.Option(help="Of the environment.")] = 0,
 ) -> None:
-    """Record an episode of a run's best policy, and print its return.
+    """Show or record an episode of a run's best policy, and print its return.
 
     Example: curiosity enjoy runs/CuriosityES/CuriosityMaze-Hard-v0/0
     """
     from curiosity_algos.experiments import film
 
     check_at_least_one(stride=stride)
-    path = run / "best_policy.gif" if out is None else out
-    total = film.film(run, path, stride=stride, seed=seed)
-    typer.echo(f"Return {total:.3f}: {path}")
+    if no_render:
+        typer.echo(f"Return {film.play(run, seed=seed):.3f}")
+    elif out is None and has_screen():
+        typer.echo(f"Return {film.watch(run, seed=seed):.3f}")
+    else:
+        path = run / "best_policy.gif" if out is None else out
+        total = film.film(run, path, stride=stride, seed=seed)
+        typer.echo(f"Return {total:.3f}: {path}")
+
+
+def has_screen() -> bool:
+    """Whether a window can be seen: not with a driver that draws nowhere, nor without a display."""
+    if os.environ.get("SDL_VIDEODRIVER") in ("dummy", "offscreen"):
+        return False
+    needs_display = sys.platform not in ("darwin", "win32")
+    return not needs_display or bool(os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"})

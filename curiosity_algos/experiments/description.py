@@ -22,6 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.curiosity.callbacks import bonus_wrapper
 from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView
+from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_gym.processors import available_cpus
 
@@ -72,7 +73,8 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
     spec = spec_of(env)
     if spec is None:
         inner = None if env is None else env.get_attr("unwrapped", indices=0)[0]
-        return {"env": None, "env_class": type(inner).__name__, "env_kwargs": {}, "wrappers": {}}
+        unknown = {"env": None, "env_class": type(inner).__name__, "env_spec": None}
+        return {**unknown, "env_kwargs": {}, "wrappers": {}}
     wrappers = {each.name: _as_json(each.kwargs) for each in spec.additional_wrappers}
     kwargs = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
     kwargs |= {"max_episode_steps": spec.max_episode_steps}
@@ -81,6 +83,7 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
         "env_class": str(spec.entry_point),
         "env_kwargs": _as_json(kwargs),
         "wrappers": wrappers,
+        "env_spec": encode_spec(spec),
     }
 
 

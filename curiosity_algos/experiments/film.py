@@ -1,15 +1,18 @@
-"""A moving picture of a run's best policy."""
+"""A run's best policy, in a window or in a file."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
+from stable_baselines3.common.base_class import BaseAlgorithm
 
-from curiosity_algos.experiments.names import find_algorithm
+from curiosity_algos.experiments.env_spec import decode_spec
+from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.replay import episode
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym.extras import import_extra
@@ -23,18 +26,10 @@ def film(folder: Path, path: Path, *, stride: int, seed: int) -> float:
 
     Raises:
         FileNotFoundError: If there is no run in the folder.
-        ValueError: If it has no checkpoint, or its environment was not made by an id; if the path
-            is of another kind of file.
+        ValueError: If it cannot be played again; if the path is of another kind of file.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    run = RunFolder(folder)
-    described = run.describe()
-    if described["wrappers"]:
-        raise ValueError(f"`run` must be of an environment without wrappers of its own: {folder}.")
-    if run.checkpoint is None or described["env"] is None:
-        raise ValueError(f"`run` must have a checkpoint, and an environment by its id: {folder}.")
-    model = find_algorithm(described["algorithm"]).load(run.checkpoint / "model")
-    env = gym.make(described["env"], render_mode="rgb_array", **described["env_kwargs"])
+    model, env = _open(folder, render_mode="rgb_array")
     frames, total = [], 0.0
     for t, step in enumerate(episode(model, env, seed)):
         total += step.reward
@@ -45,6 +40,56 @@ def film(folder: Path, path: Path, *, stride: int, seed: int) -> float:
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(frames, path)
     return total
+
+
+def watch(folder: Path, *, seed: int) -> float:
+    """Play one episode in a window; its return.
+
+    Raises:
+        FileNotFoundError: If there is no run in the folder.
+        ValueError: If it cannot be played again, or no window can be opened.
+    """
+    (pygame,) = import_extra("render", "pygame")
+    try:
+        return play(folder, seed=seed, render_mode="human")
+    except pygame.error as error:
+        raise ValueError(f"`out` must name a file where there is no screen: {error}.") from error
+
+
+def play(folder: Path, *, seed: int, **rendering: Any) -> float:
+    """Play one episode; its return.
+
+    Raises:
+        FileNotFoundError: If there is no run in the folder.
+        ValueError: If it cannot be played again.
+    """
+    model, env = _open(folder, **rendering)
+    total = sum(step.reward for step in episode(model, env, seed))
+    env.close()
+    return total
+
+
+def _open(folder: Path, **rendering: Any) -> tuple[BaseAlgorithm, gym.Env[Any, Any]]:
+    """The model at its last checkpoint, and an environment like its own."""
+    run = RunFolder(folder)
+    described, checkpoint = run.describe(), run.checkpoint
+    if checkpoint is None:
+        raise ValueError(f"`run` must have a checkpoint: {folder} has none yet.")
+    if described["algorithm"] not in ALGORITHMS:
+        raise ValueError(
+            f"`run` must be of an algorithm of this package, {folder} is of "
+            f"{described['algorithm']}: load its model, and call `predict`."
+        )
+    if described.get("env_spec") is None:
+        raise ValueError(
+            f"`run` must be of an environment that can be made again by its id, {folder} is of "
+            f"{described['env']}, made or wrapped with what no file holds."
+        )
+    try:
+        env = gym.make(decode_spec(described["env_spec"]), **rendering)
+    except (AttributeError, ImportError) as error:
+        raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
+    return find_algorithm(described["algorithm"]).load(checkpoint / "model"), env
 
 
 def _frame(env: gym.Env[object, object]) -> Frame:

@@ -49,8 +49,10 @@ def load_runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
 def _row(path: Path) -> dict[str, Any]:
     run = RunFolder(path)
     result = run.result()
-    result.pop("pending_log", None)
-    return {"run": str(path), **run.describe(), **result}
+    row = {"run": str(path), **run.describe(), **result}
+    for name in ("env_spec", "pending_log"):  # for the programs that make and go on with it
+        row.pop(name, None)
+    return row
 
 
 def load_progress(folder: str | os.PathLike[str]) -> pd.DataFrame:

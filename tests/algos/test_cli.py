@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from curiosity_algos.cli import main
-from curiosity_algos.experiments import load_final_states, load_runs
+from curiosity_algos.experiments import film, load_final_states, load_runs
 
 ROOT = pathlib.Path(__file__).parents[2]
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
@@ -19,9 +19,9 @@ COMMAND = [sys.executable, "-c", "from curiosity_algos.cli import main; main()"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
 
-def curiosity(*words, cwd):
+def curiosity(*words, cwd, env=ENVIRONMENT):
     return subprocess.run(
-        [*COMMAND, *map(str, words)], cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True
+        [*COMMAND, *map(str, words)], cwd=cwd, env=env, capture_output=True, text=True
     )
 
 
@@ -38,7 +38,8 @@ def test_train_and_enjoy(tmp_path):
     assert curiosity("train", *words, *SMALL, "--preset", "paper", cwd=tmp_path).stdout == (
         f"{folder} is finished.\n"
     )
-    enjoyed = curiosity("enjoy", folder, cwd=tmp_path)
+    no_screen = {**ENVIRONMENT, "SDL_VIDEODRIVER": "dummy"}
+    enjoyed = curiosity("enjoy", folder, cwd=tmp_path, env=no_screen)
     assert enjoyed.stdout == f"Return 0.000: {folder / 'best_policy.gif'}\n"
     assert (tmp_path / folder / "best_policy.gif").stat().st_size > 1000
 
@@ -55,6 +56,30 @@ def run_here(tmp_path, monkeypatch, capsys):
         return (ended.value.code, *capsys.readouterr())
 
     return run
+
+
+@pytest.mark.parametrize(
+    ("words", "variables", "shown"),
+    [
+        ([], {"DISPLAY": ":0"}, "watch"),
+        ([], {"WAYLAND_DISPLAY": "wayland-0"}, "watch"),
+        ([], {"DISPLAY": ":0", "SDL_VIDEODRIVER": "dummy"}, "film"),
+        ([], {}, "film"),
+        (["--out", "a.gif"], {"DISPLAY": ":0"}, "film"),
+        (["--no-render"], {"DISPLAY": ":0"}, "play"),
+    ],
+)
+def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch, words, variables, shown):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "platform", "linux")
+    called = []
+    for name in ("film", "play", "watch"):
+        monkeypatch.setattr(film, name, lambda *_, name=name, **__: called.append(name) or 0.5)
+    assert run_here("enjoy", "run", *words)[1].startswith("Return 0.500")
+    assert called == [shown]
 
 
 def test_list(run_here):

@@ -1,8 +1,13 @@
+import sys
+
+import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image
 
-from curiosity_algos.experiments.film import film
+from curiosity_algos import MAPElites
+from curiosity_algos.experiments import SaveRun
+from curiosity_algos.experiments.film import film, play, watch
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.training import Run, train
 
@@ -41,3 +46,64 @@ def test_a_run_without_a_checkpoint_is_refused(tmp_path):
     RunFolder(tmp_path).begin({"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "wrappers": {}})
     with pytest.raises(ValueError, match="`run` must have a checkpoint"):
         film(tmp_path, tmp_path / "best.gif", stride=20, seed=0)
+
+
+def test_an_episode_needs_no_picture(folder):
+    assert play(folder, seed=0) == RunFolder(folder).result()["best_return"]
+
+
+@pytest.mark.extra("render")
+def test_an_episode_is_shown(folder, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    assert watch(folder, seed=0) == RunFolder(folder).result()["best_return"]
+
+
+@pytest.mark.extra("render")
+def test_without_a_screen_there_is_a_sentence(folder, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nothing")
+    with pytest.raises(ValueError, match="`out` must name a file where there is no screen"):
+        watch(folder, seed=0)
+
+
+def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
+    (tmp_path / "my_mazes.py").write_text(
+        "import gymnasium as gym\n"
+        "from curiosity_gym.maze.maze_env import MazeEnv\n"
+        "class Mine(MazeEnv):\n    pass\n"
+        "gym.register('Mine-v3', Mine, kwargs={'layout': 'us', 'horizon': 20})\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    settings = {"population_size": 4, "policy_kwargs": {"net_arch": [4]}}
+    run = Run("map_elites", "my_mazes:Mine-v3", 0, 1, {}, settings)
+    run.check()
+    train(run, tmp_path / "run")
+    del gym.registry["Mine-v3"]
+    del sys.modules["my_mazes"]
+    assert play(tmp_path / "run", seed=0) == 0.0
+    (tmp_path / "my_mazes.py").unlink()
+    del sys.modules["my_mazes"]
+    with pytest.raises(ValueError, match="`run` must be of an environment that can be made: "):
+        play(tmp_path / "run", seed=0)
+
+
+def test_wrappers_are_made_again(tmp_path, make_model):
+    env = gym.wrappers.RescaleAction(
+        gym.make("CuriosityMaze-US-v0", horizon=50), np.float32(-0.5), np.float32(0.5)
+    )
+    model = make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
+    assert play(tmp_path, seed=0) == model.best_return
+
+
+def test_what_cannot_be_made_again_is_refused(tmp_path, make_model):
+    env = gym.wrappers.TransformReward(gym.make("CuriosityMaze-US-v0", horizon=50), abs)
+    make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
+    with pytest.raises(ValueError, match="made or wrapped with what no file holds"):
+        play(tmp_path, seed=0)
+
+
+def test_algorithms_of_others_are_refused(folder, tmp_path):
+    described = RunFolder(folder).describe()
+    RunFolder(tmp_path).begin(described | {"algorithm": "PPO"})
+    (tmp_path / "checkpoints" / "1").mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"of an algorithm of this package, .* is of PPO"):
+        play(tmp_path, seed=0)

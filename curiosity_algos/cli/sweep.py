@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from tqdm import tqdm
 
 from curiosity_algos.cli import options
 from curiosity_algos.cli.options import (
@@ -44,6 +43,7 @@ def sweep(
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
     """
+    from curiosity_algos.cli.bars import SweepBars
     from curiosity_algos.experiments import sweep as many
     from curiosity_gym.processors import available_cpus
 
@@ -60,15 +60,23 @@ def sweep(
     )
     project = options.find_project(track, wandb_project_name, wandb_entity)
     errors = []
-    with tqdm(total=len(runs), unit="run") as bar:
+    with SweepBars(len(runs)) as bars:
 
         def report(run: Any, outcome: bool | BaseException) -> None:
-            bar.update()
-            if isinstance(outcome, BaseException):
+            failed = isinstance(outcome, BaseException)
+            if failed:
                 errors.append(f"{run.folder(log_folder)}: {outcome}")
-            elif outcome:
-                bar.write(options.summary(run.folder(log_folder)))
+            has_trained = outcome and not failed
+            bars.end(run, options.summary(run.folder(log_folder)) if has_trained else None)
 
-        many.sweep(runs, log_folder, jobs=jobs, interval=interval, track=project, report=report)
+        many.sweep(
+            runs,
+            log_folder,
+            jobs=jobs,
+            interval=interval,
+            track=project,
+            report=report,
+            advance=bars.advance,
+        )
     if errors:
         raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")

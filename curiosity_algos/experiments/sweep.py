@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import inspect
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import replace
 from itertools import product
 from multiprocessing import connection, get_context, parent_process
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
 import torch as th
+from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.tracking import Project
 from curiosity_algos.experiments.training import Run, is_finished, train
+
+SECONDS = 0.5
+"""Between two messages of how far a run is."""
+_messages: SimpleQueue[tuple[int, int]]
+"""In a worker: number of the run, and its timesteps."""
 
 
 def grid(
@@ -37,6 +45,7 @@ def sweep(
     interval: float = 60.0,
     track: Project | None = None,
     report: Callable[[Run, bool | BaseException], None],
+    advance: Callable[[Run, int], None] = lambda run, timesteps: None,
 ) -> None:
     """Train every run in its folder, `jobs` at a time; one that fails does not stop the others.
 
@@ -47,6 +56,7 @@ def sweep(
         interval: Seconds between two checkpoints of a run.
         track: Where Weights & Biases keeps the runs; None: nowhere.
         report: Is told of each run as it ends whether there was anything to do, or its error.
+        advance: Is told now and then of each run under way how many timesteps it has.
     """
     left = []
     for run in runs:
@@ -57,21 +67,36 @@ def sweep(
                 left.append(run)
         except (OSError, ValueError) as error:  # another run is there, or other files
             report(run, error)
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _end_with_parent) as pool:
-        futures = {pool.submit(_train_alone, run, folder, interval, track): run for run in left}
-        for future in _as_they_end(futures):
-            report(futures[future], future.exception() or future.result())
+    context = get_context("spawn")
+    messages: SimpleQueue[tuple[int, int]] = context.SimpleQueue()
+    with ProcessPoolExecutor(jobs, context, _begin_worker, (messages,)) as pool:
+        futures = {
+            pool.submit(_train_alone, i, run, folder, interval, track): run
+            for i, run in enumerate(left)
+        }
+        for ended in _as_they_end(set(futures)):
+            while not messages.empty():
+                number, timesteps = messages.get()
+                advance(left[number], timesteps)
+            for future in ended:
+                report(futures[future], future.exception() or future.result())
 
 
-def _as_they_end(futures: dict[Future[bool], Run]) -> Iterator[Future[bool]]:
-    waiting = set(futures)
+def _as_they_end(waiting: set[Future[bool]]) -> Iterator[set[Future[bool]]]:
+    """Those that have ended since the last time, a few times a second."""
     try:
         while waiting:
-            ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            yield from ended
+            ended, waiting = wait(waiting, SECONDS, FIRST_COMPLETED)
+            yield ended
     finally:
         for future in waiting:
             future.cancel()
+
+
+def _begin_worker(messages: SimpleQueue[tuple[int, int]]) -> None:
+    global _messages
+    _messages = messages
+    _end_with_parent()
 
 
 def _end_with_parent() -> None:
@@ -86,10 +111,32 @@ def _end_with_parent() -> None:
     Thread(target=watch, daemon=True).start()
 
 
-def _train_alone(run: Run, folder: Path, interval: float, track: Project | None) -> bool:
+class _Tell(BaseCallback):
+    """Tells the sweep how far a run is.
+
+    Args:
+        number: Of the run.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self._number = number
+        self._told = float("-inf")
+
+    def _on_step(self) -> bool:
+        if time.monotonic() - self._told >= SECONDS:
+            self._told = time.monotonic()
+            _messages.put((self._number, self.num_timesteps))
+        return True
+
+
+def _train_alone(
+    number: int, run: Run, folder: Path, interval: float, track: Project | None
+) -> bool:
     th.set_num_threads(1)
     settings = {"device": "cpu", **run.settings}
     if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
         settings["n_threads"] = 1
     run = replace(run, settings=settings)
-    return train(run, run.folder(folder), interval=interval, track=track)
+    tell, path = _Tell(number), run.folder(folder)
+    return train(run, path, interval=interval, track=track, callbacks=[tell])

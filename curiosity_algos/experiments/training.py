@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium as gym
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
 
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
@@ -109,6 +110,7 @@ def train(
     interval: float = 60.0,
     progress_bar: bool = False,
     track: Project | None = None,
+    callbacks: Sequence[BaseCallback] = (),
 ) -> bool:
     """Train until the budget is spent, from where the run in the folder stands.
 
@@ -118,6 +120,7 @@ def train(
         interval: Seconds between two checkpoints.
         progress_bar: Show a bar of timesteps.
         track: Where Weights & Biases keeps the run; None: nowhere.
+        callbacks: Further ones, which see the run once its folder has begun.
 
     Returns:
         Whether there was anything to do.
@@ -136,7 +139,7 @@ def train(
         try:
             model.learn(
                 rest,
-                callback=[save, *tracks],
+                callback=[save, *tracks, *callbacks],
                 reset_num_timesteps=False,
                 progress_bar=progress_bar,
             )

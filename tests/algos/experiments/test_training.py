@@ -2,7 +2,6 @@ import pytest
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
-from curiosity_algos.experiments.sweep import grid
 from curiosity_algos.experiments.training import Run, train
 
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
@@ -67,11 +66,6 @@ def test_gradients_are_trained_too(tmp_path):
 def test_modules_are_no_part_of_the_folder(tmp_path):
     run = Run("nses", "curiosity_gym:CuriosityMaze-US-v0", 0, 1)
     assert run.folder(tmp_path).parent.name == "CuriosityMaze-US-v0"
-
-
-def test_a_sweep_has_no_run_twice():
-    runs = grid(["nses", "NS_ES"], ["a-v0", "a-v0"], [0, 1, 0], timesteps=1)
-    assert [(run.algorithm, run.seed) for run in runs] == [("NSES", 0), ("NSES", 1)]
 
 
 @pytest.mark.parametrize(

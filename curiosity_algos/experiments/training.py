@@ -20,6 +20,7 @@ from curiosity_algos.experiments.names import check_known, find_algorithm
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.experiments.tracking import Project, TrackRun
+from curiosity_algos.experiments.values import check_value
 from curiosity_algos.loops.arguments import check_learning
 
 
@@ -58,7 +59,8 @@ class Run:
         if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
             check_known("env", self.env, gym.registry, shown=self.env, choices=gym.registry)
         cls = find_algorithm(self.algorithm)
-        known = inspect.signature(cls).parameters.keys() - {"env", "seed"}
+        parameters = inspect.signature(cls).parameters
+        known = parameters.keys() - {"env", "seed"}
         for name in self.settings:
             check_known("hyperparams", name, known, shown=name, choices=known)
         try:
@@ -67,6 +69,8 @@ class Run:
             raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
         except (AssertionError, TypeError) as error:  # of classes that take what they are given
             raise ValueError(f"`hyperparams` must fit {cls.__name__}: {error}") from error
+        for name, value in self.settings.items():  # what constructors took as it was
+            check_value(name, value, str(parameters[name].annotation))
 
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""

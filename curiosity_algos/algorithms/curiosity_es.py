@@ -59,6 +59,12 @@ class CuriosityES(MotivatedStrategy):
         self.buffer_size = buffer_size
         super().__init__(env, policy, **kwargs)
 
+    @property
+    def trained_bonus(self) -> Bonus:
+        """The bonus as trained so far; `bonus` is the argument that it was made by."""
+        assert isinstance(self._motivation, CuriosityMotivation)
+        return self._motivation.bonus
+
     def _check_settings(self) -> None:
         super()._check_settings()
         check_share(gamma=self.gamma)

@@ -71,6 +71,11 @@ class CuriosityMAPElites(MAPElites):
         self.buffer_size = buffer_size
         super().__init__(env, policy, sigma=sigma, **kwargs)
 
+    @property
+    def trained_bonus(self) -> Bonus:
+        """The bonus as trained so far; `bonus` is the argument that it was made by."""
+        return self._motivation.bonus
+
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(tournament_size=self.tournament_size, n_kept=self.n_kept)

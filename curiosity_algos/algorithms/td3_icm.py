@@ -86,6 +86,11 @@ class TD3ICM(ResumableTD3):
             **kwargs,
         )
 
+    @property
+    def trained_bonus(self) -> Bonus:
+        """The bonus as trained so far; `bonus` is the argument that it was made by."""
+        return self._bonus
+
     def _check_settings(self) -> None:
         check_positive(weight=self.weight)
         check_at_least_one(n_updates=self.n_updates)

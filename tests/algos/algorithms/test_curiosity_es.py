@@ -5,7 +5,7 @@ import pytest
 import torch as th
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import ICM, RND, CanonicalES, CuriosityES, CuriosityMAPElites
+from curiosity_algos import ICM, RND, TD3ICM, CanonicalES, CuriosityES, CuriosityMAPElites
 from curiosity_algos.loops.evolution_strategy import standardize
 
 
@@ -20,6 +20,17 @@ def test_one_generation_of_algorithm_1(make_model, make_easy_maze, assert_same):
         for name in ("_search", "_motivation"):
             assert_same(getattr(model, name).state_dict(), getattr(twin, name).state_dict())
     assert model.best_return > 0
+
+
+@pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites, TD3ICM])
+def test_the_trained_bonus_is_at_hand(algorithm, make_model, make_easy_maze, tmp_path):
+    model = make_model(algorithm, make_easy_maze())
+    steps = [np.full((1, n), value, np.float32) for n, value in [(36, 0), (2, 0), (36, 1)]]
+    before = model.trained_bonus.score(*steps)
+    model.learn(300).save(tmp_path / "model")
+    assert model.trained_bonus.score(*steps) != before
+    loaded = algorithm.load(tmp_path / "model").trained_bonus
+    assert loaded.score(*steps) == model.trained_bonus.score(*steps)
 
 
 def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_same):

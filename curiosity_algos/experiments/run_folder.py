@@ -156,6 +156,16 @@ class RunFolder:
     def _final_state_files(self) -> list[Path]:
         return sorted(self._final_states.glob("[0-9]*.npz"))
 
+    # -- the best policy's episode --------------------------------------------------------------
+
+    def trajectory(self) -> dict[str, npt.NDArray[Any]]:
+        """Every column of `best_trajectory.npz`; empty before `learn` has ended.
+
+        Raises:
+            ValueError: If the file is damaged.
+        """
+        return _read_arrays(self.best_trajectory) if self.best_trajectory.is_file() else {}
+
     # -- going on -------------------------------------------------------------------------------
 
     def drop_after(self, n_episodes: int) -> None:
@@ -186,7 +196,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
 def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     try:
         return dict(np.load(path))
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
 
 

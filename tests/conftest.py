@@ -25,6 +25,7 @@ MODULES = {
 """Extra: the module without which it is not installed."""
 PARAMETERS = {
     "control": re.compile("CuriosityControl-|SwingUp|dm_control|^control"),
+    "report": re.compile("write_report"),
     "robotics": re.compile("CuriositySparse-.*Maze|gymnasium_robotics"),
 }
 """Extra: what a test's parameter says that needs it: an environment's id or a program."""

@@ -1,0 +1,24 @@
+"""`curiosity report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or with runs in them.")],
+    out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("report.html"),
+) -> None:
+    """Compare runs in one HTML file: tables, curves, maps and replays (extra `report`).
+
+    Example: curiosity report runs --out report.html
+    """
+    from curiosity_algos.experiments.report import write_report
+    from curiosity_algos.experiments.report.numbers import counted
+
+    environments = write_report(runs, out)
+    runs_read = counted(sum(len(each.runs) for each in environments), "run")
+    typer.echo(f"{runs_read} on {counted(len(environments), 'environment')}: {out}")

@@ -1,0 +1,5 @@
+"""One HTML file of many runs: tables, curves, maps and replays, without a network."""
+
+from curiosity_algos.experiments.report.page import write_report
+
+__all__ = ["write_report"]

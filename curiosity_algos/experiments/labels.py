@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import pandas as pd
 
@@ -27,29 +28,46 @@ FURTHER = ("#332288", "#117733", "#DDCC77", "#CC6677", "#44AA99", "#BBBBBB")
 def label_runs(runs: pd.DataFrame) -> pd.Series:
     """A name for each row of `load_runs`: its algorithm, and the settings that tell it from others.
 
-    A setting counts where runs of one algorithm on one environment differ in it.
+    A setting counts where runs of one algorithm on one environment differ in it, unless others
+    tell the same runs apart; the preset comes first.
     """
-    prefix = "settings."
-    free = {prefix + name for name in MAY_DIFFER}
-    settings = [name for name in runs if name.startswith(prefix) and name not in free]
-    texts = runs[settings].map(str)
-    n_values = texts.groupby([runs["algorithm"], runs["env"]]).nunique().groupby("algorithm").max()
-    telling = {
-        name: [each for each in settings if row[each] > 1] for name, row in n_values.iterrows()
-    }
+    texts = _settings(runs)
+    telling: dict[str, list[str]] = {name: [] for name in runs["algorithm"]}
+    for (name, _), rows in texts.groupby([runs["algorithm"], runs["env"]], dropna=False):
+        telling[name] += [each for each in _telling(rows) if each not in telling[name]]
     return pd.Series(
         [
-            ", ".join(
-                [
-                    name,
-                    *(f"{each.removeprefix(prefix)} {texts.at[i, each]}" for each in telling[name]),
-                ]
-            )
+            ", ".join([name, *(f"{each} {texts.at[i, each]}" for each in telling[name])])
             for i, name in runs["algorithm"].items()
         ],
         index=runs.index,
         dtype=object,
     )
+
+
+def _settings(runs: pd.DataFrame) -> pd.DataFrame:
+    """The settings that results depend on, as text."""
+    prefix = "settings."
+    texts = runs[[name for name in runs if name.startswith(prefix)]].map(_text)
+    texts = texts.rename(columns=lambda name: name.removeprefix(prefix))
+    return texts.drop(columns=MAY_DIFFER & set(texts))
+
+
+def _text(value: Any) -> str:
+    """A setting that is not given is None, and NaN where other algorithms have it."""
+    return "none" if value is None or value != value else str(value)
+
+
+def _telling(texts: pd.DataFrame) -> list[str]:
+    """Settings that tell apart all rows that differ at all."""
+    kept: list[str] = []
+    n_groups = 1
+    for name in sorted(texts, key=lambda name: name != "preset"):
+        n = len(texts[[*kept, name]].drop_duplicates())
+        if n > n_groups:
+            kept.append(name)
+            n_groups = n
+    return kept
 
 
 def color_labels(labels: Iterable[str]) -> dict[str, str]:

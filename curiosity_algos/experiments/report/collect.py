@@ -64,15 +64,14 @@ class Run:
 
     @cached_property
     def episodes(self) -> dict[str, npt.NDArray[Any]]:
-        """Columns of the final states: `generation`, `timesteps`, `return`, `behavior`.
+        """Columns of the final states by the last checkpoint.
 
-        Of the behavior, the first two entries (n, 2) or fewer.
+        `generation`, `timesteps`, `return`, and `behavior`, its first two entries (n, 2) or fewer.
         """
         columns = self.folder.final_states()
-        names = ("generation", "timesteps", "return")
-        kept = {name: columns.get(name, np.empty(0)) for name in names}
-        behavior = columns.get("behavior", np.empty((0, 0)))
-        return kept | {"behavior": behavior[:, :2].astype(np.float32)}
+        names = ("generation", "timesteps", "return", "behavior")
+        kept = {name: columns[name][: self.result["n_episodes"]] for name in names}
+        return kept | {"behavior": kept["behavior"][:, :2].astype(np.float32)}
 
     @cached_property
     def log(self) -> dict[str, Float64]:
@@ -129,7 +128,9 @@ def collect(folders: Iterable[str | os.PathLike[str]]) -> list[Environment]:
     found = [RunFolder(run) for run in table["run"]]
     descriptions = [folder.describe() for folder in found]
     table["env"] = _titles(descriptions)
-    table["label"] = label_runs(table)
+    # Of each environment alone: what tells runs apart elsewhere is of no interest here.
+    labels = pd.concat([label_runs(rows) for _, rows in table.groupby("env")])
+    table["label"] = labels
     runs = [
         Run(folder, label, seed, description, folder.result())
         for folder, label, seed, description in zip(

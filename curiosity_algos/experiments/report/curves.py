@@ -55,6 +55,8 @@ def _mean(runs: list[Run], axis: str, metric: str, longest: float) -> dict[str, 
 def _survival(runs: list[Run], axis: str) -> dict[str, Packed]:
     budgets = [float(run.result[axis]) for run in runs]
     curve = survival([_first_reward(run, axis) for run in runs], budgets).curve
+    if len(runs) == 1:  # whose interval would be everything
+        curve = Curve(curve.x, curve.estimate, curve.low * np.nan, curve.high * np.nan)
     return _packed(_extended(curve, max(budgets)))
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from curiosity_algos.experiments.statistics import Interval
 
 NOTHING = "\N{EN DASH}"
@@ -32,8 +34,10 @@ def short(value: float | None) -> str:
 
 
 def percent(share: float) -> str:
-    """0.1234 as "12.3 %", with a space that does not break."""
-    return f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"
+    """0.1234 as "12.3 %", 0.000123 as "0.012 %", with a space that does not break."""
+    value = 100.0 * share
+    small = np.format_float_positional(value, precision=2, fractional=False, trim="-")
+    return f"{f'{value:.1f}' if value >= 1.0 or value == 0.0 else small}\N{NO-BREAK SPACE}%"
 
 
 def score(value: float) -> str:

@@ -83,7 +83,7 @@ def plane_of(environment: Environment) -> Plane | None:
     grid = None if env is None else env_attribute(env, "coverage_grid")
     paths = (run.folder.trajectory().get("behaviors") for run in environment.runs)
     drawn = [*ends, *(path[:, :2] for path in paths if path is not None)]
-    return _plane_of_grid(grid) or _plane_around(np.concatenate(drawn))
+    return _plane_around(np.concatenate(drawn), grid)
 
 
 def _make(environment: Environment) -> gym.Env[Any, Any] | None:
@@ -97,18 +97,13 @@ def _make(environment: Environment) -> gym.Env[Any, Any] | None:
         return None
 
 
-def _plane_of_grid(grid: CoverageGrid | None) -> Plane | None:
-    """The bounds of the first two entries, where coverage counts both."""
-    if grid is None or not {0, 1} <= set(grid.dimensions):
-        return None
-    order = [grid.dimensions.index(0), grid.dimensions.index(1)]
-    return Plane(np.asarray(grid.low)[order], np.asarray(grid.high)[order])
-
-
-def _plane_around(points: npt.NDArray[Any]) -> Plane | None:
-    """The smallest plane that holds all points."""
+def _plane_around(points: npt.NDArray[Any], grid: CoverageGrid | None) -> Plane | None:
+    """The smallest plane that holds all points (n, 2), as far as coverage counts them."""
     finite = points[np.isfinite(points).all(axis=1)].astype(np.float64)
     if not len(finite):
         return None
+    if grid is not None and {0, 1} <= set(grid.dimensions):
+        order = [grid.dimensions.index(0), grid.dimensions.index(1)]
+        finite = np.clip(finite, grid.low[order], grid.high[order])
     low, high = finite.min(axis=0), finite.max(axis=0)
     return Plane(low, np.where(high > low, high, low + 1.0))

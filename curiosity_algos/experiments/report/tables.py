@@ -23,9 +23,9 @@ COLUMNS = (
     "Timesteps a run",
     "Found reward",
     "Timesteps to first reward, median",
-    "Best return",
-    "Coverage",
-    "Area under coverage",
+    "Best return, IQM",
+    "Coverage, IQM",
+    "Area under coverage, IQM",
 )
 
 
@@ -35,7 +35,7 @@ def summary_table(environment: Environment, colors: dict[str, str]) -> str:
         [swatch(colors[label]) + escape(label), *_row(environment.of(label))]
         for label in environment.labels
     ]
-    return table("Summary, 95 % intervals in brackets", COLUMNS, rows)
+    return table("Summary: interquartile means (IQM) with 95 % intervals", COLUMNS, rows)
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -29,6 +29,30 @@ def test_a_label_names_the_settings_that_tell_runs_of_one_environment_apart():
     ]
 
 
+def test_a_label_names_as_few_settings_as_it_takes_the_preset_first():
+    runs = pd.DataFrame(
+        {
+            "algorithm": ["NSES"] * 4,
+            "env": ["US"] * 4,
+            "settings.k": [10, 10, 20, 20],
+            "settings.preset": [None, None, "paper", "paper"],
+            "settings.sigma": [0.1, 0.1, 0.2, 0.2],
+            "settings.behavior": ["final", "state", "final", "state"],
+        }
+    )
+    assert list(label_runs(runs)) == [
+        "NSES, preset none, behavior final",
+        "NSES, preset none, behavior state",
+        "NSES, preset paper, behavior final",
+        "NSES, preset paper, behavior state",
+    ]
+
+
+def test_runs_of_environments_without_an_id_have_labels():
+    runs = pd.DataFrame({"algorithm": ["NSES", "NSES"], "env": [None, None], "settings.k": [1, 2]})
+    assert list(label_runs(runs)) == ["NSES, k 1", "NSES, k 2"]
+
+
 def test_every_algorithm_has_a_color_of_its_own():
     assert set(COLORS) == set(ALGORITHMS)
     assert len({*COLORS.values(), *FURTHER}) == len(COLORS) + len(FURTHER)

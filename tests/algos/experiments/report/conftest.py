@@ -49,9 +49,10 @@ def runs_folder(tmp_path_factory):
             path = folder / algorithm.__name__ / env.spec.id / f"{seed}"
             model.learn(1500 if algorithm is not TD3ICM else 200, SaveRun(path))
     th.set_num_threads(n_threads)
-    new = folder / "NSES" / "CuriosityMaze-Hard-v0" / "2"
+    trained = folder / "NSES" / "CuriosityMaze-Hard-v0"
+    new = trained / ("a_run_that_has_not_begun" * 3)
     new.mkdir()
-    described = json.loads((new.parent / "0" / "run.json").read_text())
+    described = json.loads((trained / "0" / "run.json").read_text())
     (new / "run.json").write_text(json.dumps(described | {"seed": 2}))
     return folder
 

@@ -29,7 +29,7 @@ def test_runs_are_grouped_by_environment(maze, mountain):
 
 def test_a_run_without_checkpoint_is_named(maze):
     (path,) = maze.not_begun
-    assert path.endswith("2")
+    assert path.endswith("has_not_begun")
 
 
 def test_a_run_that_is_found_twice_counts_once(runs_folder, maze):
@@ -100,3 +100,11 @@ def test_what_is_collected_is_what_the_table_says(runs_folder, maze):
         assert row["coverage.reachable"] == run.coverage
         assert np.isnan(row["first_success_timesteps"])
         assert run.has_ended
+
+
+def test_labels_tell_runs_of_one_environment_apart(runs_folder, copied):
+    description = json.loads((copied / "0" / "run.json").read_text())
+    change(copied / "0", settings=description["settings"] | {"preset": "paper", "sigma": 9})
+    environments = collect([copied, runs_folder / "MAPElites"])
+    assert environments[0].labels == ["NSES, preset none", "NSES, preset paper"]
+    assert environments[1].labels == ["MAPElites"]

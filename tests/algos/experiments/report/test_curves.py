@@ -74,6 +74,8 @@ def test_a_long_log_is_thinned(draw):
 
 def test_survival_lasts_to_the_end_of_the_longest_run(draw):
     drawn = draw(fake_run(0.5, first=20), fake_run(0.5))["survival"]
+    assert unpack(drawn["timesteps"]["low"])[-1] > 0.0
+    assert np.isnan(unpack(draw(fake_run(0.5, first=20))["survival"]["timesteps"]["high"])).all()
     for axis, times in [("timesteps", [0, 20, 100, 100]), ("seconds", [0, 2, 10, 10])]:
         assert unpack(drawn[axis]["x"]).tolist() == times
         assert unpack(drawn[axis]["y"]).tolist() == [1.0, 0.5, 0.5, 0.5]

@@ -28,7 +28,9 @@ def test_short(value, text):
 def test_numbers_have_separators_and_units():
     assert [numbers.counted(n, "run") for n in (1, 2000)] == ["1 run", "2,000 runs"]
     assert numbers.whole(1234567.4) == "1,234,567"
-    assert numbers.percent(0.1234) == "12.3\N{NO-BREAK SPACE}%"
+    shares = {0.1234: "12.3", 1.0: "100.0", 0.0: "0.0", 0.005: "0.5", 0.000123: "0.012"}
+    for share, text in shares.items():
+        assert numbers.percent(share) == f"{text}\N{NO-BREAK SPACE}%"
     assert numbers.score(0.21649) == "0.216"
     assert numbers.score(12345.6) == "12,346"
 

@@ -82,7 +82,8 @@ def test_runs_that_have_not_begun_are_named(page):
 
 
 def test_only_runs_that_have_not_begun(runs_folder, tmp_path):
-    shutil.copytree(runs_folder / "NSES" / "CuriosityMaze-Hard-v0" / "2", tmp_path / "2")
+    (new,) = runs_folder.rglob("*has_not_begun")
+    shutil.copytree(new, tmp_path / "new")
     (environment,) = write_report([tmp_path], tmp_path / "report.html")
     assert environment.runs == []
     text = (tmp_path / "report.html").read_text()
@@ -137,13 +138,14 @@ def lengthen(run, n):
     if n == 0:
         return
     rng = np.random.default_rng(n)
-    timesteps = run.result()["timesteps"] + 1000 * np.arange(1, n + 1)
+    before, end = run.result()["n_episodes"], run.result()["timesteps"] + 1000 * n
+    timesteps = end - 1000 * np.arange(n)[::-1]
     columns = {name: np.resize(values, n) for name, values in columns_of(run).items()}
     places = rng.uniform(0.0, 200.0, (n, 4))
     changed = {"timesteps": timesteps, "generation": np.arange(n), "behavior": places}
-    run.add_final_states(run.result()["n_episodes"], columns | changed)
+    run.add_final_states(before, columns | changed)
     path = run.checkpoint / "result.json"
-    ends = {"timesteps": int(timesteps[-1]), "total_timesteps": int(timesteps[-1])}
+    ends = {"timesteps": end, "total_timesteps": end, "n_episodes": before + n}
     path.write_text(json.dumps(json.loads(path.read_text()) | ends))
     rows = "".join(f"{t},{t / 1e5},{i / n}\n" for i, t in enumerate(timesteps))
     run.progress.write_text(f"time/total_timesteps,time/seconds,coverage/reachable\n{rows}")

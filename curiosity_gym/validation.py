@@ -29,6 +29,13 @@ def check_positive(**values: object) -> None:
             raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
 
 
+def check_not_negative(**values: object) -> None:
+    """Raise ValueError unless every value is a finite number of at least 0."""
+    for name, value in values.items():
+        if not 0.0 <= _number(value) < math.inf:
+            raise ValueError(f"`{name}` must be finite and at least 0, got {value!r}.")
+
+
 def check_share(**values: object) -> None:
     """Raise ValueError unless every value is a number from 0 to 1."""
     for name, value in values.items():

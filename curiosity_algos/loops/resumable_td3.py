@@ -53,7 +53,12 @@ from curiosity_algos.loops.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.loops.interrupt import deferred_interrupt
 from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.rebuild import build_model, check_names, read_parameters
-from curiosity_gym.validation import check_at_least_one, check_seed
+from curiosity_gym.validation import (
+    check_at_least_one,
+    check_not_negative,
+    check_seed,
+    check_share,
+)
 
 NOISE = 0.1
 """Standard deviation of the action noise, in halves of the action space."""
@@ -100,7 +105,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         gradient_steps: After each rollout; -1: as many as it had steps.
         action_noise: As in SB3; None: normal with standard deviation .1, seeded.
         policy_delay: Gradient steps of the critics for each of the actor.
-        target_policy_noise: Standard deviation of the noise on target actions.
+        target_policy_noise: Standard deviation of the noise on target actions, at least 0.
         target_noise_clip: Largest absolute value of that noise.
         policy_kwargs: As in SB3.
         seed: Seed of everything random; None: fresh entropy.
@@ -203,6 +208,9 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
 
     def _setup_model(self) -> None:
         self._check_settings()
+        check_share(tau=self.tau, gamma=self.gamma)
+        check_at_least_one(policy_delay=self.policy_delay)
+        check_not_negative(target_policy_noise=self.target_policy_noise)
         seeds = np.random.SeedSequence(self.seed).spawn(3)
         self._generators = GlobalGenerators(seeds[0], self.device)
         self._record = EpisodeRecord(self._coverage_grid)

@@ -108,7 +108,7 @@ def test_help_says_what_there_is(run_here):
         (["train", "-n", "-5"], "must be finite and at least 0"),
         (["train", "--env-kwargs", "horizn:3"], "`env_kwargs` must be keywords"),
         (["train", "--conf-file", "no.yml"], "no.yml"),
-        (["train", "--algo", "td3icm", "--hyperparams", "gamma:abc"], "`gamma` must be a number"),
+        (["train", "--algo", "td3icm", "--hyperparams", "gamma:abc"], "`gamma` must be from"),
         (["train", "--conf-file", __file__], "`conf_file` must"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
         (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),

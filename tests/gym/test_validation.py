@@ -6,6 +6,7 @@ import pytest
 from curiosity_gym.validation import (
     check_at_least_one,
     check_choice,
+    check_not_negative,
     check_positive,
     check_share,
 )
@@ -23,6 +24,13 @@ def test_scales_are_finite_and_positive(value):
     check_positive(other=1, sigma=1e-9)
     with pytest.raises(ValueError, match=r"`sigma` must be finite and above 0"):
         check_positive(other=1, sigma=value)
+
+
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf, "1", None])
+def test_what_is_not_negative_is_finite_and_at_least_zero(value):
+    check_not_negative(other=0, noise=0.2)
+    with pytest.raises(ValueError, match=r"`noise` must be finite and at least 0"):
+        check_not_negative(other=0, noise=value)
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, math.nan, math.inf, "1", None])

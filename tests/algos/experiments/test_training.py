@@ -78,7 +78,11 @@ def test_modules_are_no_part_of_the_folder(tmp_path):
         (small(sigma=-1.0), "`sigma` must be"),
         (small(verbose="abc"), "`hyperparams` must fit MAPElites"),
         (small(preset="best"), "`preset` must be one of"),
-        (Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"gamma": "abc"}), "`gamma` must be a num"),
+        (Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
+        (
+            Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"learning_starts": "abc"}),
+            "`learning_starts` must be a whole number",
+        ),
         (Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"extrinsic": "no"}), "True or False"),
         (small(device="gpu"), "`device` must be"),
         (small(seed=-1), "`seed` must be"),

@@ -82,8 +82,8 @@ def _open(folder: Path, **rendering: Any) -> tuple[BaseAlgorithm, gym.Env[Any, A
         )
     if described.get("env_spec") is None:
         raise ValueError(
-            f"`run` must be of an environment that can be made again by its id, {folder} is of "
-            f"{described['env']}, made or wrapped with what no file holds."
+            f"`run` must say how its environment is made, run.json in {folder} does not: it has no "
+            "id, or arguments that no file can hold."
         )
     try:
         env = gym.make(decode_spec(described["env_spec"]), **rendering)

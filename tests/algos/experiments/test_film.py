@@ -97,7 +97,7 @@ def test_wrappers_are_made_again(tmp_path, make_model):
 def test_what_cannot_be_made_again_is_refused(tmp_path, make_model):
     env = gym.wrappers.TransformReward(gym.make("CuriosityMaze-US-v0", horizon=50), abs)
     make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
-    with pytest.raises(ValueError, match="made or wrapped with what no file holds"):
+    with pytest.raises(ValueError, match="`run` must say how its environment is made"):
         play(tmp_path, seed=0)
 
 

@@ -5,7 +5,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
@@ -104,6 +104,17 @@ def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_las
     for row, part in zip(rows, (paid[:199], paid[199:399]), strict=True):
         assert row["intrinsic/mean"] == pytest.approx(np.mean(part))
         assert row["intrinsic/max"] == np.max(part) > row["intrinsic/mean"]
+
+
+def test_the_log_of_an_episode_has_its_cell(tmp_path):
+    walk = make_walk()
+    walk.unwrapped.action_space = spaces.Box(-1, 1, (1,))
+    schedule = {"train_freq": (1, "episode"), "learning_starts": 100, "buffer_size": 100}
+    model = TD3("MlpPolicy", walk, **schedule, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    model.learn(15, ExplorationCallback(), log_interval=1)
+    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    assert [row["coverage/all"] for row in rows] == [n / 50 for n in (1, 2, 3, 4, 5)]
 
 
 def wrapped():

@@ -26,7 +26,7 @@ def player(name: str, n: int) -> str:
     return (
         f'<div class="player" role="group" aria-label="{name}"><button type="button">Play</button>'
         f'<input type="range" min="1" max="{n}" value="{n}" step="1" aria-label="{name}">'
-        "<output></output></div>"
+        '<output aria-live="off"></output></div>'
     )
 
 

@@ -37,7 +37,7 @@ def percent(share: float) -> str:
     """0.1234 as "12.3 %", 0.000123 as "0.012 %", with a space that does not break."""
     value = 100.0 * share
     small = np.format_float_positional(value, precision=2, fractional=False, trim="-")
-    return f"{f'{value:.1f}' if value >= 1.0 or value == 0.0 else small}\N{NO-BREAK SPACE}%"
+    return f"{f'{value:.1f}' if value >= 0.1 or value == 0.0 else small}\N{NO-BREAK SPACE}%"
 
 
 def score(value: float) -> str:

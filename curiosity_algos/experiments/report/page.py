@@ -49,12 +49,13 @@ PAGE = """<!DOCTYPE html>
 """
 NOTES = {
     "Intervals": (
-        "Best return and coverage are interquartile means over runs (the mean of the middle half), "
-        "with 95 % intervals of a bootstrap over runs in brackets. A single run has no interval."
+        "IQM is the interquartile mean over runs, the mean of their middle half. In brackets are "
+        "95 % intervals of a bootstrap over runs; a single run has none."
     ),
     "Curves": (
         "Thick lines are interquartile means as far as all runs of a label have come, shaded areas "
-        "their 95 % intervals, thin lines single runs. Best return is that of all episodes so far."
+        "their 95 % intervals, thin lines single runs. Best return is that of all episodes so far. "
+        "Drag over a curve to zoom in, and double-click to zoom out."
     ),
     "First reward": (
         "Runs that found no reward are not dropped: the Kaplan-Meier estimate counts them as "
@@ -66,7 +67,8 @@ NOTES = {
         f"At most {MOST_STATES:,} final states of each run are drawn, evenly spaced over its "
         "episodes; visited cells are those of all episodes. The slider goes through timesteps in "
         "as many steps as the longest run has generations, at most 300. Of environments that are "
-        "no mazes, the first two entries of the behavior are drawn."
+        "no mazes, the first two entries of the behavior are drawn. Of all seeds together, a cell "
+        "counts as visited from the first visit of any of them on."
     ),
     "Best trajectories": (
         f"The path of the run with the highest return of each algorithm, at most {MOST_POINTS:,} "
@@ -143,7 +145,7 @@ def _counts(environments: list[Environment]) -> str:
     runs = [run for environment in environments for run in environment.runs]
     parts = [
         counted(len(runs), "run"),
-        f"of {counted(len({run.label for run in runs}), 'algorithm')}",
+        f"of {counted(len({run.description['algorithm'] for run in runs}), 'algorithm')}",
         f"on {counted(len(environments), 'environment')}",
     ]
     under_way = sum(not run.has_ended for run in runs)

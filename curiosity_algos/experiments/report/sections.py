@@ -85,7 +85,7 @@ class Section:
     def _maps(self) -> str:
         bar = (
             controls.select("picture", "Show", PICTURES)
-            + controls.select("map-seed", "Seed", _seeds(self.drawn["runs"]))
+            + controls.select("map-seed", "Seed", _with_all(_seeds(self.drawn["runs"])))
             + controls.player("Generations", self.drawn["n_stops"])
         )
         figures = self._map_figures("states", range(len(self.environment.labels)))
@@ -163,3 +163,8 @@ def _seeds(runs: Iterable[dict[str, Any]]) -> dict[str, str]:
     """The seeds of runs, numbers in their order."""
     seeds = {run["seed"] for run in runs}
     return {seed: seed for seed in sorted(seeds, key=lambda seed: (len(seed), seed))}
+
+
+def _with_all(seeds: dict[str, str]) -> dict[str, str]:
+    """One seed is all there is."""
+    return {"all": "all"} | seeds if len(seeds) > 1 else seeds

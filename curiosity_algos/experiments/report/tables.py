@@ -22,7 +22,7 @@ COLUMNS = (
     "Runs",
     "Timesteps a run",
     "Found reward",
-    "Timesteps to first reward, median",
+    "First reward, median timesteps",
     "Best return, IQM",
     "Coverage, IQM",
     "Area under coverage, IQM",
@@ -35,7 +35,7 @@ def summary_table(environment: Environment, colors: dict[str, str]) -> str:
         [swatch(colors[label]) + escape(label), *_row(environment.of(label))]
         for label in environment.labels
     ]
-    return table("Summary: interquartile means (IQM) with 95 % intervals", COLUMNS, rows)
+    return table("Summary, IQM with 95 % intervals", COLUMNS, rows)
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

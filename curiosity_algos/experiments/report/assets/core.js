@@ -108,7 +108,7 @@ function short(value) {
   return `${+value.toPrecision(3)}`;
 }
 
-const whole = (value) => Math.round(value).toLocaleString("en-US");
+const { format: whole } = new Intl.NumberFormat("en-US", { maximumFractionDigits: 0 });
 
 // -- sliders that play -----------------------------------------------------------------------------
 

@@ -52,5 +52,6 @@ function curveFigure(environment, kind, state) {
   const xaxis = axis(AXIS_TITLES[state.over], { tickformat: "~s", hoverformat: ",.0f", rangemode: "tozero" });
   const yaxis = axis(title, { tickformat: ticks, rangemode: "tozero", fixedrange: true });
   if (kind === "survival") yaxis.range = [0, 1.03];
-  return { data, layout: { xaxis, yaxis, hovermode: "x unified" } };
+  const dragmode = matchMedia("(pointer: fine)").matches ? "zoom" : false;
+  return { data, layout: { xaxis, yaxis, hovermode: "x unified", dragmode } };
 }

@@ -36,9 +36,9 @@ function startMarker(plane) {
   return { x: [x], y: [y], mode: "markers", marker, hovertemplate: "start<extra></extra>" };
 }
 
-function prepareMap(element, plane) {
-  if (plane.maze === null) return;
-  element.style.aspectRatio = `${plane.x[1] - plane.x[0]} / ${plane.y[1] - plane.y[0]}`;
+// A maze is drawn to scale, another plane as a square.
+function prepareMap(element, { maze, x, y }) {
+  element.style.aspectRatio = maze === null ? "1" : `${x[1] - x[0]} / ${y[1] - y[0]}`;
 }
 
 // Rows of values from a function of the flat index.
@@ -46,17 +46,17 @@ function rows(nx, ny, value) {
   return Array.from({ length: ny }, (_, j) => Array.from({ length: nx }, (_, i) => value(j * nx + i)));
 }
 
-function heatmap(plane, [nx, ny], value, text, range) {
+// `hover` says what a cell's value is, as a template of plotly's.
+function heatmap(plane, [nx, ny], value, hover, range) {
   const width = (plane.x[1] - plane.x[0]) / nx;
   const height = (plane.y[1] - plane.y[0]) / ny;
   return {
     type: "heatmap",
     x0: plane.x[0] + width / 2, dx: width, y0: plane.y[0] + height / 2, dy: height,
     z: rows(nx, ny, value),
-    customdata: rows(nx, ny, text),
     zmin: range[0], zmax: range[1],
     colorscale: colorscale(), showscale: false, hoverongaps: false,
-    hovertemplate: "%{customdata}<br>at %{x:.3~g}, %{y:.3~g}<extra></extra>",
+    hovertemplate: `${hover}<br>at %{x:.3~g}, %{y:.3~g}<extra></extra>`,
   };
 }
 
@@ -75,35 +75,44 @@ function stopAt(run, timesteps) {
   return stop;
 }
 
-function countStates(run, stop, n) {
-  const counts = new Uint32Array(n);
-  const shown = stop < 0 ? 0 : decode(run.shown)[stop];
-  decode(run.states).subarray(0, shown).forEach((pixel) => (counts[pixel] += 1));
+// How many final states of runs lie in each pixel after so many timesteps.
+function countStates(environment, runs, timesteps) {
+  const counts = new Uint32Array(environment.plane.pixels[0] * environment.plane.pixels[1]);
+  for (const run of runs) {
+    const stop = stopAt(run, timesteps);
+    const shown = stop < 0 ? 0 : decode(run.shown)[stop];
+    decode(run.states).subarray(0, shown).forEach((pixel) => (counts[pixel] += 1));
+  }
   return counts;
 }
 
-function mostStates(environment, runs) {
-  const n = environment.plane.pixels[0] * environment.plane.pixels[1];
-  const most = runs.map((run) => countStates(run, decode(run.shown).length - 1, n).reduce((a, b) => Math.max(a, b), 1));
-  return Math.max(10, ...most);
-}
-
-function statesTrace(environment, run, stop, most) {
-  const [nx, ny] = environment.plane.pixels;
-  const counts = countStates(run, stop, nx * ny);
+function statesTrace(environment, runs, timesteps, most) {
+  const counts = countStates(environment, runs, timesteps);
   const value = (i) => (counts[i] ? Math.log10(counts[i]) : null);
-  const text = (i) => `${whole(counts[i])} final ${counts[i] === 1 ? "state" : "states"}`;
-  return heatmap(environment.plane, [nx, ny], value, text, [0, Math.log10(most)]);
+  const [nx, ny] = environment.plane.pixels;
+  const trace = heatmap(environment.plane, [nx, ny], value, "final states: %{customdata:,}", [0, Math.log10(most)]);
+  return { ...trace, customdata: rows(nx, ny, (i) => counts[i]) };
 }
 
-function visitedTrace(environment, run, stop, timesteps) {
+// When each cell was visited first by any of the runs, null where it was not.
+function firstVisits(environment, runs, timesteps) {
+  const visits = new Array(environment.plane.cells ** 2).fill(null);
+  for (const run of runs) {
+    const stop = stopAt(run, timesteps);
+    const stops = decode(run.timesteps);
+    decode(run.visited).forEach((first, i) => {
+      if (first !== NO_VALUE && first <= stop) visits[i] = Math.min(visits[i] ?? Infinity, stops[first]);
+    });
+  }
+  return visits;
+}
+
+function visitedTrace(environment, runs, timesteps) {
   const n = environment.plane.cells;
-  const first = decode(run.visited);
-  const stops = decode(run.timesteps);
-  const generations = decode(run.generations);
-  const value = (i) => (first[i] <= stop && first[i] !== NO_VALUE ? stops[first[i]] : null);
-  const text = (i) => `first visited by generation ${whole(generations[first[i]] ?? 0)}`;
-  return heatmap(environment.plane, [n, n], value, text, [0, timesteps]);
+  const visits = firstVisits(environment, runs, timesteps);
+  const longest = Math.max(...runs.map((run) => decode(run.timesteps).at(-1)));
+  const hover = "first visit: %{z:.3s} timesteps";
+  return heatmap(environment.plane, [n, n], (i) => visits[i], hover, [0, longest]);
 }
 
 // -- the bonus -------------------------------------------------------------------------------------
@@ -111,8 +120,6 @@ function visitedTrace(environment, run, stop, timesteps) {
 function bonusFigure(environment, run) {
   const n = environment.plane.cells;
   const values = dequantize(run.bonus);
-  const trace = heatmap(
-    environment.plane, [n, n], (i) => values[i], (i) => `bonus ${(values[i] ?? 0).toPrecision(3)}`, run.bonus.shown,
-  );
+  const trace = heatmap(environment.plane, [n, n], (i) => values[i], "bonus: %{z:.3g}", run.bonus.shown);
   return mapFigure(environment.plane, trace);
 }

@@ -1,4 +1,6 @@
 // Each environment's section: its controls, and the pictures that they change.
+const ALL = "all";
+
 function makeSection(section) {
   const environment = report.environments[Number(section.dataset.index)];
   const state = { hidden: new Set(), over: "timesteps" };
@@ -35,87 +37,92 @@ function curveSection(environment, all, state) {
   return update;
 }
 
-// Figures of labels, one of each, whose run a select names by its seed.
-function runOf(environment, figure, seed) {
+// The runs of a figure's label that a select names by their seed, or all of them.
+function runsOf(environment, figure, seed) {
   const label = Number(figure.dataset.label);
-  return environment.runs.find((run) => run.label === label && run.seed === seed);
+  return environment.runs.filter((run) => run.label === label && (seed === ALL || run.seed === seed));
 }
 
 function showFigures(environment, figures, seed, state, text) {
   for (const figure of figures) {
-    const run = runOf(environment, figure, seed);
+    const runs = runsOf(environment, figure, seed);
+    const plot = figure.querySelector(".plot");
     figure.hidden = state.hidden.has(Number(figure.dataset.label));
-    figure.querySelector(".plot").hidden = run === undefined;
-    figure.querySelector(".muted").textContent = run === undefined ? `No run with seed ${seed}.` : text(run);
+    plot.hidden = runs.length === 0;
+    figure.querySelector(".muted").textContent = runs.length ? text(runs) : `No run with seed ${seed}.`;
+    refresh(plot);
+  }
+}
+
+function addMaps(environment, figures, figureOf) {
+  for (const figure of figures) {
+    const plot = figure.querySelector(".plot");
+    prepareMap(plot, environment.plane);
+    addPanel(plot, () => figureOf(figure));
   }
 }
 
 function mapSection(environment, all, state) {
-  const [picture] = all("select.picture");
-  const [seed] = all("select.map-seed");
+  const [picture, seed, player, key] = ["select.picture", "select.map-seed", ".maps .player", ".maps .key"].map(
+    (selector) => all(selector)[0],
+  );
   const figures = all(".states");
-  const [player] = all(".maps .player");
   const slider = player.querySelector("input");
   const longest = environment.timesteps;
   const timesteps = () => (longest * Number(slider.value)) / Number(slider.max);
-  const shownRuns = () => figures.map((figure) => runOf(environment, figure, seed.value)).filter(Boolean);
   let most = 10;
-  function figureOf(run) {
-    const stop = stopAt(run, timesteps());
+  addMaps(environment, figures, (figure) => {
+    const runs = runsOf(environment, figure, seed.value);
     const trace = picture.value === "states"
-      ? statesTrace(environment, run, stop, most)
-      : visitedTrace(environment, run, stop, longest);
+      ? statesTrace(environment, runs, timesteps(), most)
+      : visitedTrace(environment, runs, timesteps());
     return mapFigure(environment.plane, trace);
-  }
-  function caption(run) {
-    const stop = stopAt(run, timesteps());
-    if (stop < 0) return "Before the first generation";
-    return `${run.unit} ${whole(decode(run.generations)[stop])} · ${summary(environment, run, stop, picture.value)}`;
-  }
-  function update() {
-    showFigures(environment, figures, seed.value, state, caption);
-    figures.forEach((figure) => refresh(figure.querySelector(".plot")));
-  }
-  function changedRuns() {
-    most = mostStates(environment, shownRuns());
-    const [low, high] = picture.value === "states" ? ["1 state", `${short(most)} states`] : ["0", short(longest)];
-    const [title] = all(".maps .key-title");
-    title.textContent = picture.value === "states" ? "Final states in a place:" : "Timesteps of the first visit:";
-    all(".maps .key-low")[0].textContent = low;
-    all(".maps .key-high")[0].textContent = high;
+  });
+  const caption = (runs) => `${moment(runs, timesteps())} · ${summary(environment, runs, timesteps(), picture.value)}`;
+  const update = () => showFigures(environment, figures, seed.value, state, caption);
+  function changed() {
+    const largest = figures.map((figure) =>
+      countStates(environment, runsOf(environment, figure, seed.value), longest).reduce((a, b) => Math.max(a, b)),
+    );
+    most = Math.max(10, ...largest);
+    showKey(key, picture.value, most);
     update();
   }
-  figures.forEach((figure) => {
-    const plot = figure.querySelector(".plot");
-    prepareMap(plot, environment.plane);
-    addPanel(plot, () => figureOf(runOf(environment, figure, seed.value)));
-  });
-  [picture, seed].forEach((select) => select.addEventListener("change", changedRuns));
-  changedRuns();
+  [picture, seed].forEach((select) => select.addEventListener("change", changed));
+  changed();
   makePlayer(player, update, () => `${short(timesteps())} of ${short(longest)} timesteps`, 12);
   return update;
 }
 
-function summary(environment, run, stop, picture) {
-  if (picture === "states") return `${whole(decode(run.shown)[stop])} final states`;
-  const visited = decode(run.visited).reduce((n, first) => n + (first <= stop && first !== NO_VALUE), 0);
-  return `${whole(visited)} cells visited`;
+function showKey(key, picture, most) {
+  const [title, low, high] = picture === "states"
+    ? ["Final states in a place:", "1", short(most)]
+    : ["First visit:", "at the start", "at the end of a run"];
+  key.querySelector(".key-title").textContent = title;
+  key.querySelector(".key-low").textContent = low;
+  key.querySelector(".key-high").textContent = high;
+}
+
+function moment(runs, timesteps) {
+  if (runs.length > 1) return `${runs.length} runs`;
+  const [run] = runs;
+  return `${run.unit} ${whole(decode(run.generations)[stopAt(run, timesteps)] ?? 0)}`;
+}
+
+function summary(environment, runs, timesteps, picture) {
+  const counts = picture === "states"
+    ? countStates(environment, runs, timesteps)
+    : firstVisits(environment, runs, timesteps).map((visit) => (visit === null ? 0 : 1));
+  return `${whole(counts.reduce((a, b) => a + b))} ${picture === "states" ? "final states" : "cells visited"}`;
 }
 
 function bonusSection(environment, all, state) {
   const figures = all(".bonus-map");
   const [seed] = all("select.bonus-seed");
   if (!figures.length) return () => {};
-  const text = ({ bonus }) => `${bonus.low.toPrecision(3)} to ${(bonus.low + bonus.width).toPrecision(3)}`;
-  const update = () => {
-    showFigures(environment, figures, seed.value, state, text);
-    figures.forEach((figure) => refresh(figure.querySelector(".plot")));
-  };
-  figures.forEach((figure) => {
-    const plot = figure.querySelector(".plot");
-    prepareMap(plot, environment.plane);
-    addPanel(plot, () => bonusFigure(environment, runOf(environment, figure, seed.value)));
-  });
+  const text = ([{ bonus }]) => `${bonus.low.toPrecision(3)} to ${(bonus.low + bonus.width).toPrecision(3)}`;
+  const update = () => showFigures(environment, figures, seed.value, state, text);
+  addMaps(environment, figures, (figure) => bonusFigure(environment, runsOf(environment, figure, seed.value)[0]));
   seed.addEventListener("change", update);
   update();
   return update;

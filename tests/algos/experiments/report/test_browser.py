@@ -162,7 +162,9 @@ def test_mazes_are_drawn_to_scale(show):
 
 def test_the_slider_moves_the_picture(show):
     driver = show()
+    choose(driver, "select.map-seed", "0")
     figure, slider = find(driver, ".states .plot"), find(driver, ".maps input")
+    wait(driver, lambda driver: drawn_states(driver) == 30)
     before, n_before = figure.screenshot_as_png, driver.execute_script(DRAWN_CELLS, ".states")
     move(driver, slider, 1)
     wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") < n_before)
@@ -171,6 +173,25 @@ def test_the_slider_moves_the_picture(show):
     move(driver, slider, 5)
     wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") == n_before)
     assert figure.screenshot_as_png == before
+
+
+def drawn_states(driver):
+    """Final states of the first map, by the text that is shown over each place."""
+    return driver.execute_script(
+        "const {z} = document.querySelector('.states .plot').data[0];"
+        "return Math.round(z.flat().reduce((sum, v) => sum + (v === null ? 0 : 10 ** v), 0))"
+    )
+
+
+def test_a_map_is_of_one_seed_or_of_all(show):
+    driver = show()
+    assert find(driver, ".states .muted").text == "2 runs \N{MIDDLE DOT} 60 final states"
+    assert drawn_states(driver) == 60
+    choose(driver, "select.map-seed", "1")
+    wait(driver, lambda driver: drawn_states(driver) == 30)
+    captions = [each.text for each in driver.find_elements("css selector", ".states .muted")]
+    assert captions[0] == "Generation 5 \N{MIDDLE DOT} 30 final states"
+    assert captions[2] == "No run with seed 1."
 
 
 def move(driver, slider, value):
@@ -186,6 +207,7 @@ def test_visited_cells_are_another_picture(show):
     driver = show()
     n_states = driver.execute_script(DRAWN_CELLS, ".states")
     choose(driver, "select.picture", "visited")
+    assert find(driver, ".maps .key-high").text == "at the end of a run"
     wait(driver, lambda driver: "cells visited" in find(driver, ".states .muted").text)
     n_cells = int(find(driver, ".states .muted").text.split()[-3])
     wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") == n_cells)
@@ -209,14 +231,6 @@ def test_a_label_can_be_hidden(show):
     wait(driver, lambda driver: driver.execute_script(names)[0] < before[0])
     assert find(driver, ".legend button").get_attribute("aria-pressed") == "false"
     assert not find(driver, ".states").is_displayed()
-
-
-def test_a_label_without_a_seed_says_so(show):
-    driver = show()
-    choose(driver, "select.map-seed", "1")
-    captions = [each.text for each in driver.find_elements("css selector", ".states .muted")]
-    assert captions[2] == "No run with seed 1."
-    assert captions[0].startswith("Generation 5")
 
 
 def test_a_replay_plays_and_pauses(show):
@@ -249,7 +263,7 @@ def test_all_can_be_done_with_the_keyboard(show):
     press(driver, Keys.ARROW_LEFT, Keys.ARROW_LEFT)
     assert slider.get_property("value") == "3"
     assert slider.get_attribute("aria-valuetext") == "900 of 1.5k timesteps"
-    assert find(driver, ".states .muted").text.startswith("Generation 3 ")
+    assert find(driver, ".states .muted").text.endswith(" 36 final states")
 
 
 def test_colors_are_those_of_the_system_until_one_asks_for_others(show):

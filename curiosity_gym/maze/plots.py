@@ -1,5 +1,6 @@
 """Matplotlib figures of a maze: the layout itself, and where a population of robots ended."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,23 +54,34 @@ def plot_density(
         ax = plt.figure(figsize=(7, 6), layout="constrained").add_subplot()
     draw_layout(ax, layout)
     if len(positions):
-        _scatter(ax, positions, max(layout.width, layout.height) / bins)
+        draw_densities([ax], [positions], max(layout.width, layout.height) / bins)
     return ax
 
 
-def _scatter(ax: "Axes", positions: FloatArray, cell_size: float) -> None:
+def draw_densities(
+    axes: "Sequence[Axes]", positions: Sequence[FloatArray], cell_size: float
+) -> None:
+    """Draw positions on one or several axes of a figure, with one bar of colors for all of them.
+
+    Args:
+        axes: At least one, each of a maze.
+        positions: For each of the axes x, y, (n, 2), at least one in all.
+        cell_size: Side of the square cells in which positions are counted (maze units).
+    """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
-    counts = _local_counts(positions, cell_size)
-    order = np.argsort(counts, kind="stable")  # the densest on top
-    norm = LogNorm(1, max(10, counts.max()))
-    x, y = positions[order].T
-    dots = ax.scatter(x, y, c=counts[order], norm=norm, s=4, alpha=0.5, linewidths=0, zorder=3)
-    dots.set_rasterized(True)  # a PDF of 1e5 vector dots hardly opens
+    counts = [_local_counts(each, cell_size) for each in positions]
+    norm = LogNorm(1, max(10, np.concatenate(counts).max()))
+    for ax, each, numbers in zip(axes, positions, counts, strict=True):
+        order = np.argsort(numbers, kind="stable")  # the densest on top
+        x, y = each[order].T
+        dots = ax.scatter(x, y, c=numbers[order], norm=norm, s=4, alpha=0.5, linewidths=0, zorder=3)
+        dots.set_rasterized(True)  # a PDF of 1e5 vector dots hardly opens
     # The dots' own colorbar would be as transparent as they are.
     label = f"positions in a cell of {cell_size:g} x {cell_size:g}"
-    ax.figure.colorbar(ScalarMappable(norm), ax=ax, label=label, shrink=0.9)
+    shrink = 0.9 if len(axes) == 1 else 0.5
+    axes[0].figure.colorbar(ScalarMappable(norm), ax=list(axes), label=label, shrink=shrink)
 
 
 def _local_counts(positions: FloatArray, cell_size: float) -> NDArray[np.intp]:

@@ -9,7 +9,7 @@ from matplotlib.collections import PatchCollection, PathCollection
 from matplotlib.colors import LogNorm, to_rgba
 
 from curiosity_gym.maze.layouts import BUILT_IN
-from curiosity_gym.maze.plots import draw_layout, plot_density
+from curiosity_gym.maze.plots import draw_densities, draw_layout, plot_density
 
 
 @pytest.fixture(autouse=True)
@@ -65,6 +65,18 @@ def test_density_of_no_positions_is_the_layout():
     ax = plot_density(np.empty((0, 2)), BUILT_IN["us"])
     assert not scattered(ax)
     assert len(ax.figure.axes) == 1
+
+
+def test_densities_of_several_mazes_share_their_colors():
+    axes = list(plt.figure().subplots(1, 3))
+    for ax in axes:
+        draw_layout(ax, BUILT_IN["us"])
+    many, one = np.full((40, 2), 5.0), np.array([[150.0, 5.0]])
+    draw_densities(axes, [many, one, np.empty((0, 2))], cell_size=2.0)
+    dots = [scattered(ax)[0] for ax in axes]
+    assert [len(each.get_offsets()) for each in dots] == [40, 1, 0]
+    assert {(each.norm.vmin, each.norm.vmax) for each in dots} == {(1, 40)}
+    assert len(axes[0].figure.axes) == 4
 
 
 @pytest.mark.parametrize("positions", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [[1.0, np.nan]], []])

@@ -63,9 +63,14 @@ def make_runs(
     if conf_file is not None:
         table = files.read_conf_file(conf_file)
         runs = [files.complete(run, table, timesteps) for run in runs]
-    for run in {(run.algorithm, run.env): run for run in runs}.values():
-        run.check()
+    check_all(runs)
     return runs
+
+
+def check_all(runs: Sequence[Run]) -> None:
+    """Check that runs can begin, one of each algorithm and environment."""
+    for run in {(run.variant, run.algorithm, run.env): run for run in runs}.values():
+        run.check()
 
 
 def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:

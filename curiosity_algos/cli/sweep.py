@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from curiosity_algos.cli import options
+from curiosity_algos.cli.many import train_all
 from curiosity_algos.cli.options import (
     ConfFile,
     Device,
@@ -19,7 +20,6 @@ from curiosity_algos.cli.options import (
     Timesteps,
     Track,
 )
-from curiosity_gym.validation import check_at_least_one
 
 
 def sweep(
@@ -43,12 +43,6 @@ def sweep(
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
     """
-    from curiosity_algos.cli.bars import SweepBars
-    from curiosity_algos.experiments import sweep as many
-    from curiosity_gym.processors import available_cpus
-
-    jobs = available_cpus() if jobs is None else jobs
-    check_at_least_one(jobs=jobs)
     runs = options.make_runs(
         algos.split(","),
         envs.split(","),
@@ -59,24 +53,4 @@ def sweep(
         conf_file=conf_file,
     )
     project = options.find_project(track, wandb_project_name, wandb_entity)
-    errors = []
-    with SweepBars(len(runs)) as bars:
-
-        def report(run: Any, outcome: bool | BaseException) -> None:
-            failed = isinstance(outcome, BaseException)
-            if failed:
-                errors.append(f"{run.folder(log_folder)}: {outcome}")
-            has_trained = outcome and not failed
-            bars.end(run, options.summary(run.folder(log_folder)) if has_trained else None)
-
-        many.sweep(
-            runs,
-            log_folder,
-            jobs=jobs,
-            interval=interval,
-            track=project,
-            report=report,
-            advance=bars.advance,
-        )
-    if errors:
-        raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")
+    train_all(runs, log_folder, jobs=jobs, interval=interval, track=project)

@@ -1,4 +1,4 @@
-"""Many runs, each in a process of its own and on one thread; what is finished is not done again."""
+"""Many runs, each on one thread; what is finished is not done again."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from multiprocessing import connection, get_context, parent_process
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import Any, TypeAlias
 
 import torch as th
 from stable_baselines3.common.callbacks import BaseCallback
@@ -22,6 +23,12 @@ from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.tracking import Project
 from curiosity_algos.experiments.training import Run, is_finished, train
 
+Report: TypeAlias = Callable[[Run, bool | BaseException], None]
+"""Is told of a run as it ends whether there was anything to do, or its error."""
+Advance: TypeAlias = Callable[[Run, int], None]
+"""Is told now and then of a run under way how many timesteps it has."""
+Make: TypeAlias = Callable[[Run, Callable[[int], None]], bool]
+"""Trains a run that tells its timesteps: whether there was anything to do."""
 SECONDS = 0.5
 """Between two messages of how far a run is."""
 _messages: SimpleQueue[tuple[int, int]]
@@ -44,19 +51,21 @@ def sweep(
     jobs: int,
     interval: float = 60.0,
     track: Project | None = None,
-    report: Callable[[Run, bool | BaseException], None],
-    advance: Callable[[Run, int], None] = lambda run, timesteps: None,
+    report: Report,
+    advance: Advance = lambda run, timesteps: None,
 ) -> None:
     """Train every run in its folder, `jobs` at a time; one that fails does not stop the others.
+
+    Each has a process of its own; one at a time, they are trained in this one.
 
     Args:
         runs: What is trained.
         folder: That holds a folder for each.
-        jobs: Processes.
+        jobs: Runs at a time.
         interval: Seconds between two checkpoints of a run.
         track: Where Weights & Biases keeps the runs; None: nowhere.
-        report: Is told of each run as it ends whether there was anything to do, or its error.
-        advance: Is told now and then of each run under way how many timesteps it has.
+        report: Is told of each run.
+        advance: Is told of each run under way.
     """
     left = []
     for run in runs:
@@ -67,19 +76,45 @@ def sweep(
                 left.append(run)
         except (OSError, ValueError) as error:  # another run is there, or other files
             report(run, error)
+    make = partial(_train_alone, folder=folder, interval=interval, track=track)
+    if jobs == 1:
+        _train_here(left, make, report, advance)
+    else:
+        _train_in_processes(left, make, jobs, report, advance)
+
+
+def _train_here(runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
+    n_threads = th.get_num_threads()
+    try:
+        for run in runs:
+            try:
+                outcome: bool | BaseException = make(run, partial(advance, run))
+            except Exception as error:  # of any kind, as from a process
+                outcome = error
+            report(run, outcome)
+    finally:
+        th.set_num_threads(n_threads)
+
+
+def _train_in_processes(
+    runs: Sequence[Run], make: Make, jobs: int, report: Report, advance: Advance
+) -> None:
     context = get_context("spawn")
     messages: SimpleQueue[tuple[int, int]] = context.SimpleQueue()
     with ProcessPoolExecutor(jobs, context, _begin_worker, (messages,)) as pool:
         futures = {
-            pool.submit(_train_alone, i, run, folder, interval, track): run
-            for i, run in enumerate(left)
+            pool.submit(make, run, partial(_send, number)): run for number, run in enumerate(runs)
         }
         for ended in _as_they_end(set(futures)):
             while not messages.empty():
                 number, timesteps = messages.get()
-                advance(left[number], timesteps)
+                advance(runs[number], timesteps)
             for future in ended:
                 report(futures[future], future.exception() or future.result())
+
+
+def _send(number: int, timesteps: int) -> None:
+    _messages.put((number, timesteps))
 
 
 def _as_they_end(waiting: set[Future[bool]]) -> Iterator[set[Future[bool]]]:
@@ -112,31 +147,35 @@ def _end_with_parent() -> None:
 
 
 class _Tell(BaseCallback):
-    """Tells the sweep how far a run is.
+    """Tells now and then how far a run is.
 
     Args:
-        number: Of the run.
+        tell: Is told its timesteps.
     """
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, tell: Callable[[int], None]) -> None:
         super().__init__()
-        self._number = number
+        self._tell = tell
         self._told = float("-inf")
 
     def _on_step(self) -> bool:
         if time.monotonic() - self._told >= SECONDS:
             self._told = time.monotonic()
-            _messages.put((self._number, self.num_timesteps))
+            self._tell(self.num_timesteps)
         return True
 
 
 def _train_alone(
-    number: int, run: Run, folder: Path, interval: float, track: Project | None
+    run: Run,
+    tell: Callable[[int], None],
+    *,
+    folder: Path,
+    interval: float,
+    track: Project | None,
 ) -> bool:
     th.set_num_threads(1)
     settings = {"device": "cpu", **run.settings}
     if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
         settings["n_threads"] = 1
-    run = replace(run, settings=settings)
-    tell, path = _Tell(number), run.folder(folder)
-    return train(run, path, interval=interval, track=track, callbacks=[tell])
+    run, path = replace(run, settings=settings), run.folder(folder)
+    return train(run, path, interval=interval, track=track, callbacks=[_Tell(tell)])

@@ -35,6 +35,7 @@ class Run:
         timesteps: Budget in environment steps.
         env_kwargs: Keywords of the environment.
         settings: Keywords of the algorithm, `preset` and `device` among them.
+        variant: Folder of its own among runs of other settings, if any.
     """
 
     algorithm: str
@@ -43,12 +44,13 @@ class Run:
     timesteps: float
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    variant: str = ""
 
     def folder(self, parent: str | os.PathLike[str]) -> Path:
         """Where its files are: a folder for the algorithm, the environment and the seed."""
         name = find_algorithm(self.algorithm).__name__
         env = self.env.rpartition(":")[2].replace("/", "-")
-        return Path(parent) / name / env / str(self.seed)
+        return Path(parent) / self.variant / name / env / str(self.seed)
 
     def check(self) -> None:
         """Make the environment and the model once, so that mistakes are found before a run begins.

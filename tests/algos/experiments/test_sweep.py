@@ -1,5 +1,11 @@
+"""Runs of a sweep, in processes and in this one."""
+
+import pytest
+import torch as th
+
+from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.sweep import grid, sweep
-from curiosity_algos.experiments.training import train
+from curiosity_algos.experiments.training import Run, train
 
 SETTINGS = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
@@ -9,7 +15,8 @@ def test_a_sweep_has_no_run_twice():
     assert [(run.algorithm, run.seed) for run in runs] == [("NSES", 0), ("NSES", 1)]
 
 
-def test_it_tells_how_far_runs_are_and_how_they_ended(tmp_path):
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_it_tells_how_far_runs_are_and_how_they_ended(jobs, tmp_path):
     runs = grid(
         ["map_elites"],
         ["CuriosityMaze-US-v0"],
@@ -23,7 +30,7 @@ def test_it_tells_how_far_runs_are_and_how_they_ended(tmp_path):
     sweep(
         runs,
         tmp_path,
-        jobs=1,
+        jobs=jobs,
         report=lambda run, outcome: ended.update({run.seed: outcome}),
         advance=lambda run, timesteps: told.append((run.seed, timesteps, set(ended))),
     )
@@ -32,3 +39,31 @@ def test_it_tells_how_far_runs_are_and_how_they_ended(tmp_path):
     for seed, timesteps, before in told:
         assert 0 < timesteps <= 1200
         assert seed not in before
+
+
+def make_run(seed, **settings):
+    kwargs = {"horizon": 20}
+    small = {"population_size": 4, **settings}
+    return Run("MAPElites", "CuriosityMaze-US-v0", seed, 100, kwargs, small)
+
+
+def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
+    monkeypatch.setattr("curiosity_algos.experiments.sweep.ProcessPoolExecutor", None)
+    th.set_num_threads(2)
+    outcomes = {}
+    runs = [make_run(0), make_run(1, population_size="many"), make_run(2)]
+    blocked = runs[2].folder(tmp_path)
+    blocked.mkdir(parents=True)
+    (blocked / "notes").write_text("mine")
+    sweep(runs, tmp_path, jobs=1, report=lambda run, outcome: outcomes.update({run.seed: outcome}))
+    assert outcomes[0] is True
+    assert isinstance(outcomes[1], ValueError)
+    assert isinstance(outcomes[2], OSError)
+    assert load_runs(tmp_path)["seed"].tolist() == [0]
+    assert th.get_num_threads() == 2
+
+
+@pytest.mark.parametrize("variant", ["", "phi=0.0"])
+def test_a_variant_has_a_folder_of_its_own(variant, tmp_path):
+    run = Run("nses", "CuriosityMaze-US-v0", 3, 100, variant=variant)
+    assert run.folder(tmp_path) == tmp_path / variant / "NSES" / "CuriosityMaze-US-v0" / "3"

@@ -183,3 +183,22 @@ def assert_same_fixture():
 @pytest.fixture(name="assert_same_run")
 def assert_same_run_fixture():
     return assert_same_run
+
+
+@pytest.fixture
+def has_ink():
+    """Whether a figure shows more within one of its axes than a grid."""
+
+    def check(figure, ax):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        ax.grid(False)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        box = ax.get_window_extent()
+        height = canvas.buffer_rgba().shape[0]
+        rows = slice(int(height - box.y1) + 3, int(height - box.y0) - 3)
+        inside = np.asarray(canvas.buffer_rgba())[rows, int(box.x0) + 3 : int(box.x1) - 3, :3]
+        return len(np.unique(inside.reshape(-1, 3), axis=0)) > 1
+
+    return check

@@ -1,0 +1,57 @@
+"""`curiosity reproduce`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from curiosity_algos.cli import options
+from curiosity_algos.cli.many import train_all
+
+
+def reproduce(
+    figure: Annotated[int, typer.Argument(help="Of the paper, 1 to 8.", min=1, max=8)],
+    budget: Annotated[
+        str, typer.Option(help="Seconds, hours, or the paper's: smoke, short, paper.")
+    ] = "smoke",
+    preset: Annotated[str, typer.Option(help="Settings: paper or tuned.")] = "paper",
+    seeds: Annotated[
+        str | None, typer.Option(help="Whole numbers, with commas; None: those of the budget.")
+    ] = None,
+    log_folder: Annotated[
+        Path | None,
+        typer.Option("--log-folder", "-f", help="Where runs are; None: runs/PRESET-BUDGET."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="A PNG, PDF or SVG; None: figure_N.png in the log folder."),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Runs at a time; None: one a processor, in smoke one.")
+    ] = None,
+    interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
+) -> None:
+    """Train what a figure of the paper needs, and draw it; what is finished is left alone.
+
+    Figures share their runs.
+
+    Example: curiosity reproduce 2 --budget short --out reward.pdf
+    """
+    from curiosity_algos.experiments.figures import canvas, paper
+    from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
+    from curiosity_gym.validation import check_choice
+
+    check_choice(tuple(BUDGETS), budget=budget)
+    folder = Path("runs", f"{preset}-{budget}") if log_folder is None else log_folder
+    path = folder / f"figure_{figure}.png" if out is None else out
+    canvas.check_out(path)
+    chosen = BUDGETS[budget].seeds if seeds is None else options.numbers("seeds", seeds)
+    plan = Plan(folder, BUDGETS[budget], preset, chosen)
+    jobs = plan.budget.jobs if jobs is None else jobs
+    runs = plan.runs(figure)
+    options.check_all(runs)
+    train_all(runs, folder, jobs=jobs, interval=interval)
+    canvas.save(paper.draw(figure, plan), path)
+    typer.echo(f"{path}")

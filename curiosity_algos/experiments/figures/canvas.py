@@ -1,0 +1,76 @@
+"""What every figure is drawn on, and the file that it is written to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from curiosity_algos.common.atomic_file import atomic_file
+from curiosity_gym.validation import check_choice
+
+FORMATS = (".png", ".pdf", ".svg")
+DPI = 160
+GRAY = "#555555"
+
+
+def make_panels(
+    n_rows: int,
+    n_columns: int,
+    *,
+    width: float = 4.0,
+    height: float = 3.2,
+    layout: Literal["constrained", "compressed"] = "constrained",
+) -> tuple[Figure, npt.NDArray[Any]]:
+    """A figure and its axes (n_rows, n_columns), each of them `width` by `height` inches.
+
+    The figure belongs to nobody: pyplot does not know it, and no window opens. "compressed" is the
+    layout of axes to scale.
+    """
+    figure = Figure(figsize=(width * n_columns, height * n_rows + 0.8), layout=layout)
+    return figure, figure.subplots(n_rows, n_columns, squeeze=False)
+
+
+def add_title(figure: Figure, title: str, handles: list[Any]) -> None:
+    """Write a title, and below it one legend for all panels."""
+    columns = max(1, min(7, len(handles)))
+    legend = figure.legend(
+        handles=handles, title=title, ncols=columns, loc="outside upper center", frameon=False
+    )
+    legend.get_title().set(fontweight="bold", fontsize=13)
+
+
+def add_note(figure: Figure, note: str) -> None:
+    """Write what a reader must know below everything else."""
+    figure.supxlabel(note, fontsize=8, color=GRAY)
+
+
+def polish(ax: Axes) -> None:
+    """Take away what is not read, and guide the eye."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(color="#dddddd", linewidth=0.6)
+    ax.set_axisbelow(True)
+
+
+def check_out(path: Path) -> None:
+    """Raise ValueError unless a figure can be written to a file of this name."""
+    check_choice(FORMATS, out=path.suffix)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure to a file that appears once it is whole, a PNG, PDF or SVG by its name.
+
+    Raises:
+        ValueError: If it is named otherwise.
+    """
+    check_out(path)
+    with atomic_file(path) as file:
+        figure.savefig(file, format=path.suffix[1:], dpi=DPI, bbox_inches="tight")
+
+
+def short_name(env: str) -> str:
+    """What an environment is called in a title: `US` for `CuriosityMaze-US-v0`."""
+    return env.rpartition("/")[2].split("-")[1] if env.startswith("Curiosity") else env

@@ -1,0 +1,79 @@
+"""Mazes, what a robot sees at their start, and where episodes ended in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from curiosity_algos.experiments.figures.canvas import add_title, make_panels, short_name
+from curiosity_gym.maze.dynamics import N_BASE_FEATURES
+from curiosity_gym.maze.plots import draw_densities, draw_layout
+from curiosity_gym.maze.viewer import HIT
+
+Float64 = npt.NDArray[np.float64]
+
+CELL_SIZE = 2.0
+"""In which final states are counted for their color (maze units)."""
+
+
+def show_mazes(envs: Sequence[str]) -> Figure:
+    """Each maze with its start, its goal and the LIDAR beams at the start."""
+    figure, axes = make_panels(1, len(envs), height=4.0, layout="compressed")
+    for ax, env in zip(axes.flat, envs, strict=True):
+        maze = gym.make(env)
+        _draw_maze(ax, maze, env)
+        draw_beams(ax, maze)
+    axes.flat[0].set_ylabel("y (maze units)")
+    beam = Line2D([], [], color=HIT, marker=".", label="LIDAR beams at the start")
+    add_title(figure, "Mazes", [*axes.flat[0].get_lines()[:2], beam])
+    return figure
+
+
+def _draw_maze(ax: Axes, maze: gym.Env[Any, Any], env: str) -> None:
+    draw_layout(ax, maze.unwrapped.layout)  # type: ignore[attr-defined]  # of a maze
+    ax.set(title=short_name(env), xlabel="x (maze units)", ylabel="")
+
+
+def draw_beams(ax: Axes, maze: gym.Env[Any, Any]) -> None:
+    """Draw the beams of a robot at the start, with a dot where one hits."""
+    env: Any = maze.unwrapped
+    observation, _ = maze.reset()
+    beams = observation[N_BASE_FEATURES:].astype(np.float64)
+    angles = 2.0 * np.pi * np.arange(len(beams)) / len(beams)
+    start = np.array(env.layout.start)
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    ends = start + beams[:, None] * env.lidar_range * directions
+    segments = [np.stack([start, end]) for end in ends]
+    ax.add_collection(LineCollection(segments, colors=HIT, linewidths=0.8, zorder=2))
+    ax.plot(*ends[beams < 1.0].T, ".", color=HIT, markersize=5, zorder=3)
+
+
+def show_final_states(states: Mapping[str, Mapping[str, Float64]]) -> Figure:
+    """Where the episodes of runs ended, a row for each algorithm and a column for each maze.
+
+    Args:
+        states: By algorithm and environment x, y, (n, 2).
+    """
+    envs = list(next(iter(states.values())))
+    figure, axes = make_panels(len(states), len(envs), width=3.6, height=3.2, layout="compressed")
+    for row, (algorithm, by_env) in zip(axes, states.items(), strict=True):
+        for ax, env in zip(row, envs, strict=True):
+            _draw_maze(ax, gym.make(env), env)
+            ax.set(title=f"{algorithm} on {short_name(env)}, {len(by_env[env]):,} episodes")
+            ax.title.set_fontsize(9)
+    for ax in axes.flat:
+        ax.label_outer()
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (maze units)")
+    positions = [by_env[env] for by_env in states.values() for env in envs]
+    draw_densities(list(axes.flat), positions, CELL_SIZE)
+    add_title(figure, "Final states", axes.flat[0].get_lines()[:2])
+    return figure

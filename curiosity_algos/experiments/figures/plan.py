@@ -1,0 +1,183 @@
+"""The runs that each figure of the paper is drawn from: what is trained, for how long, and where.
+
+"Curiosity creates Diversity in Policy Search", sections 4 to 7, whose figures are counted from 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from curiosity_algos.experiments.training import Run
+
+MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
+CONTROL = (
+    "CuriosityControl-BallInCup-v0",
+    "CuriosityControl-Finger-v0",
+    "CuriosityControl-Stacker-v0",
+)
+BOTTLENECK = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0")
+COMPARED = ("CuriosityES", "NSES", "MAPElites", "CMAME", "TD3ICM")
+WITHOUT_REWARD: Mapping[str, Mapping[str, Any]] = {
+    "CuriosityES": {"phi": 0.0},
+    "NSES": {"phi": 0.0},
+    "TD3ICM": {"extrinsic": False},
+}
+"""How algorithms that weigh reward against exploration are told to explore alone."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How long the runs of figures are, and how many.
+
+    Args:
+        seeds: Of the runs.
+        maze: Timesteps on a maze.
+        control: Timesteps on a control task.
+        td3_maze: Timesteps of TD3ICM on a maze: a step of its costs hundreds of a population's.
+        td3_control: Timesteps of TD3ICM on a control task.
+        env_kwargs: By environment, what makes episodes shorter and goals easier.
+        settings: By algorithm, what makes it cheaper.
+        jobs: Runs at a time; None: one a processor.
+    """
+
+    seeds: tuple[int, ...]
+    maze: float
+    control: float
+    td3_maze: float
+    td3_control: float
+    env_kwargs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    jobs: int | None = None
+
+    def timesteps(self, algorithm: str, env: str) -> float:
+        """Of a run."""
+        if algorithm == "TD3ICM":
+            return self.td3_control if env in CONTROL else self.td3_maze
+        return self.control if env in CONTROL else self.maze
+
+
+GENERATIONS, POPULATION = 2_000, 56
+BUDGETS = {
+    # Goals that hardly anyone misses: every figure has something to show.
+    "smoke": Budget(
+        seeds=(0,),
+        maze=3 * 56 * 100,
+        control=2 * 56 * 20,
+        td3_maze=800,
+        td3_control=160,
+        env_kwargs={
+            "CuriosityMaze-Snake-v0": {"horizon": 100, "goal_radius": 16.5},
+            "CuriosityMaze-US-v0": {"horizon": 100, "goal_radius": 91.5},
+            "CuriosityMaze-Hard-v0": {"horizon": 100, "goal_radius": 120.0},
+            **{env: {"horizon": 20} for env in CONTROL},
+        },
+        settings={"CuriosityES": {"n_updates": 2}, "CMAME": {"es": "lm_ma_es"}},
+        jobs=1,  # a run takes less time than the start of a process
+    ),
+    "short": Budget(seeds=(0, 1, 2), maze=3e7, control=1e6, td3_maze=3e5, td3_control=1e5),
+    "paper": Budget(
+        seeds=(0, 1, 2, 3, 4),
+        maze=GENERATIONS * POPULATION * 2_000,
+        control=GENERATIONS * POPULATION * 1_000,
+        td3_maze=2e6,
+        td3_control=1e6,
+    ),
+}
+"""By name; the paper's own is 2,000 generations of 56 individuals."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """An algorithm as a figure shows it.
+
+    Args:
+        algorithm: Its name.
+        settings: Keywords that the figure gives it, beside those of the preset.
+    """
+
+    algorithm: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """What the legend says."""
+        whole_state = self.settings.get("behavior") == "state"
+        return f"{self.algorithm} (whole state)" if whole_state else self.algorithm
+
+
+def series_of(figure: int) -> dict[str, list[Series]]:
+    """What each panel of a figure shows: by environment, its series."""
+    if figure in (2, 3):
+        return {env: [Series(name) for name in COMPARED] for env in MAZES}
+    if figure == 4:
+        return {env: [Series(name) for name in ("CMAME", "NSES", "CuriosityES")] for env in MAZES}
+    if figure == 5:
+        return {env: [Series(name) for name in COMPARED] for env in CONTROL}
+    if figure == 6:
+        return {env: [_exploring(name, env) for name in COMPARED] for env in CONTROL}
+    if figure == 7:
+        return {env: _bottleneck(env) for env in BOTTLENECK}
+    if figure == 8:
+        return {MAZES[1]: [Series(name) for name in ("CuriosityES", "CMAME", "MAPElites")]}
+    return {}  # the mazes themselves
+
+
+def _exploring(algorithm: str, env: str, **settings: Any) -> Series:
+    """In control tasks coverage is that of runs that do not look for reward."""
+    alone = WITHOUT_REWARD.get(algorithm, {}) if env in CONTROL else {}
+    return Series(algorithm, {**settings, **alone})
+
+
+def _bottleneck(env: str) -> list[Series]:
+    series = [_exploring(name, env) for name in ("CuriosityES", "NSES", "NSLC")]
+    series += [_exploring(name, env, behavior="state") for name in ("NSES", "NSLC")]
+    return [*series, *(_exploring(name, env) for name in ("AURORA", "MAPElites"))]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The runs of figures.
+
+    Args:
+        folder: That holds them: those with the preset's settings as `curiosity sweep` lays them
+            out, others in a folder that is called like their settings (`phi=0.0`).
+        budget: Of each.
+        preset: "paper" or "tuned".
+        seeds: Of the runs; a figure that shows one run of an algorithm shows that of the first.
+    """
+
+    folder: Path
+    budget: Budget
+    preset: str
+    seeds: Sequence[int]
+
+    def seeds_of(self, figure: int) -> Sequence[int]:
+        """Of a figure's runs: final states and projections are those of one run."""
+        return self.seeds[:1] if figure in (4, 8) else self.seeds
+
+    def runs(self, figure: int) -> list[Run]:
+        """What a figure needs."""
+        return [
+            self.run(series, env, seed)
+            for env, panel in series_of(figure).items()
+            for series in panel
+            for seed in self.seeds_of(figure)
+        ]
+
+    def run(self, series: Series, env: str, seed: int) -> Run:
+        """One of them."""
+        cheaper = self.budget.settings.get(series.algorithm, {})
+        # TD3ICM takes no preset yet; its defaults are the paper's.
+        preset = {} if series.algorithm == "TD3ICM" else {"preset": self.preset}
+        return Run(
+            series.algorithm,
+            env,
+            seed,
+            self.budget.timesteps(series.algorithm, env),
+            self.budget.env_kwargs.get(env, {}),
+            {**preset, "device": "cpu", **cheaper, **series.settings},
+            ",".join(f"{name}={value}" for name, value in sorted(series.settings.items())),
+        )

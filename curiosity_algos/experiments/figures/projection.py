@@ -1,0 +1,161 @@
+"""How rewarding policies differ: a projection of the last states of their episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
+from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.run_folder import RunFolder
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+
+N_STATES = 300
+"""Last states of an episode, the paper's number."""
+N_POLICIES = 2000
+"""Of a run, at most: their states are held in memory at once, 43 kB each on a maze."""
+BATCH = 64
+"""Episodes played at once, at most."""
+TITLE = f"Rewarding policies on {{}}: the last {N_STATES} states of their episodes"
+NOTE = (
+    "Principal components of one run's rewarding policies, their number in brackets. "
+    f"An episode shorter than {N_STATES} states counts as if it had waited at its start."
+)
+
+
+class Rewarding(NamedTuple):
+    """Policies of a run that succeeded.
+
+    Attributes:
+        states: (n, N_STATES, O), the last of each one's episode.
+        returns: (n,) of those episodes.
+    """
+
+    states: Float32
+    returns: Float64
+
+
+def replay_rewarding(run: Path) -> Rewarding:
+    """Play rewarding policies of a run again, each with the seed of its episode.
+
+    The last of the `N_STATES` is the one that the episode ended in. A shorter episode counts as if
+    it had waited at its start: the first state is repeated before the others.
+
+    Args:
+        run: Folder of a run that has a checkpoint. Of more than `N_POLICIES`, as many are drawn.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+    """
+    folder = RunFolder(run)
+    described, checkpoint = folder.describe(), folder.checkpoint
+    env = gym.make(described["env"], **described["env_kwargs"])
+    evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
+    assert checkpoint is not None
+    with np.load(checkpoint / "rewarding.npz") as kept:
+        chosen = _choose(len(kept["return"]))
+        parameters, seeds = kept["parameters"][chosen], kept["episode_seed"][chosen]
+    n_observed = env.observation_space.shape[0]  # type: ignore[index]  # evaluators take no other
+    states = np.empty((len(chosen), N_STATES, n_observed), dtype=np.float32)
+    returns = np.empty(len(chosen))
+    for batch, rollouts in _play(evaluator, parameters, seeds):
+        states[batch], returns[batch] = last_states(rollouts), rollouts.returns
+    return Rewarding(states, returns)
+
+
+def _choose(n: int) -> npt.NDArray[np.int64]:
+    """Which of n policies are played."""
+    if n <= N_POLICIES:
+        return np.arange(n)
+    return np.sort(np.random.default_rng(0).choice(n, N_POLICIES, replace=False))
+
+
+def _play(
+    evaluator: Evaluator, parameters: Float32, seeds: npt.NDArray[np.int64]
+) -> Iterator[tuple[npt.NDArray[np.int64], Rollouts]]:
+    """Indices and episodes of a few policies at a time that share a seed."""
+    for seed in np.unique(seeds):
+        sharing = np.flatnonzero(seeds == seed)
+        for first in range(0, len(sharing), BATCH):
+            batch = sharing[first : first + BATCH]
+            yield batch, evaluator.evaluate(parameters[batch], int(seed))
+
+
+def last_states(rollouts: Rollouts, n: int = N_STATES) -> Float32:
+    """The last n states of each episode, (P, n, O); of a shorter one the first stands before."""
+    observations, _ = rollouts.trajectories
+    times = rollouts.lengths[:, None] + np.arange(1 - n, 1)
+    last: Float32 = observations[np.arange(len(times))[:, None], np.maximum(times, 0)]
+    return last
+
+
+def project(states: Float32) -> tuple[Float64, Float64]:
+    """The two principal components of states (n, T, O), n at least 3.
+
+    Returns:
+        Scores (n, 2), and the share of the variance that each component holds (2,).
+    """
+    from sklearn.decomposition import PCA
+
+    pca = PCA(2, svd_solver="arpack", random_state=0)  # exact, and no more than two are computed
+    return pca.fit_transform(states.reshape(len(states), -1)), pca.explained_variance_ratio_
+
+
+def show_projection(rewarding: Mapping[str, Rewarding], env: str) -> Figure:
+    """Projected policies: on the left by algorithm, on the right by return.
+
+    Args:
+        rewarding: Of a run of each algorithm; at least three policies in all.
+        env: What the environment is called.
+
+    Raises:
+        ValueError: If there are fewer.
+    """
+    numbers = {algorithm: len(each.returns) for algorithm, each in rewarding.items()}
+    if sum(numbers.values()) < 3:
+        raise ValueError(f"`runs` must have 3 rewarding policies, on {env} they have fewer.")
+    scores, shares = project(np.concatenate([each.states for each in rewarding.values()]))
+    returns = np.concatenate([each.returns for each in rewarding.values()])
+    order = np.random.default_rng(0).permutation(len(scores))  # none is hidden by what came later
+    colors = color_labels(rewarding)
+    owner = np.repeat(list(colors.values()), list(numbers.values()))
+
+    figure, ((left, right),) = make_panels(1, 2, width=5.0, height=4.0)
+    _scatter(left, scores[order], shares, c=owner[order])
+    dots = _scatter(right, scores[order], shares, c=returns[order], cmap="viridis")
+    left.set_title("by algorithm")
+    right.set_title("by return")
+    figure.colorbar(dots, ax=right, label="return")
+    samples = [_sample(name, n, colors[name]) for name, n in numbers.items()]
+    add_title(figure, TITLE.format(env), samples)
+    add_note(figure, NOTE)
+    return figure
+
+
+def _scatter(ax: Axes, scores: Float64, shares: Float64, **colors: Any) -> PathCollection:
+    x, y = scores.T
+    dots = ax.scatter(x, y, s=9, linewidths=0, rasterized=True, **colors)
+    ax.set(
+        xlabel=f"component 1 ({shares[0]:.0%} of the variance)",
+        ylabel=f"component 2 ({shares[1]:.0%} of the variance)",
+    )
+    polish(ax)
+    return dots
+
+
+def _sample(algorithm: str, n: int, color: str) -> Line2D:
+    label = f"{algorithm} ({n:,})" if n else f"{algorithm} (no reward)"
+    return Line2D([], [], linestyle="", marker="o", color=color, label=label)

@@ -1,0 +1,61 @@
+"""Panels, titles and files."""
+
+import pytest
+from matplotlib import pyplot as plt
+from matplotlib.lines import Line2D
+from PIL import Image
+
+from curiosity_algos.experiments.figures.canvas import (
+    add_note,
+    add_title,
+    check_out,
+    make_panels,
+    save,
+    short_name,
+)
+
+
+def test_a_figure_is_nobodys_but_the_callers():
+    before = plt.get_fignums()
+    figure, axes = make_panels(2, 3, width=1.0, height=2.0)
+    assert axes.shape == (2, 3)
+    assert tuple(figure.get_size_inches()) == (3.0, 4.8)
+    assert plt.get_fignums() == before
+
+
+def test_title_legend_and_note_are_all_seen():
+    figure, axes = make_panels(1, 2)
+    add_title(figure, "Highest", [Line2D([], [], label="NSES"), Line2D([], [], label="NSLC")])
+    add_note(figure, "of two seeds")
+    (legend,) = figure.legends
+    assert legend.get_title().get_text() == "Highest"
+    assert [text.get_text() for text in legend.get_texts()] == ["NSES", "NSLC"]
+    figure.draw_without_rendering()
+    boxes = [legend.get_window_extent(), *(ax.get_tightbbox() for ax in axes.flat)]
+    boxes.append(figure._supxlabel.get_window_extent())
+    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[i + 1 :])
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"), [("a.png", b"\x89PNG"), ("a.pdf", b"%PDF"), ("a.svg", b"<?xml")]
+)
+def test_a_file_is_of_the_kind_that_its_name_says(name, begins, tmp_path):
+    figure, _ = make_panels(1, 1)
+    save(figure, tmp_path / "new" / name)
+    (written,) = (tmp_path / "new").iterdir()
+    assert written.read_bytes().startswith(begins)
+    if name == "a.png":
+        assert Image.open(written).size[0] > 400
+
+
+def test_other_files_are_refused(tmp_path):
+    figure, _ = make_panels(1, 1)
+    for refuse in (check_out, lambda path: save(figure, path)):
+        with pytest.raises(ValueError, match=r"`out` must be one of \.png, \.pdf, \.svg"):
+            refuse(tmp_path / "a.jpg")
+    assert not any(tmp_path.iterdir())
+
+
+def test_titles_are_short():
+    names = ["CuriosityMaze-US-v0", "CuriosityControl-BallInCup-v0", "Pendulum-v1"]
+    assert [short_name(name) for name in names] == ["US", "BallInCup", "Pendulum-v1"]

@@ -1,0 +1,72 @@
+"""Mazes with beams, and final states over them."""
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PathCollection
+
+from curiosity_algos.experiments.figures.mazes import show_final_states, show_mazes
+from curiosity_gym.maze.layouts import BUILT_IN
+
+ENVS = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0"]
+
+
+def is_free(x, y, layout):
+    """Whether a point is in the world and outside of every wall."""
+    inside = 0.0 < x < layout.width and 0.0 < y < layout.height
+    return inside and not any(
+        left < x < left + width and bottom < y < bottom + height
+        for left, bottom, width, height in layout.walls
+    )
+
+
+def walk(start, angle, reach, layout):
+    """Length of a beam, by small steps until a wall is met."""
+    length = 0.0
+    while length < reach and is_free(
+        start[0] + length * math.cos(angle), start[1] + length * math.sin(angle), layout
+    ):
+        length += 0.01
+    return min(length, reach)
+
+
+def test_beams_end_where_a_wall_begins(has_ink):
+    figure = show_mazes(ENVS)
+    layout = BUILT_IN["us"]
+    ax = figure.axes[1]
+    (beams,) = [each for each in ax.collections if isinstance(each, LineCollection)]
+    segments = np.array(beams.get_segments())
+    assert segments.shape == (32, 2, 2)
+    reach = gym.make(ENVS[1]).unwrapped.lidar_range
+    for i, (start, end) in enumerate(segments):
+        assert tuple(start) == layout.start
+        expected = walk(layout.start, 2.0 * math.pi * i / 32, reach, layout)
+        assert math.dist(start, end) == pytest.approx(expected, abs=0.02)
+    hits = ax.get_lines()[2].get_xydata()
+    assert 0 < len(hits) < 32  # along the corridor nothing is hit
+    assert all(has_ink(figure, each) for each in figure.axes)
+    assert [each.get_title() for each in figure.axes] == ["Snake", "US"]
+
+
+def test_every_final_state_is_a_dot():
+    rng = np.random.default_rng(0)
+    states = {
+        name: {env: rng.uniform(0.0, 200.0, (n, 2)) for env, n in zip(ENVS, ns, strict=True)}
+        for name, ns in {"NSES": (50, 30), "CMAME": (20, 1)}.items()
+    }
+    figure = show_final_states(states)
+    *panels, bar = figure.axes
+    assert "positions in a cell of 2 x 2" in bar.get_ylabel()
+    titles = [(name, env) for name in states for env in ENVS]
+    norms = set()
+    for ax, (name, env) in zip(panels, titles, strict=True):
+        assert ax.get_title().startswith(f"{name} on {env.split('-')[1]}, ")
+        (dots,) = [each for each in ax.collections if isinstance(each, PathCollection)]
+        shown = np.asarray(dots.get_offsets())
+        expected = states[name][env]
+        np.testing.assert_array_equal(shown[np.lexsort(shown.T)], expected[np.lexsort(expected.T)])
+        assert dots.get_rasterized()
+        norms.add(dots.norm)
+    assert len(norms) == 1  # a color means the same in every panel

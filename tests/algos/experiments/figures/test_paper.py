@@ -1,0 +1,103 @@
+"""The paper's figures as wholes."""
+
+import pathlib
+
+import numpy as np
+import pytest
+
+from curiosity_algos.experiments.figures import paper
+from curiosity_algos.experiments.figures.curves import best_return
+from curiosity_algos.experiments.figures.plan import BUDGETS, COMPARED, MAZES, Plan
+from curiosity_algos.experiments.run_folder import RunFolder
+
+
+@pytest.fixture
+def plan(tmp_path):
+    return Plan(tmp_path, BUDGETS["smoke"], "paper", (0, 1))
+
+
+def write(folder, returns, timesteps):
+    """A finished run whose generations, of 100 timesteps, had these returns."""
+    run = RunFolder(folder)
+    run.begin({"algorithm": folder.parts[-3], "env": folder.parts[-2], "seed": 0})
+    returns = np.array(returns)
+    steps = 100 * np.arange(1, len(returns) + 1)
+    run.add_final_states(
+        0, {"generation": steps // 100, "timesteps": steps, "return": returns.astype(float)}
+    )
+    rows = [f"{step},{min(1.0, step / 1e4)}" for step in steps]
+    run.progress.write_text("\n".join(["time/total_timesteps,coverage/reachable", *rows, ""]))
+    result = f'{{"timesteps": {timesteps}}}'
+    run.commit(timesteps, lambda to: (to / "result.json").write_text(result))
+
+
+@pytest.fixture
+def finished(plan):
+    """All the runs on mazes; of CMAME none has found reward."""
+    for i, run in enumerate(plan.runs(2)):
+        returns = [0.0, 0.0, 0.0] if run.algorithm == "CMAME" else [0.0, 0.5 + i / 100, 0.3]
+        write(run.folder(plan.folder), returns, int(run.timesteps))
+    return plan
+
+
+def test_an_algorithm_that_found_nothing_is_named(finished, has_ink):
+    figure = paper.draw(2, finished)
+    assert len(figure.axes) == len(MAZES)
+    for ax in figure.axes:
+        assert ax.get_xlabel() == "timesteps (millions)\nno reward: CMAME"
+        assert has_ink(figure, ax)
+    (legend,) = figure.legends
+    shown = [text.get_text() for text in legend.get_texts()]
+    assert shown == [name for name in COMPARED if name != "CMAME"]
+    assert "interquartile mean (seeds 0, 1)" in figure._supxlabel.get_text()
+
+
+def test_the_line_is_that_of_the_runs(finished):
+    figure = paper.draw(2, finished)
+    ax = figure.axes[1]  # US; its runs are numbered from 10 on, two of each algorithm
+    thick = [line for line in ax.get_lines() if line.get_linewidth() == 2.0]
+    ends = [line.get_ydata()[-1] for line in thick]
+    np.testing.assert_allclose(ends, [0.605, 0.625, 0.645, 0.685])
+    runs = [run for run in finished.runs(2) if (run.algorithm, run.env) == ("NSES", MAZES[1])]
+    curves = [best_return(run.folder(finished.folder)) for run in runs]
+    thin = [line for line in ax.get_lines() if line.get_linewidth() == 0.6][2:4]
+    for line, (timesteps, values) in zip(thin, curves, strict=True):
+        np.testing.assert_allclose(line.get_xdata(), timesteps / 1e6)
+        np.testing.assert_array_equal(line.get_ydata(), values)
+
+
+def test_a_panel_without_reward_says_so(finished, has_ink):
+    for run in finished.runs(5):
+        write(run.folder(finished.folder), [0.0], int(run.timesteps))
+    figure = paper.draw(5, finished)
+    for ax in figure.axes:
+        assert has_ink(figure, ax)
+        assert " ".join(ax.get_xlabel().split()).endswith(f"no reward: {', '.join(COMPARED)}")
+
+
+def test_coverage_is_drawn_of_all(finished):
+    figure = paper.draw(3, finished)
+    assert figure.axes[0].get_ylabel() == "coverage (%)"
+    for ax in figure.axes:
+        assert ax.get_xlabel() == "timesteps (millions)"
+        thick = [line for line in ax.get_lines() if line.get_linewidth() == 2.0]
+        assert [line.get_ydata()[-1] for line in thick] == pytest.approx([3.0] * len(COMPARED))
+
+
+def test_a_run_that_is_missing_is_named(finished):
+    run = finished.runs(2)[3]
+    checkpoint = RunFolder(run.folder(finished.folder)).checkpoint
+    (checkpoint / "result.json").write_text('{"timesteps": 5}')
+    with pytest.raises(FileNotFoundError) as error:
+        paper.draw(3, finished)
+    (sentence,) = str(error.value).splitlines()
+    assert sentence.startswith("`log_folder` must hold the runs of figure 3, ")
+    assert str(pathlib.Path(run.algorithm, run.env, str(run.seed))) in sentence
+    with pytest.raises(FileNotFoundError, match="is not finished"):
+        paper.draw(5, finished)  # of which there is nothing at all
+
+
+def test_there_are_eight(plan):
+    assert list(paper.FIGURES) == [1, 2, 3, 4, 5, 6, 7, 8]
+    with pytest.raises(ValueError, match="`figure` must be one of 1, 2"):
+        paper.draw(9, plan)

@@ -1,0 +1,79 @@
+"""Which runs the paper's figures need."""
+
+from pathlib import Path
+
+import pytest
+
+from curiosity_algos.experiments.figures.plan import (
+    BUDGETS,
+    COMPARED,
+    CONTROL,
+    MAZES,
+    Plan,
+    Series,
+    series_of,
+)
+
+
+def make_plan(budget="paper", seeds=(3, 4)):
+    return Plan(Path("runs"), BUDGETS[budget], "paper", seeds)
+
+
+def folders(figure):
+    return [str(run.folder("runs")) for run in make_plan().runs(figure)]
+
+
+def test_figures_share_runs():
+    assert not folders(1)
+    assert set(folders(2)) == set(folders(3))
+    assert len(folders(2)) == len(COMPARED) * len(MAZES) * 2
+    for figure in (4, 8):  # one run of each algorithm
+        assert set(folders(figure)) < set(folders(2))
+        assert all(folder.endswith("/3") for folder in folders(figure))
+    us = {folder.split("/")[1] for folder in folders(8)}
+    assert us == {"CuriosityES", "CMAME", "MAPElites"}
+    assert len(folders(4)) == 9
+
+
+def test_no_two_runs_share_a_folder():
+    runs = {}
+    for figure in range(1, 9):
+        for run in make_plan().runs(figure):
+            assert runs.setdefault(run.folder("runs"), run) == run
+
+
+def test_coverage_of_control_tasks_is_without_reward():
+    settings = {run.algorithm: run.settings for run in make_plan().runs(6)}
+    assert settings["CuriosityES"]["phi"] == settings["NSES"]["phi"] == 0.0
+    assert settings["TD3ICM"]["extrinsic"] is False
+    assert not {"phi", "extrinsic"} & (settings["MAPElites"].keys() | settings["CMAME"].keys())
+    assert not any({"phi", "extrinsic"} & run.settings.keys() for run in make_plan().runs(5))
+    assert "runs/phi=0.0/NSES/CuriosityControl-Finger-v0/3" in folders(6)
+    assert set(folders(5)) & set(folders(6))  # those that have nothing to switch off
+
+
+def test_the_bottleneck_compares_behaviors():
+    panels = series_of(7)
+    assert [env.split("-")[1] for env in panels] == ["Snake", "US", "Finger"]
+    labels = ["CuriosityES", "NSES", "NSLC", "NSES (whole state)", "NSLC (whole state)"]
+    for panel in panels.values():
+        assert [series.label for series in panel] == [*labels, "AURORA", "MAPElites"]
+    assert "runs/behavior=state,phi=0.0/NSES/CuriosityControl-Finger-v0/3" in folders(7)
+    assert "runs/behavior=state/NSES/CuriosityMaze-US-v0/3" in folders(7)
+
+
+@pytest.mark.parametrize(("env", "horizon"), [(MAZES[0], 2000), (CONTROL[0], 1000)])
+def test_the_papers_budget(env, horizon):
+    run = make_plan().run(Series("NSES"), env, 0)
+    assert run.timesteps == 2000 * 56 * horizon
+    assert run.settings["preset"] == "paper"
+    assert not run.env_kwargs
+    assert BUDGETS["paper"].seeds == (0, 1, 2, 3, 4)
+    assert make_plan().run(Series("TD3ICM"), env, 0).timesteps < run.timesteps / 100
+
+
+def test_every_budget_is_of_every_run():
+    for budget in BUDGETS:
+        for figure in range(1, 9):
+            for run in make_plan(budget).runs(figure):
+                assert run.timesteps > 0

@@ -1,0 +1,89 @@
+"""The command `curiosity reproduce`, as users run it."""
+
+import os
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from curiosity_algos.cli import main
+from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments.figures import paper
+from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
+
+ROOT = pathlib.Path(__file__).parents[2]
+COMMAND = [sys.executable, "-c", "from curiosity_algos.cli import main; main()"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+
+
+def reproduce(*words, cwd):
+    command = [*COMMAND, "reproduce", *map(str, words)]
+    return subprocess.run(command, cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True)
+
+
+@pytest.mark.extra("control")
+def test_all_eight_figures(tmp_path, has_ink):
+    folder = tmp_path / "runs" / "paper-smoke"
+    plan = Plan(folder, BUDGETS["smoke"], "paper", BUDGETS["smoke"].seeds)
+    for figure in paper.FIGURES:
+        result = reproduce(figure, "--budget", "smoke", cwd=tmp_path)
+        assert result.returncode == 0, result.stderr
+        path = pathlib.Path("runs", "paper-smoke", f"figure_{figure}.png")
+        assert result.stdout.splitlines()[-1] == str(path)
+        picture = np.asarray(Image.open(tmp_path / path).convert("RGB"))
+        assert min(picture.shape[:2]) > 300
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+        drawing = paper.draw(figure, plan)
+        assert all(has_ink(drawing, ax) for ax in drawing.axes)
+    needed = {run.folder(folder) for figure in paper.FIGURES for run in plan.runs(figure)}
+    assert set(map(pathlib.Path, load_runs(folder)["run"])) == needed
+
+
+@pytest.fixture
+def run_here(tmp_path, monkeypatch, capsys):
+    """Runs the command in this process: its status, what it prints, and its errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["curiosity", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return (ended.value.code, *capsys.readouterr())
+
+    return run
+
+
+def test_what_is_finished_is_not_done_again(run_here, tmp_path):
+    words = ["reproduce", "8", "--seeds", "5", "--jobs", "1", "-f", "mine"]
+    status, _, errors = run_here(*words, "--out", "first.pdf")
+    assert status == 0, errors
+    assert load_runs("mine")["seed"].tolist() == [5, 5, 5]
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "mine").rglob("*")}
+    assert run_here(*words, "--out", "second.svg")[:2] == (0, "second.svg\n")
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "mine").rglob("*")} == before
+    assert (tmp_path / "first.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["9"], "9 is not in the range 1<=x<=8"),
+        (["two"], "'two' is not a valid int"),
+        (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, paper"),
+        (["2", "--preset", "best"], "`preset` must be one of paper, tuned"),
+        (["2", "--seeds", "0;1"], "--seeds must be whole numbers"),
+        (["2", "--out", "reward.jpg"], "`out` must be one of .png, .pdf, .svg"),
+        (["2", "--jobs", "0"], "`jobs` must be a whole number of at least 1"),
+    ],
+)
+def test_a_mistake_is_one_line(words, message, run_here, tmp_path):
+    status, printed, errors = run_here("reproduce", *words)
+    assert status != 0
+    assert printed == ""
+    (line,) = errors.splitlines()
+    assert line.startswith("Error: ")
+    assert message in line
+    assert not any(tmp_path.iterdir())

@@ -9,6 +9,7 @@ import typer
 
 from curiosity_algos.cli.enjoy import enjoy
 from curiosity_algos.cli.list_names import list_names
+from curiosity_algos.cli.plot import plot
 from curiosity_algos.cli.report import report
 from curiosity_algos.cli.reproduce import reproduce
 from curiosity_algos.cli.sweep import sweep
@@ -20,7 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Curiosity-driven policy search.",
 )
-for command in (train, enjoy, sweep, report, reproduce):
+for command in (train, enjoy, sweep, plot, report, reproduce):
     app.command()(command)
 app.command("list")(list_names)
 

@@ -87,3 +87,44 @@ def test_a_mistake_is_one_line(words, message, run_here, tmp_path):
     assert line.startswith("Error: ")
     assert message in line
     assert not any(tmp_path.iterdir())
+
+
+def test_plot_draws_what_was_trained(run_here, tmp_path):
+    words = ["--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "3000", "--jobs", "1"]
+    words += ["--env-kwargs", "horizon:50", "--hyperparams", "population_size:8"]
+    assert run_here("sweep", *words)[0] == 0
+    for y in ("coverage", "best-return", "survival"):
+        out = pathlib.Path("new", f"{y}.png")
+        status, printed, _ = run_here("plot", "runs", "--y", y, "-x", "seconds", "--out", str(out))
+        assert (status, printed) == (0, f"{out}\n")
+        picture = np.asarray(Image.open(out).convert("RGB"))
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+    ran = subprocess.run(
+        [*COMMAND, "plot", "runs/NSLC", "--out", "nslc.svg"],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+    )
+    assert (ran.returncode, ran.stdout) == (0, "nslc.svg\n"), ran.stderr
+    assert (tmp_path / "nslc.svg").read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nothing"], "`folder` must hold runs, there is no run.json in nothing"),
+        (["."], "`folder` must hold runs"),
+        ([".", "--y", "return"], "`y` must be one of coverage, best-return, survival"),
+        ([".", "--x", "episodes"], "`x` must be one of timesteps, seconds"),
+        ([".", "--out", "curves.gif"], "`out` must be one of .png, .pdf, .svg"),
+        ([], "Missing argument"),
+    ],
+)
+def test_a_mistake_of_plot_is_one_line(words, message, run_here, tmp_path):
+    status, printed, errors = run_here("plot", *words)
+    assert (status != 0, printed) == (True, "")
+    (line,) = errors.splitlines()
+    assert line.startswith("Error: ")
+    assert message in line
+    assert not any(tmp_path.iterdir())

@@ -1,0 +1,136 @@
+"""Curves of any runs, a panel for each environment and a line for each label."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from curiosity_algos.experiments.figures.canvas import (
+    add_note,
+    add_title,
+    make_panels,
+    polish,
+    short_name,
+)
+from curiosity_algos.experiments.figures.curves import (
+    Line,
+    Measure,
+    Points,
+    best_return,
+    coverage,
+    draw_lines,
+    in_seconds,
+    legend_handles,
+)
+from curiosity_algos.experiments.labels import color_labels, label_runs
+from curiosity_algos.experiments.loading import load_runs
+from curiosity_algos.experiments.statistics import survival
+
+MEASURES: dict[str, tuple[Measure, str, float]] = {
+    "coverage": (coverage, "coverage (%)", 0.01),
+    "best-return": (best_return, "highest return so far", 1.0),
+}
+"""By name what is read, how the axis is called, and the value that is 1 on it."""
+Y = (*MEASURES, "survival")
+X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
+"""By name how the axis is called, and what is 1 on it."""
+TITLES = {
+    "coverage": "Coverage",
+    "best-return": "Highest return so far",
+    "survival": "Time to first reward",
+}
+NOTE = (
+    "Thick: interquartile mean; shaded: its 95 % interval; thin: each run; dotted: after their end."
+)
+SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval."
+
+
+def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps") -> Figure:
+    """Draw what runs came to over time.
+
+    Args:
+        folders: Of runs, or folders that hold them.
+        y: "coverage", "best-return" (so far) or "survival" (share of runs without reward yet).
+        x: "timesteps" or "seconds".
+
+    Raises:
+        FileNotFoundError: If a folder holds no run.
+        ValueError: If a run is damaged or has no checkpoint yet, or if coverage is asked for and
+            its environment has none.
+    """
+    runs = _load(folders)
+    colors = color_labels(runs["label"])
+    panels = list(runs.groupby("env", sort=False))
+    n_columns = min(3, len(panels))
+    figure, axes = make_panels(-(-len(panels) // n_columns), n_columns)
+    for ax, (env, here) in zip(axes.flat, panels, strict=False):
+        (_draw_survival if y == "survival" else _draw_curves)(ax, here, colors, y, x)
+        ax.set(title=short_name(str(env)), xlabel=X[x][0])
+    for ax in axes.flat[len(panels) :]:
+        ax.set_axis_off()
+    for ax in axes[:, 0]:
+        ax.set_ylabel("runs without reward (%)" if y == "survival" else MEASURES[y][1])
+    add_title(figure, TITLES[y], legend_handles(_samples(runs, colors)))
+    add_note(figure, SURVIVAL_NOTE if y == "survival" else NOTE)
+    return figure
+
+
+def _load(folders: Sequence[Path]) -> pd.DataFrame:
+    """`load_runs` of all folders, with a column `label`."""
+    runs = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
+    runs = runs.drop_duplicates("run")
+    begun = runs[runs["timesteps"].isna()] if "timesteps" in runs else runs
+    if len(begun):
+        raise ValueError(f"`runs` must have a checkpoint, {begun['run'].iloc[0]} has none yet.")
+    env = runs["env"].fillna(runs["env_class"])
+    return runs.assign(env=env, label=label_runs(runs.assign(env=env)))
+
+
+def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
+    """A line for each label, with the number of its runs in a panel."""
+    counts = runs.groupby(["label", "env"], sort=False).size().groupby("label", sort=False)
+    return [
+        Line(f"{label} ({_span(numbers.min(), numbers.max())})", colors[str(label)], [])
+        for label, numbers in counts
+    ]
+
+
+def _span(low: int, high: int) -> str:
+    if low < high:
+        return f"{low} to {high} runs"
+    return "1 run" if high == 1 else f"{high} runs"
+
+
+def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
+    measure, _, unit = MEASURES[y]
+
+    def read(run: str) -> Points:
+        timesteps, values = measure(run)
+        return (in_seconds(run, timesteps) if x == "seconds" else timesteps), values
+
+    lines = [
+        Line(str(label), colors[str(label)], [read(run) for run in here["run"]])
+        for label, here in runs.groupby("label", sort=False)
+    ]
+    draw_lines(ax, lines, x_unit=X[x][1], y_unit=unit)
+
+
+def _draw_survival(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
+    times = runs[["first_success_timesteps", "timesteps"]]
+    if x == "seconds":
+        pairs = zip(runs["run"], times.to_numpy(), strict=True)
+        seconds = [in_seconds(run, each) for run, each in pairs]
+        times = pd.DataFrame(seconds, index=times.index, columns=times.columns)
+    for label, here in (times / X[x][1]).groupby(runs["label"], sort=False):
+        curve = survival(here["first_success_timesteps"], here["timesteps"].to_numpy()).curve
+        color = colors[str(label)]
+        low, high = 100.0 * curve.low, 100.0 * curve.high
+        ax.fill_between(curve.x, low, high, step="post", color=color, alpha=0.18, linewidth=0)
+        ax.step(curve.x, 100.0 * curve.estimate, where="post", color=color, linewidth=2.0)
+    ax.set_ylim(0.0, 104.0)
+    ax.set_xlim(left=0.0)
+    polish(ax)

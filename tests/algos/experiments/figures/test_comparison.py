@@ -1,0 +1,93 @@
+"""Curves of any runs."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from curiosity_algos import NSLC, MAPElites
+from curiosity_algos.experiments import load_progress, load_runs
+from curiosity_algos.experiments.figures.comparison import compare
+from curiosity_algos.experiments.figures.curves import best_return
+from curiosity_algos.experiments.labels import COLORS, FURTHER
+from curiosity_algos.experiments.run_folder import RunFolder
+
+
+@pytest.fixture(scope="module")
+def runs(make_runs):
+    return make_runs(MAPElites, seeds=(0, 1, 2))
+
+
+@pytest.fixture(scope="module")
+def lost(make_runs):
+    """Runs whose goal is out of reach."""
+    return make_runs(NSLC, seeds=(0, 1), goal_radius=2.0, n_parents=2, k=3)
+
+
+def thick(ax):
+    return [line for line in ax.get_lines() if line.get_linewidth() == 2.0]
+
+
+def labels(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_coverage_of_each_environment(runs, lost, has_ink):
+    figure = compare([*runs, *lost])
+    (ax,) = figure.axes
+    assert (ax.get_title(), ax.get_xlabel()) == ("US", "timesteps (millions)")
+    assert ax.get_ylabel() == "coverage (%)"
+    assert labels(figure) == ["MAPElites (3 runs)", "NSLC (2 runs)"]
+    colors = [to_hex(line.get_color()).upper() for line in thick(ax)]
+    assert colors == [COLORS["MAPElites"], COLORS["NSLC"]]
+    last = [100.0 * load_progress(run)["coverage/reachable"].iloc[-1] for run in runs]
+    assert thick(ax)[0].get_ydata()[-1] == pytest.approx(np.mean(last))  # of 3 none is left out
+    assert has_ink(figure, ax)
+
+
+def test_settings_that_differ_are_lines_of_their_own(runs, make_runs):
+    other = make_runs(MAPElites, seeds=(0,), sigma=0.9)
+    figure = compare([*runs, *other], y="best-return")
+    assert labels(figure) == ["MAPElites, sigma 0.3 (3 runs)", "MAPElites, sigma 0.9 (1 run)"]
+    lines = thick(figure.axes[0])
+    assert [to_hex(line.get_color()).upper() for line in lines] == list(FURTHER[:2])
+    assert lines[1].get_ydata()[-1] == best_return(other[0])[1][-1]
+
+
+def test_survival_keeps_the_runs_that_found_nothing(runs, lost):
+    figure = compare([*runs, *lost], y="survival")
+    found, never = thick(figure.axes[0])
+    firsts = sorted(load_runs(run)["first_success_timesteps"].item() for run in runs)
+    assert found.get_xdata().tolist() == [0.0, *np.unique(firsts) / 1e6]
+    assert found.get_ydata()[0] == 100.0
+    assert found.get_ydata()[-1] == pytest.approx(0.0)
+    assert set(never.get_ydata()) == {100.0}
+    ends = [load_runs(run)["timesteps"].item() for run in lost]
+    assert never.get_xdata()[-1] == max(ends) / 1e6
+    assert figure.axes[0].get_ylabel() == "runs without reward (%)"
+
+
+def test_curves_over_seconds(runs):
+    figure = compare(runs[:1], x="seconds")
+    assert figure.axes[0].get_xlabel() == "seconds"
+    progress = load_progress(runs[0])
+    (thin,) = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 0.6]
+    assert thin.get_xdata().tolist() == [0.0, *progress["time/seconds"]]
+    figure = compare(runs[:1], y="survival", x="seconds")
+    first = thick(figure.axes[0])[0].get_xdata()[-1]
+    assert 0.0 < first <= progress["time/seconds"].max()
+
+
+def test_a_run_counts_once(runs):
+    figure = compare([runs[0], runs[0].parent / runs[0].name])
+    assert labels(figure) == ["MAPElites (1 run)"]
+
+
+def test_runs_must_be_there(tmp_path, runs):
+    with pytest.raises(FileNotFoundError, match="`folder` must hold runs"):
+        compare([tmp_path])
+    RunFolder(tmp_path / "new").begin(
+        {"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "seed": 0, "settings": {}}
+    )
+    for folders in ([tmp_path], [runs[0], tmp_path]):
+        with pytest.raises(ValueError, match=r"`runs` must have a checkpoint, .*new has none yet"):
+            compare(folders)

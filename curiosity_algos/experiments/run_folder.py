@@ -201,10 +201,18 @@ def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 
 def read_rows(path: Path) -> list[dict[str, float | str]]:
-    """The rows of a log without empty entries, numbers and text; none where there is no file."""
-    lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
-    whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
-    return [{k: _number(v) for k, v in row.items() if v} for row in csv.DictReader(whole)]
+    """The rows of a log without empty entries, numbers and text; none where there is no file.
+
+    Raises:
+        ValueError: If the file is damaged.
+    """
+    try:
+        lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
+        whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
+        rows = list(csv.DictReader(whole))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
+    return [{k: _number(v) for k, v in row.items() if v} for row in rows]
 
 
 def _number(text: str) -> float | str:

@@ -33,8 +33,8 @@ class Steps(NamedTuple):
 
 def has_bonus(run: Run) -> bool:
     """Whether the run has a bonus, of a kind that its checkpoint can give again."""
-    described = run.description
-    return described["algorithm"] in ALGORITHMS and described["settings"].get("bonus") in KNOWN
+    settings = run.description.get("settings", {})
+    return run.description["algorithm"] in ALGORITHMS and settings.get("bonus") in KNOWN
 
 
 def steps_of(plane: Plane) -> Steps | None:

@@ -67,11 +67,18 @@ class Run:
         """Columns of the final states by the last checkpoint.
 
         `generation`, `timesteps`, `return`, and `behavior`, its first two entries (n, 2) or fewer.
+
+        Raises:
+            ValueError: If they are damaged, or not all there.
         """
-        columns = self.folder.final_states()
+        columns, n = self.folder.final_states(), self.result["n_episodes"]
+        if len(columns.get("return", ())) < n:
+            raise ValueError(
+                f"`folder` must be that of a run, final states of {self.folder.path} are missing."
+            )
         names = ("generation", "timesteps", "return", "behavior")
-        kept = {name: columns[name][: self.result["n_episodes"]] for name in names}
-        return kept | {"behavior": kept["behavior"][:, :2].astype(np.float32)}
+        kept = {name: columns[name][:n] for name in names}
+        return kept | {"behavior": kept["behavior"][:, :2].copy()}
 
     @cached_property
     def log(self) -> dict[str, Float64]:

@@ -31,6 +31,9 @@ BONUS = (
 )
 
 
+NO_MAPS = "<p>No maps: the environment gives no behavior of two entries or more.</p>"
+
+
 @dataclass(frozen=True, eq=False)
 class Section:
     """One environment on the page.
@@ -50,7 +53,7 @@ class Section:
     def html(self) -> str:
         """All of it."""
         name = f"environment-{self.index}"
-        pictures = self._pictures() if self.drawn["plane"] else [_NO_MAPS]
+        pictures = self._pictures() if self.drawn["plane"] else [NO_MAPS]
         parts = [
             f'<h2 id="{name}">{escape(self.environment.title)}</h2>',
             summary_table(self.environment, self.colors),
@@ -127,12 +130,11 @@ class Section:
         )
 
     def _map_figures(self, kind: str, labels: Iterable[int]) -> str:
-        title = escape(self.environment.title)
         figures = "".join(
             controls.picture(
                 f"map {kind}",
                 f'{self._named(label)}<span class="muted"></span>',
-                f"Map of {self.environment.labels[label]} on {title}",
+                f"Map of {self.environment.labels[label]} on {self.environment.title}",
                 label=label,
             )
             for label in labels
@@ -146,9 +148,6 @@ class Section:
     @property
     def _marks(self) -> str:
         return MARKS if self.drawn["plane"]["maze"] else ""
-
-
-_NO_MAPS = "<p>No maps: the environment gives no behavior of two entries or more.</p>"
 
 
 def not_begun(environment: Environment) -> str:

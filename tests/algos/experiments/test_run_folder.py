@@ -36,6 +36,14 @@ def test_a_damaged_trajectory_is_refused(run, content):
         run.trajectory()
 
 
+@pytest.mark.parametrize("content", [b"\xad\n", b"time/fps\n" + b"1" * 200_000 + b"\n"])
+def test_a_damaged_log_is_refused(run, content):
+    run.path.mkdir(parents=True)
+    run.progress.write_bytes(content)
+    with pytest.raises(ValueError, match=r"progress\.csv is damaged"):
+        read_rows(run.progress)
+
+
 class TestDescription:
     def test_is_read_back(self, run):
         described = {"algorithm": "NSES", "env": None, "seed": 3}

@@ -88,6 +88,13 @@ def test_a_damaged_run_is_an_error(copied):
         collect([copied])
 
 
+def test_final_states_that_are_missing_are_an_error(copied):
+    shutil.rmtree(copied / "0" / "final_states")
+    (environment,) = collect([copied])
+    with pytest.raises(ValueError, match=r"final states of .* are missing"):
+        environment.runs[0].episodes  # noqa: B018
+
+
 def test_a_folder_without_runs_is_an_error(runs_folder, tmp_path):
     with pytest.raises(FileNotFoundError, match="`folder` must hold runs"):
         collect([runs_folder, tmp_path])

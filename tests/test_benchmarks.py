@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curiosity_gym  # noqa: F401  registers the ids
-from benchmarks import baselines, bonuses, learning, population, run, training
+from benchmarks import baselines, population, run, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
 
@@ -203,47 +203,3 @@ def test_a_stage_does_not_count_the_stages_within_it(monkeypatch):
     assert algorithm.outer() == "done"
     algorithm.inner()
     assert watch.seconds == {"inner": 9.0, "outer": 1.0}
-
-
-def test_the_summary_of_learning_is_in_medians():
-    firsts, covered = [2_000_000, None, 4_000_000], [0.2, 0.3, 0.7]
-    runs = [
-        learning.Result("NSES", "US", seed, first, 0.5, {"reachable": share, "all": 0.0}, 9.0)
-        for seed, (first, share) in enumerate(zip(firsts, covered, strict=True))
-    ]
-    runs += [learning.Result("NSLC", "US", 0, None, 0.0, {"reachable": 0.1, "all": 0.0}, 9.0)]
-    assert learning.summary(runs).splitlines() == [
-        "| Algorithm | US |",
-        "| --- | --- |",
-        "| NSES | 2 of 3, 3.0 M, 30 % |",
-        "| NSLC | 0 of 1, 10 % |",
-    ]
-
-
-def test_learning_prints_a_row_for_each_algorithm_and_maze(capsys):
-    learning.main(timesteps=1, n_seeds=1, jobs=1, envs="US", algorithms="NSES,MAPElites")
-    printed = capsys.readouterr().out
-    rows = [line for line in printed.splitlines() if line.startswith(("| NSES", "| MAPElites"))]
-    assert len(rows) == 4  # two tables
-    assert all("0 of 1" in row for row in rows)
-
-
-def test_bonuses_print_a_row_for_each_variant(capsys):
-    bonuses.main(timesteps=1, n_seeds=1, variants="PPO + RND")
-    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()]
-    assert [row[0] for row in rows[2:]] == ["PPO + RND"]
-    assert {len(row) for row in rows[2:]} == {len(rows[0])}
-    assert all(0.0 < float(row[1]) < 5.0 for row in rows[2:])
-
-
-def test_bonuses_have_an_interval_around_their_mean():
-    group = [
-        bonuses.Result("PPO", seed, coverage, first, 0.5, 10.0)
-        for seed, (coverage, first) in enumerate([(0.1, None), (0.2, 500_000), (0.3, None)])
-    ]
-    _, _, row = bonuses.table(group).splitlines()
-    cells = row.strip("| ").split(" | ")
-    assert cells[:2] == ["PPO", "10.0 / 20.0 / 30.0"]
-    mean, low, high = (float(figure) for figure in re.findall(r"[\d.]+", cells[2]))
-    assert 10.0 <= low < mean == 20.0 < high <= 30.0
-    assert cells[3] == "never / 0.50 / never"

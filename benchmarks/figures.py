@@ -1,0 +1,79 @@
+"""`python -m benchmarks.figures` draws the figures of the docs from the CSV files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import typer
+from matplotlib.figure import Figure
+
+from benchmarks.results import ENVIRONMENTS, read_curves
+from curiosity_algos.experiments.figures.canvas import (
+    add_note,
+    add_title,
+    make_panels,
+    save,
+    short_name,
+)
+from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
+from curiosity_algos.experiments.labels import color_labels
+
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+TITLES = {
+    "mazes": "Coverage and best return on the mazes",
+    "table_1": "The settings of the paper's table 1, 2,000 generations",
+}
+ROWS = {"coverage": ("reachable cells visited (%)", 0.01), "best_return": ("best return", 1.0)}
+"""Of each column that is drawn its name on the axis, and what is 1 there."""
+
+
+def show(curves: pd.DataFrame, title: str) -> Figure:
+    """Coverage above best return, a column for each environment; of a single one side by side."""
+    envs = sorted(set(curves["env"]), key=ENVIRONMENTS.index)
+    if len(envs) > 1:
+        figure, axes = make_panels(len(ROWS), len(envs))
+    else:
+        figure, axes = make_panels(1, len(ROWS))
+        axes = axes.T
+    shown: list[Line] = []
+    for row, (name, (label, unit)) in zip(axes, ROWS.items(), strict=True):
+        for ax, env in zip(row, envs, strict=True):
+            lines = lines_of(curves[curves["env"] == env], name)
+            draw_lines(ax, lines, x_unit=1e6, y_unit=unit)
+            ax.set(title=short_name(env), xlabel="timesteps (millions)")
+            shown += lines
+        row[0].set_ylabel(label)
+    add_title(figure, title, legend_handles(shown))
+    seeds = ", ".join(map(str, sorted(set(curves["seed"]))))
+    add_note(
+        figure,
+        f"Thick: interquartile mean of the seeds ({seeds}); shaded: its 95 % interval; thin: each "
+        "seed.",
+    )
+    return figure
+
+
+def lines_of(curves: pd.DataFrame, name: str) -> list[Line]:
+    """A line for each algorithm on one environment."""
+    colors = color_labels(curves["algorithm"])
+    return [
+        Line(label, colors[label], [_points(run, name) for _, run in runs.groupby("seed")])
+        for label, runs in curves.groupby("algorithm")
+    ]
+
+
+def _points(run: pd.DataFrame, name: str) -> tuple[np.ndarray, np.ndarray]:
+    return np.r_[0.0, run["timesteps"]], np.r_[0.0, run[name]]
+
+
+def main(out: Path = IMAGES) -> None:
+    """Draw every figure anew."""
+    out.mkdir(parents=True, exist_ok=True)
+    for name, title in TITLES.items():
+        save(show(read_curves(name), title), out / f"{name}.png")
+
+
+if __name__ == "__main__":
+    typer.run(main)

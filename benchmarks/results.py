@@ -1,0 +1,73 @@
+"""What runs came to, in two small CSV files that tables and figures are made from.
+
+NAME.csv          a row for each run
+NAME_curves.csv   of each run best return and coverage at up to `N_POINTS` times
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from curiosity_algos.experiments import load_progress, load_runs
+from curiosity_algos.experiments.labels import label_runs
+from curiosity_algos.experiments.names import ENVIRONMENTS
+from curiosity_algos.experiments.run_folder import TIMESTEPS
+
+FOLDER = Path(__file__).parent / "results"
+N_POINTS = 60
+KEYS = ["algorithm", "env", "seed"]
+RUN = [*KEYS, "timesteps", "first_success_timesteps", "best_return", "seconds", "machine.processor"]
+CURVE = {
+    TIMESTEPS: "timesteps",
+    "time/seconds": "seconds",
+    "rollout/ep_rew_max": "best_return",
+    "coverage/reachable": "coverage",
+}
+
+
+def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
+    """Write the two files `name` of all runs in a folder."""
+    table = load_runs(runs)
+    table["algorithm"] = label_runs(table)
+    table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
+    shares = sorted(column for column in table if column.startswith("coverage."))
+    kept = table[[*RUN, *shares]].sort_values(KEYS)
+    _write(kept, folder / f"{name}.csv")
+    labels = table.set_index("run")["algorithm"]
+    curves = load_progress(runs)
+    curves["algorithm"] = curves["run"].map(labels)
+    parts = [_thin(curve) for _, curve in curves.groupby(KEYS)]
+    _write(pd.concat(parts), folder / f"{name}_curves.csv")
+
+
+def _thin(curve: pd.DataFrame) -> pd.DataFrame:
+    """The last row before each of `N_POINTS` times, equally far from each other, of one run.
+
+    What its algorithm does not log, as Stable-Baselines3's the best return, is NaN.
+    """
+    rows = curve.rename(columns=CURVE).reindex(columns=[*KEYS, *CURVE.values()])
+    rows["best_return"] = rows["best_return"].cummax()
+    times = np.linspace(0.0, rows["timesteps"].iloc[-1], N_POINTS + 1)[1:]
+    last = np.searchsorted(rows["timesteps"], times, side="right") - 1
+    return rows.iloc[np.unique(np.maximum(last, 0))]
+
+
+def _write(table: pd.DataFrame, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(path, index=False, float_format="%.6g")
+
+
+def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """A row for each run: environments as they are registered, algorithms that cover most first."""
+    runs = pd.read_csv(folder / f"{name}.csv")
+    covered = -runs.groupby("algorithm")["coverage.reachable"].transform("mean")
+    order = pd.DataFrame({"covered": covered, "env": runs["env"].map(ENVIRONMENTS.index)})
+    return runs.loc[order.sort_values(["covered", "env"], kind="stable").index]
+
+
+def read_curves(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """A row for each time of each run."""
+    return pd.read_csv(folder / f"{name}_curves.csv")

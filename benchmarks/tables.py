@@ -1,0 +1,140 @@
+"""`python -m benchmarks.tables` writes the tables of the README and the docs from the CSV files.
+
+A table stands in a page between `<!-- table NAME -->` and `<!-- end of table -->`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import typer
+
+from benchmarks.results import read_runs
+from curiosity_algos.experiments.statistics import (
+    interquartile_mean,
+    stratified_bootstrap,
+    survival,
+)
+
+ROOT = Path(__file__).parents[1]
+PAGES = ("README.md", "docs/results.md", "docs/bonuses.md")
+MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
+
+
+def summary(runs: pd.DataFrame) -> str:
+    """A row for each algorithm: how many found the goal, when, and what they covered.
+
+    The time is Kaplan and Meier's median, which counts runs that found none; the share is the
+    interquartile mean over seeds of the reachable cells, with its 95 % interval.
+    """
+    envs = list(dict.fromkeys(runs["env"]))
+    cells = {key: _cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
+    rows = [
+        [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
+        for algorithm in dict.fromkeys(runs["algorithm"])
+    ]
+    return markdown(["Algorithm", *map(short_id, envs)], rows)
+
+
+def _cell(group: pd.DataFrame) -> str:
+    firsts = group["first_success_timesteps"]
+    budget = group["timesteps"]
+    median = survival(firsts, budget).median
+    when = f"> {_short(budget.min() / 1e6)} M" if median is None else f"{_short(median / 1e6, 1)} M"
+    return f"{firsts.notna().sum()} of {len(group)}, {when}, {interval(group)} %"
+
+
+def interval(group: pd.DataFrame) -> str:
+    """Interquartile mean of the coverage in percent, with its 95 % interval if it has one."""
+    found = stratified_bootstrap(100 * group["coverage.reachable"].to_numpy(), interquartile_mean)
+    bounds = "" if np.isnan(found.low) else f" ({_short(found.low)} to {_short(found.high)})"
+    return f"{_short(found.estimate)}{bounds}"
+
+
+def every_seed(runs: pd.DataFrame) -> str:
+    """A row for each algorithm and environment, whose values are those of the seeds, in order."""
+    shares = [name for name in runs if name.startswith("coverage.")]
+    columns = [
+        "Algorithm",
+        "Environment",
+        "First reward (M steps)",
+        "Best return",
+        *(f"Coverage, {name.removeprefix('coverage.')} (%)" for name in shares),
+        "Seconds a run",
+    ]
+    groups = runs.groupby(["algorithm", "env"], sort=False)
+    return markdown(columns, [_row(*key, group, shares) for key, group in groups])
+
+
+def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> list[str]:
+    firsts = group["first_success_timesteps"]
+    columns = [
+        ["never" if pd.isna(first) else _short(first / 1e6, 1) for first in firsts],
+        [f"{best:.2f}" for best in group["best_return"]],
+        *([_short(100 * share) for share in group[name].dropna()] for name in shares),
+    ]
+    seconds = f"{group['seconds'].mean():.0f}"
+    return [algorithm, short_id(env), *(" / ".join(column) for column in columns), seconds]
+
+
+def processors(runs: pd.DataFrame) -> str:
+    """What the runs were trained on, in a line."""
+    return f"Trained on {', '.join(sorted(set(runs['machine.processor'])))}."
+
+
+TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
+    "mazes-summary": ("mazes", summary),
+    "mazes-seeds": ("mazes", every_seed),
+    "mazes-processors": ("mazes", processors),
+    "table-1-seeds": ("table_1", every_seed),
+    "control-summary": ("control", summary),
+    "control-seeds": ("control", every_seed),
+    "ppo-summary": ("ppo", summary),
+    "ppo-seeds": ("ppo", every_seed),
+    "td3-summary": ("td3", summary),
+    "td3-seeds": ("td3", every_seed),
+}
+"""What stands under each name in a page: the CSV file and what is made of it."""
+
+
+def write_tables(text: str) -> str:
+    """A page with every table in it made anew."""
+
+    def make(match: re.Match[str]) -> str:
+        source, table = TABLES[match[2]]
+        return f"{match[1]}\n{table(read_runs(source))}\n\n{match[3]}"
+
+    return MARKED.sub(make, text)
+
+
+def short_id(env: str) -> str:
+    """The part of an id that tells it from others: "CuriosityMaze-US-v0" is "US"."""
+    return re.sub(r"^Curiosity\w+-|-v\d+$", "", env)
+
+
+def _short(value: float, digits: int = 0) -> str:
+    """With `digits` after the point from 10 on, one below, and two that count below 1."""
+    if value >= 10:
+        return f"{value:.{digits}f}"
+    return f"{value:.1f}" if value >= 1 or value == 0 else f"{value:.2g}"
+
+
+def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table: its header, then a line for each row."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def main() -> None:
+    """Write the tables of every page anew."""
+    for name in PAGES:
+        page = ROOT / name
+        page.write_text(write_tables(page.read_text()))
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,168 @@
+"""Published tables come from committed data, and that from runs."""
+
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from benchmarks import bonuses, figures, learning, results, tables
+from curiosity_algos.experiments import load_progress, load_runs
+
+
+class Inline:
+    """A pool whose tasks run in this process, which knows what a test has changed."""
+
+    def __init__(self, *args, **kwargs):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass
+
+    def submit(self, function, *task):
+        function(*task)
+        return SimpleNamespace(result=lambda: None)
+
+
+PAGES = [tables.ROOT / name for name in tables.PAGES]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tables_of_a_page_are_those_of_the_data(page):
+    text = page.read_text()
+    assert "<!-- table " in text
+    assert tables.write_tables(text) == text
+
+
+def test_every_table_stands_in_a_page():
+    found = [match[2] for page in PAGES for match in tables.MARKED.finditer(page.read_text())]
+    assert set(found) == set(tables.TABLES)
+
+
+def test_a_table_that_was_typed_is_replaced():
+    text = "before\n<!-- table mazes-processors -->\nTyped.\n<!-- end of table -->\nafter\n"
+    written = tables.write_tables(text)
+    assert "Typed" not in written
+    assert written.startswith("before\n<!-- table mazes-processors -->\n\nTrained on ")
+    assert written.endswith(".\n\n<!-- end of table -->\nafter\n")
+
+
+def run(algorithm, env, seed, first, share, **others):
+    return {
+        "algorithm": algorithm,
+        "env": env,
+        "seed": seed,
+        "timesteps": 10_000_100,
+        "first_success_timesteps": first,
+        "best_return": 0.5,
+        "seconds": 9.4,
+        "coverage.reachable": share,
+        **others,
+    }
+
+
+def test_the_summary_counts_runs_that_found_nothing():
+    runs = pd.DataFrame(
+        [
+            run("NSES", "CuriosityMaze-US-v0", 0, 2_000_000, 0.2),
+            run("NSES", "CuriosityMaze-US-v0", 1, float("nan"), 0.3),
+            run("NSES", "CuriosityMaze-US-v0", 2, 4_000_000, 0.7),
+            run("NSLC", "CuriosityMaze-US-v0", 0, float("nan"), 0.1),
+            run("NSLC", "CuriosityMaze-US-v0", 1, float("nan"), 0.1),
+        ]
+    )
+    lines = tables.summary(runs).splitlines()
+    assert lines[0] == "| Algorithm | US |"
+    # Of three runs the second to find it is the median; none is cut off at a quarter's end.
+    assert lines[2] == "| NSES | 2 of 3, 4.0 M, 40 (20 to 70) % |"
+    assert lines[3] == "| NSLC | 0 of 2, > 10 M, 10 (10 to 10) % |"
+
+
+def test_every_seed_has_its_value():
+    task = "CuriosityControl-BallInCup-v0"
+    runs = pd.DataFrame(
+        [
+            run("NSES", task, 0, 20_000, 0.0123, **{"coverage.ball": 0.08}),
+            run("NSES", task, 1, float("nan"), 0.25, **{"coverage.ball": 0.5}),
+        ]
+    )
+    header, _, row = tables.every_seed(runs).splitlines()
+    assert header.split(" | ")[4:] == [
+        "Coverage, reachable (%)",
+        "Coverage, ball (%)",
+        "Seconds a run |",
+    ]
+    assert row == ("| NSES | BallInCup | 0.02 / never | 0.50 / 0.50 | 1.2 / 25 | 8.0 / 50 | 9 |")
+
+
+def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
+    small = {"algos": ("NSES", "MAPElites"), "envs": ("CuriosityMaze-US-v0",), "timesteps": 3e5}
+    monkeypatch.setitem(learning.SWEEPS, "mazes", small)
+    learning.main("mazes", seeds="0", runs=tmp_path / "runs", jobs=1, out=tmp_path / "out")
+    runs, loaded = results.read_runs("mazes", tmp_path / "out"), load_runs(tmp_path / "runs")
+    assert set(runs["algorithm"]) == {"NSES", "MAPElites"}
+    both = runs.merge(loaded, on=["algorithm", "env", "seed"], suffixes=("", "_loaded"))
+    assert both["coverage.reachable"].tolist() == pytest.approx(
+        both["coverage.reachable_loaded"].tolist(), rel=1e-5
+    )
+    curves = results.read_curves("mazes", tmp_path / "out")
+    progress = load_progress(tmp_path / "runs")
+    assert len(progress) == len(curves) == 6  # three generations each: nothing to leave out
+    assert curves["coverage"].tolist() == pytest.approx(
+        progress.sort_values(["algorithm", "time/total_timesteps"])["coverage/reachable"].tolist(),
+        rel=1e-5,
+    )
+
+
+def test_bonuses_leave_the_data_of_their_runs(tmp_path, monkeypatch):
+    made = bonuses.VARIANTS["ppo"]
+    monkeypatch.setitem(
+        bonuses.VARIANTS, "ppo", {name: made[name] for name in ("PPO", "PPO + RND")}
+    )
+    monkeypatch.setattr(bonuses, "ProcessPoolExecutor", Inline)
+    for _ in range(2):  # what is finished is not done again
+        words = {"seeds": "0", "runs": tmp_path, "jobs": 1, "out": tmp_path / "out"}
+        bonuses.main("ppo", timesteps=1, **words)
+    runs = results.read_runs("ppo", tmp_path / "out")
+    assert set(runs["algorithm"]) == {"PPO", "PPO + RND"}
+    assert (runs["timesteps"] == 2048 * bonuses.N_ENVS).all()
+    assert (runs["coverage.reachable"] > 0.0).all()
+
+
+def test_a_long_curve_is_thinned_to_points_equally_far_apart(monkeypatch):
+    monkeypatch.setattr(results, "N_POINTS", 4)
+    curve = pd.DataFrame(
+        {
+            "algorithm": "NSES",
+            "env": "US",
+            "seed": 0,
+            "time/total_timesteps": [10, 20, 30, 40, 50, 60, 70, 80],
+            "time/seconds": 1.0,
+            "rollout/ep_rew_max": [0.0, 0.0, 0.7, 0.1, 0.0, 0.9, 0.0, 0.0],
+            "coverage/reachable": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8],
+        }
+    )
+    thin = results._thin(curve)
+    assert thin["timesteps"].tolist() == [20, 40, 60, 80]
+    assert thin["best_return"].tolist() == [0.0, 0.7, 0.9, 0.9]  # the best so far
+    assert thin["coverage"].tolist() == [0.2, 0.4, 0.6, 0.8]
+
+
+def test_figures_are_drawn_from_the_data(tmp_path):
+    figures.main(tmp_path)
+    assert {path.stem for path in tmp_path.iterdir()} == set(figures.TITLES)
+    assert all((figures.IMAGES / f"{name}.png").is_file() for name in figures.TITLES)
+
+
+def test_a_line_of_a_figure_has_a_curve_for_each_seed():
+    curves = results.read_curves("mazes")
+    curves = curves[curves["env"] == "CuriosityMaze-US-v0"]
+    line = next(line for line in figures.lines_of(curves, "coverage") if line.label == "NSES")
+    own = curves[curves["algorithm"] == "NSES"]
+    assert len(line.curves) == own["seed"].nunique()
+    times, shares = line.curves[0]
+    first = own[own["seed"] == own["seed"].min()]
+    assert times.tolist() == [0.0, *first["timesteps"]]
+    assert shares.tolist() == [0.0, *first["coverage"]]

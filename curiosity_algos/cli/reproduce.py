@@ -12,7 +12,7 @@ from curiosity_algos.cli.many import train_all
 
 
 def reproduce(
-    figure: Annotated[int, typer.Argument(help="Of the paper, 1 to 8.", min=1, max=8)],
+    figures: Annotated[list[int], typer.Argument(help="Of the paper, 1 to 8.", min=1, max=8)],
     budget: Annotated[
         str, typer.Option(help="Seconds, hours, or the paper's: smoke, short, paper.")
     ] = "smoke",
@@ -26,14 +26,14 @@ def reproduce(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="A PNG, PDF or SVG; None: figure_N.png in the log folder."),
+        typer.Option(help="A PNG, PDF or SVG of one figure; None: figure_N.png in the log folder."),
     ] = None,
     jobs: Annotated[
         int | None, typer.Option(help="Runs at a time; None: one a processor, in smoke one.")
     ] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
 ) -> None:
-    """Train what a figure of the paper needs, and draw it; what is finished is left alone.
+    """Train what figures of the paper need, and draw them; what is finished is left alone.
 
     Figures share their runs.
 
@@ -45,13 +45,18 @@ def reproduce(
 
     check_choice(tuple(BUDGETS), budget=budget)
     folder = Path("runs", f"{preset}-{budget}") if log_folder is None else log_folder
-    path = folder / f"figure_{figure}.png" if out is None else out
-    canvas.check_out(path)
+    if out is not None and len(figures) > 1:
+        raise ValueError("`out` must be left out where several figures are drawn.")
+    paths = {figure: out or folder / f"figure_{figure}.png" for figure in figures}
+    for path in paths.values():
+        canvas.check_out(path)
     chosen = BUDGETS[budget].seeds if seeds is None else options.numbers("seeds", seeds)
     plan = Plan(folder, BUDGETS[budget], preset, chosen)
     jobs = plan.budget.jobs if jobs is None else jobs
-    runs = plan.runs(figure)
+    needed = {run.folder(folder): run for figure in figures for run in plan.runs(figure)}
+    runs = list(needed.values())
     options.check_all(runs)
     train_all(runs, folder, jobs=jobs, interval=interval)
-    canvas.save(paper.draw(figure, plan), path)
-    typer.echo(f"{path}")
+    for figure, path in paths.items():
+        canvas.save(paper.draw(figure, plan), path)
+        typer.echo(f"{path}")

@@ -187,18 +187,20 @@ def assert_same_run_fixture():
 
 @pytest.fixture
 def has_ink():
-    """Whether a figure shows more within one of its axes than a grid."""
+    """Whether a figure shows more than a grid within each of some axes."""
 
-    def check(figure, ax):
+    def check(figure, *axes):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        ax.grid(False)
+        for ax in axes:
+            ax.grid(False)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
-        box = ax.get_window_extent()
-        height = canvas.buffer_rgba().shape[0]
-        rows = slice(int(height - box.y1) + 3, int(height - box.y0) - 3)
-        inside = np.asarray(canvas.buffer_rgba())[rows, int(box.x0) + 3 : int(box.x1) - 3, :3]
-        return len(np.unique(inside.reshape(-1, 3), axis=0)) > 1
+        picture = np.asarray(canvas.buffer_rgba())[::-1, :, :3]  # y points up
+        insides = []
+        for ax in axes:
+            left, bottom, right, top = map(int, ax.get_window_extent().extents)
+            insides.append(picture[bottom + 3 : top - 3, left + 3 : right - 3].reshape(-1, 3))
+        return all(len(np.unique(inside, axis=0)) > 1 for inside in insides)
 
     return check

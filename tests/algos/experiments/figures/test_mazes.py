@@ -46,7 +46,7 @@ def test_beams_end_where_a_wall_begins(has_ink):
         assert math.dist(start, end) == pytest.approx(expected, abs=0.02)
     hits = ax.get_lines()[2].get_xydata()
     assert 0 < len(hits) < 32  # along the corridor nothing is hit
-    assert all(has_ink(figure, each) for each in figure.axes)
+    assert has_ink(figure, *figure.axes)
     assert [each.get_title() for each in figure.axes] == ["Snake", "US"]
 
 

@@ -170,14 +170,12 @@ class Plan:
     def run(self, series: Series, env: str, seed: int) -> Run:
         """One of them."""
         cheaper = self.budget.settings.get(series.algorithm, {})
-        # TD3ICM takes no preset yet; its defaults are the paper's.
-        preset = {} if series.algorithm == "TD3ICM" else {"preset": self.preset}
         return Run(
             series.algorithm,
             env,
             seed,
             self.budget.timesteps(series.algorithm, env),
             self.budget.env_kwargs.get(env, {}),
-            {**preset, "device": "cpu", **cheaper, **series.settings},
+            {"preset": self.preset, "device": "cpu", **cheaper, **series.settings},
             ",".join(f"{name}={value}" for name, value in sorted(series.settings.items())),
         )

@@ -1,37 +1,24 @@
 """The command `curiosity reproduce`, as users run it."""
 
-import os
 import pathlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from curiosity_algos.cli import main
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
 
-ROOT = pathlib.Path(__file__).parents[2]
-COMMAND = [sys.executable, "-c", "from curiosity_algos.cli import main; main()"]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-
-
-def reproduce(*words, cwd):
-    command = [*COMMAND, "reproduce", *map(str, words)]
-    return subprocess.run(command, cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True)
-
 
 @pytest.mark.extra("control")
-def test_all_eight_figures(tmp_path, has_ink):
+def test_all_eight_figures(curiosity, tmp_path, has_ink):
     folder = tmp_path / "runs" / "paper-smoke"
     plan = Plan(folder, BUDGETS["smoke"], "paper", BUDGETS["smoke"].seeds)
-    result = reproduce(*paper.FIGURES, "--budget", "smoke", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
+    status, printed, errors = curiosity("reproduce", *paper.FIGURES, "--budget", "smoke")
+    assert status == 0, errors
     paths = [pathlib.Path("runs", "paper-smoke", f"figure_{i}.png") for i in range(1, 9)]
-    assert result.stdout.splitlines()[-8:] == list(map(str, paths))
+    assert printed.splitlines()[-8:] == list(map(str, paths))
     for figure, path in enumerate(paths, start=1):
         picture = np.asarray(Image.open(tmp_path / path).convert("RGB"))
         assert min(picture.shape[:2]) > 300
@@ -40,20 +27,6 @@ def test_all_eight_figures(tmp_path, has_ink):
         assert has_ink(drawing, *drawing.axes)
     needed = {run.folder(folder) for figure in paper.FIGURES for run in plan.runs(figure)}
     assert set(map(pathlib.Path, load_runs(folder)["run"])) == needed
-
-
-@pytest.fixture
-def run_here(tmp_path, monkeypatch, capsys):
-    """Runs the command in this process: its status, what it prints, and its errors."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["curiosity", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return (ended.value.code, *capsys.readouterr())
-
-    return run
 
 
 def test_what_is_finished_is_not_done_again(run_here, tmp_path):
@@ -90,7 +63,7 @@ def test_a_mistake_is_one_line(words, message, run_here, tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_plot_draws_what_was_trained(run_here, tmp_path):
+def test_plot_draws_what_was_trained(run_here, curiosity, tmp_path):
     words = ["--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "3000", "--jobs", "1"]
     words += ["--env-kwargs", "horizon:50", "--hyperparams", "population_size:8"]
     assert run_here("sweep", *words)[0] == 0
@@ -100,14 +73,8 @@ def test_plot_draws_what_was_trained(run_here, tmp_path):
         assert (status, printed) == (0, f"{out}\n")
         picture = np.asarray(Image.open(out).convert("RGB"))
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
-    ran = subprocess.run(
-        [*COMMAND, "plot", "runs/NSLC", "--out", "nslc.svg"],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-    )
-    assert (ran.returncode, ran.stdout) == (0, "nslc.svg\n"), ran.stderr
+    status, printed, errors = curiosity("plot", "runs/NSLC", "--out", "nslc.svg")
+    assert (status, printed) == (0, "nslc.svg\n"), errors
     assert (tmp_path / "nslc.svg").read_bytes().startswith(b"<?xml")
 
 

@@ -10,52 +10,26 @@ import time
 import numpy as np
 import pytest
 
-from curiosity_algos.cli import main
 from curiosity_algos.experiments import film, load_final_states, load_runs
 
-ROOT = pathlib.Path(__file__).parents[2]
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
-COMMAND = [sys.executable, "-c", "from curiosity_algos.cli import main; main()"]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-
-
-def curiosity(*words, cwd, env=ENVIRONMENT):
-    return subprocess.run(
-        [*COMMAND, *map(str, words)], cwd=cwd, env=env, capture_output=True, text=True
-    )
 
 
 @pytest.mark.extra("render")
-def test_train_and_enjoy(tmp_path):
+def test_train_and_enjoy(curiosity, tmp_path):
     words = ["--algo", "map_elites", "--env", "CuriosityMaze-US-v0", "-n", "1e4", "--seed", "3"]
-    trained = curiosity("train", *words, *SMALL, "--preset", "paper", cwd=tmp_path)
-    assert trained.returncode == 0, trained.stderr
+    status, printed, errors = curiosity("train", *words, *SMALL, "--preset", "paper")
+    assert status == 0, errors
     folder = pathlib.Path("runs", "MAPElites", "CuriosityMaze-US-v0", "3")
-    assert trained.stdout.startswith(f"{folder}: best return 0.000, no reward, coverage reachable")
+    assert printed.startswith(f"{folder}: best return 0.000, no reward, coverage reachable")
     runs = load_runs(tmp_path)
     assert runs["settings.sigma"].item() == 0.5
     assert runs["env_kwargs.horizon"].item() == 100
-    assert curiosity("train", *words, *SMALL, "--preset", "paper", cwd=tmp_path).stdout == (
-        f"{folder} is finished.\n"
-    )
-    no_screen = {**ENVIRONMENT, "SDL_VIDEODRIVER": "dummy"}
-    enjoyed = curiosity("enjoy", folder, cwd=tmp_path, env=no_screen)
-    assert enjoyed.stdout == f"Return 0.000: {folder / 'best_policy.gif'}\n"
+    again = curiosity("train", *words, *SMALL, "--preset", "paper")[1]
+    assert again == f"{folder} is finished.\n"
+    printed = curiosity("enjoy", folder, variables={"SDL_VIDEODRIVER": "dummy"})[1]
+    assert printed == f"Return 0.000: {folder / 'best_policy.gif'}\n"
     assert (tmp_path / folder / "best_policy.gif").stat().st_size > 1000
-
-
-@pytest.fixture
-def run_here(tmp_path, monkeypatch, capsys):
-    """Runs the command in this process: its status, what it prints, and its errors."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["curiosity", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return (ended.value.code, *capsys.readouterr())
-
-    return run
 
 
 @pytest.mark.parametrize(
@@ -128,18 +102,16 @@ def test_a_mistake_is_one_line(words, message, run_here, tmp_path):
 class TestSweep:
     words = ("sweep", "--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "3e5", *SMALL)
 
-    def kill_once(self, folder, rng):
+    def kill_once(self, begin, folder, rng):
         """Begin the sweep, and kill all of it after the next checkpoint."""
 
         def checkpoints():
             return {str(path) for path in folder.rglob("checkpoints/[0-9]*")}
 
         before = checkpoints()
-        command = [*COMMAND, *self.words, "--interval", "0.05", "-f", str(folder)]
         silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        process = subprocess.Popen(
-            command, cwd=folder.parent, env=ENVIRONMENT, start_new_session=True, **silent
-        )
+        words = [*self.words, "--interval", "0.05", "-f", folder]
+        process = begin(*words, start_new_session=True, **silent)
         while checkpoints() <= before and process.poll() is None:
             time.sleep(0.01)
         time.sleep(rng.uniform(0.0, 0.3))
@@ -148,14 +120,16 @@ class TestSweep:
         while is_anyone_left(process.pid):
             time.sleep(0.01)
 
-    def test_killed_five_times_it_ends_in_the_same_runs(self, run_here, tmp_path, assert_same):
+    def test_killed_five_times_it_ends_in_the_same_runs(
+        self, run_here, begin, curiosity, tmp_path, assert_same
+    ):
         whole, killed = tmp_path / "whole", tmp_path / "killed"
         assert run_here(*self.words, "-f", str(whole))[0] == 0
         rng = np.random.default_rng(0)
         for _ in range(5):
-            self.kill_once(killed, rng)
-        ended = curiosity(*self.words, "-f", killed, cwd=tmp_path)
-        assert ended.returncode == 0, ended.stderr
+            self.kill_once(begin, killed, rng)
+        status, _, errors = curiosity(*self.words, "-f", killed)
+        assert status == 0, errors
         one, other = (load_runs(folder) for folder in (whole, killed))
         assert len(one) == 4
         left_out = ["run", "seconds", "total_timesteps"]
@@ -173,14 +147,14 @@ class TestSweep:
         assert status == 0, errors
         assert load_runs(tmp_path)["timesteps"].item() >= 100
 
-    def test_one_that_fails_leaves_the_others(self, tmp_path):
+    def test_one_that_fails_leaves_the_others(self, curiosity, tmp_path):
         (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)
         blocked = tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0" / "notes"
         blocked.write_text("mine")
         words = ["--algos", "map_elites", "--seeds", "0,1", "-n", "1000"]
-        result = curiosity("sweep", *words, *SMALL, cwd=tmp_path)
-        assert result.returncode == 1
-        assert "Error: 1 of 2 runs failed" in result.stderr.splitlines()[-1]
+        status, _, errors = curiosity("sweep", *words, *SMALL)
+        assert status == 1
+        assert "Error: 1 of 2 runs failed" in errors.splitlines()[-1]
         assert load_runs(tmp_path)["seed"].tolist() == [1]
 
 
@@ -213,11 +187,9 @@ def is_anyone_left(group):
     return True
 
 
-def test_ctrl_c_leaves_a_run_that_goes_on(tmp_path):
+def test_ctrl_c_leaves_a_run_that_goes_on(begin, tmp_path):
     words = ["train", "--algo", "map_elites", "--env", "CuriosityMaze-US-v0", "-n", "1e12", *SMALL]
-    process = subprocess.Popen(
-        [*COMMAND, *words], cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
-    )
+    process = begin(*words, stderr=subprocess.PIPE)
     while not list(tmp_path.rglob("progress.csv")):
         time.sleep(0.05)
     time.sleep(0.5)

@@ -1,0 +1,50 @@
+"""`curiosity report`, as users run it."""
+
+import pathlib
+
+import pytest
+
+SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
+
+
+@pytest.mark.extra("report")
+def test_a_run_is_reported(curiosity, tmp_path):
+    words = ["--algo", "nslc", "--env", "CuriosityMaze-US-v0", "-n", "3e3", *SMALL]
+    status, _, errors = curiosity("train", *words)
+    assert status == 0, errors
+    status, printed, errors = curiosity("report", "runs", "--out", "new/page.html")
+    assert status == 0, errors
+    assert printed == f"1 run on 1 environment: {pathlib.Path('new', 'page.html')}\n"
+    text = (tmp_path / "new" / "page.html").read_text()
+    assert text.startswith("<!DOCTYPE html>")
+    assert "NSLC" in text
+
+
+@pytest.mark.extra("report")
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["report"], "Missing argument"),
+        (["report", "nothing"], "`folder` must hold runs"),
+        (["report", "foreign"], "version of curiosity-search"),
+        (["report", "damaged"], "run.json is damaged"),
+    ],
+)
+def test_a_mistake_is_one_line(words, message, run_here, tmp_path):
+    for name, text in [
+        ("foreign", '{"format": 99, "algorithm": "NSES", "env": null}'),
+        ("damaged", '{"format": 1'),
+    ]:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.json").write_text(text)
+    status, printed, errors = run_here(*words)
+    assert status != 0
+    assert printed == ""
+    (line,) = errors.splitlines()
+    assert line.startswith("Error: ")
+    assert message in line
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_help_has_an_example(run_here):
+    assert "Example: curiosity report runs --out report.html" in run_here("report", "--help")[1]

@@ -46,13 +46,15 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
             shown += lines
         row[0].set_ylabel(label)
     add_title(figure, title, legend_handles(shown))
-    seeds = ", ".join(map(str, sorted(set(curves["seed"]))))
-    add_note(
-        figure,
-        f"Thick: interquartile mean of the seeds ({seeds}); shaded: its 95 % interval; thin: each "
-        "seed.",
-    )
+    add_note(figure, _note(sorted(set(curves["seed"]))))
     return figure
+
+
+def _note(seeds: list[int]) -> str:
+    if len(seeds) == 1:
+        return f"One run each, of seed {seeds[0]}."
+    names = ", ".join(map(str, seeds))
+    return f"Thick: interquartile mean of seeds {names}; shaded: its 95 % interval; thin: each."
 
 
 def lines_of(curves: pd.DataFrame, name: str) -> list[Line]:

@@ -34,7 +34,7 @@ ALGORITHMS = (
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "control": {
-        "algos": ("CuriosityES", "CanonicalES", "NSES", "MAPElites"),
+        "algos": ("CuriosityES", "CanonicalES"),
         "envs": TASKS,
         "timesteps": 1e6,
     },

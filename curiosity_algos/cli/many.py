@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from curiosity_algos.cli import options
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_positive
 
 if TYPE_CHECKING:
     from curiosity_algos.experiments.tracking import Project
@@ -32,7 +32,7 @@ def train_all(
         track: Where Weights & Biases keeps the runs; None: nowhere.
 
     Raises:
-        ValueError: If runs failed.
+        ValueError: If an argument is out of its range; if runs failed.
     """
     from curiosity_algos.cli.bars import SweepBars
     from curiosity_algos.experiments.sweep import sweep
@@ -40,6 +40,7 @@ def train_all(
 
     jobs = available_cpus() if jobs is None else jobs
     check_at_least_one(jobs=jobs)
+    check_positive(interval=interval)
     errors = []
     with SweepBars(len(runs)) as bars:
 

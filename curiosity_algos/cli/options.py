@@ -121,7 +121,7 @@ def summary(folder: Path) -> str:
 
     result = RunFolder(folder).result()
     first = result["first_success_timesteps"]
-    found = "no reward" if first is None else f"first reward after {first:,} timesteps"
+    found = "no success" if first is None else f"first success after {first:,} timesteps"
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
     coverage = f", coverage {', '.join(shares)}" if shares else ""
     best = result["best_return"]

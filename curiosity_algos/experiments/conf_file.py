@@ -40,6 +40,14 @@ def _is_text(value: object) -> bool:
     return isinstance(value, str)
 
 
+def _number(n_timesteps: Any) -> float:
+    """A number; YAML takes `1e7`, without a point, for text."""
+    try:
+        return float(n_timesteps)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"`n_timesteps` must be a number, got {n_timesteps!r}.") from error
+
+
 def complete(run: Run, table: Table, timesteps: float | None) -> Run:
     """A run with what a file says of its environment; what the run has counts more.
 
@@ -55,7 +63,7 @@ def complete(run: Run, table: Table, timesteps: float | None) -> Run:
     if not table.keys() & {env, "default"}:
         raise ValueError(f"`conf_file` must have {env} or default, it has {', '.join(table)}.")
     found = dict(table.get(env, table.get("default", {})))
-    budget = found.pop("n_timesteps", run.timesteps)
+    budget = _number(found.pop("n_timesteps", run.timesteps))
     env_kwargs = found.pop("env_kwargs", {})
     if not isinstance(env_kwargs, dict):
         raise ValueError(f"`env_kwargs` must be keywords of {env}, got {env_kwargs!r}.")

@@ -87,14 +87,15 @@ def _open(folder: Path, **rendering: Any) -> tuple[BaseAlgorithm, gym.Env[Any, A
         )
     try:
         env = gym.make(decode_spec(described["env_spec"]), **rendering)
-    except (AttributeError, ImportError) as error:
+    except (AttributeError, ImportError, TypeError) as error:
         raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
     return find_algorithm(described["algorithm"]).load(checkpoint / "model"), env
 
 
 def _frame(env: gym.Env[object, object]) -> Frame:
     frame = env.render()
-    assert isinstance(frame, np.ndarray)
+    if not isinstance(frame, np.ndarray):
+        raise ValueError("`run` must be of an environment that renders pictures (`rgb_array`).")
     return frame
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -62,9 +63,11 @@ class Run:
             check_known("env", self.env, gym.registry, shown=self.env, choices=gym.registry)
         cls = find_algorithm(self.algorithm)
         parameters = inspect.signature(cls).parameters
-        known = parameters.keys() - {"env", "seed"}
+        known = [name for name in parameters if name not in {"env", "seed"}]
         for name in self.settings:
             check_known("hyperparams", name, known, shown=name, choices=known)
+        if str(self.settings.get("device")).startswith("cuda") and not th.cuda.is_available():
+            raise ValueError("`device` must be auto or cpu where there is no GPU, got cuda.")
         try:
             check_learning(self.make().get_env(), self.timesteps, None)
         except RuntimeError as error:  # torch's, of a device

@@ -27,7 +27,7 @@ from curiosity_algos.experiments.figures.curves import (
     legend_handles,
 )
 from curiosity_algos.experiments.labels import color_labels, label_runs
-from curiosity_algos.experiments.loading import load_runs
+from curiosity_algos.experiments.loading import load_runs_of
 from curiosity_algos.experiments.statistics import survival
 
 MEASURES: dict[str, tuple[Measure, str, float]] = {
@@ -81,11 +81,11 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
 
 def _load(folders: Sequence[Path]) -> pd.DataFrame:
     """`load_runs` of all folders, with a column `label`."""
-    runs = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
-    runs = runs.drop_duplicates("run")
-    begun = runs[runs["timesteps"].isna()] if "timesteps" in runs else runs
-    if len(begun):
-        raise ValueError(f"`runs` must have a checkpoint, {begun['run'].iloc[0]} has none yet.")
+    runs = load_runs_of(folders)
+    is_empty = ~(runs["timesteps"] > 0) if "timesteps" in runs else runs["run"].notna()
+    if is_empty.any():
+        run = runs.loc[is_empty, "run"].iloc[0]
+        raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
     env = runs["env"].fillna(runs["env_class"])
     return runs.assign(env=env, label=label_runs(runs.assign(env=env)))
 

@@ -51,7 +51,7 @@ def coverage(run: Folder) -> Points:
 
 
 def best_return(run: Folder) -> Points:
-    """Highest return of an episode so far.
+    """Highest return of an episode so far; before the first it is 0, or the first if that is less.
 
     Raises:
         FileNotFoundError: If there is no run.
@@ -59,7 +59,7 @@ def best_return(run: Folder) -> Points:
     """
     states = load_final_states(run)
     timesteps, returns = _highest(states, states.get("timesteps"))
-    return _from_zero(timesteps, np.maximum.accumulate(returns))
+    return _from_zero(timesteps, np.maximum.accumulate(returns), begin=min([0.0, *returns[:1]]))
 
 
 def generation_return(run: Folder) -> Points:
@@ -73,7 +73,8 @@ def generation_return(run: Folder) -> Points:
     generation = states.get("generation")
     if generation is not None and not generation.any():
         generation = np.arange(len(generation)) // EPISODES
-    return _from_zero(*_highest(states, generation))
+    timesteps, returns = _highest(states, generation)
+    return _from_zero(timesteps, returns, begin=min([0.0, *returns[:1]]))
 
 
 def _highest(
@@ -87,8 +88,8 @@ def _highest(
     return states["timesteps"][last], np.maximum.reduceat(states["return"], first)
 
 
-def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike) -> Points:
-    return np.r_[0.0, timesteps], np.r_[0.0, values]
+def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike, begin: float = 0.0) -> Points:
+    return np.r_[0.0, timesteps], np.r_[begin, values]
 
 
 def in_seconds(run: Folder, timesteps: npt.ArrayLike) -> Float64:

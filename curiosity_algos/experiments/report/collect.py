@@ -7,7 +7,6 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from curiosity_algos.experiments.labels import label_runs
-from curiosity_algos.experiments.loading import load_runs
+from curiosity_algos.experiments.loading import load_runs_of
 from curiosity_algos.experiments.run_folder import TIMESTEPS, RunFolder, read_rows
 
 Float64 = npt.NDArray[np.float64]
@@ -96,7 +95,8 @@ class Run:
 
     def _best_return_at(self, timesteps: Float64) -> Float64:
         returns = np.nan_to_num(self.episodes["return"])
-        best = np.concatenate([[0.0], np.maximum.accumulate(returns)])
+        begin = min([0.0, *returns[:1]])  # below 0 no return is the first's
+        best = np.concatenate([[begin], np.maximum.accumulate(returns)])
         return best[np.searchsorted(self.episodes["timesteps"], timesteps, side="right")]
 
     def seconds_at(self, timesteps: float) -> float:
@@ -130,8 +130,7 @@ def collect(folders: Iterable[str | os.PathLike[str]]) -> list[Environment]:
         FileNotFoundError: If there is no run in one of the folders.
         ValueError: If a run is of another format, or damaged.
     """
-    table = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
-    table = table[~table["run"].map(lambda run: Path(run).resolve()).duplicated()]
+    table = load_runs_of(folders)
     found = [RunFolder(run) for run in table["run"]]
     descriptions = [folder.describe() for folder in found]
     table["env"] = _titles(descriptions)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from html import escape
 from importlib import resources
+from pathlib import Path
 
 from curiosity_algos.common.atomic_file import atomic_file
 from curiosity_algos.experiments.labels import color_labels
@@ -58,9 +59,10 @@ NOTES = {
         "Drag over a curve to zoom in, and double-click to zoom out."
     ),
     "First reward": (
-        "Runs that found no reward are not dropped: the Kaplan-Meier estimate counts them as "
-        "without reward for as long as they ran. The median is the time at which at most half of "
-        "the runs are still without reward, and missing where more than half are to the end."
+        "Reward is that of an episode which ended in success, where the environment reports it. "
+        "Runs that found none are not dropped: the Kaplan-Meier estimate counts them as without "
+        "reward for as long as they ran. The median is the time at which at most half of the runs "
+        "are still without reward, and missing where more than half are to the end."
     ),
     "Area under coverage": "Mean coverage from the first timestep of a run to its last.",
     "Final states": (
@@ -91,10 +93,13 @@ def write_report(
 
     Raises:
         FileNotFoundError: If there is no run in one of the folders.
+        IsADirectoryError: If there is a folder in the page's place.
         ValueError: If a run is of another format, or damaged.
         gymnasium.error.DependencyNotInstalled: If plotly is not installed.
     """
     (plotly,) = import_extra("report", "plotly.offline")
+    if Path(path).is_dir():
+        raise IsADirectoryError(f"`out` must be a file, {path} is a folder.")
     environments = collect(folders)
     page = _page(environments, plotly.get_plotlyjs())
     with atomic_file(path) as file:

@@ -21,7 +21,7 @@ def test_train_and_enjoy(curiosity, tmp_path):
     status, printed, errors = curiosity("train", *words, *SMALL, "--preset", "paper")
     assert status == 0, errors
     folder = pathlib.Path("runs", "MAPElites", "CuriosityMaze-US-v0", "3")
-    assert printed.startswith(f"{folder}: best return 0.000, no reward, coverage reachable")
+    assert printed.startswith(f"{folder}: best return 0.000, no success, coverage reachable")
     runs = load_runs(tmp_path)
     assert runs["settings.sigma"].item() == 0.5
     assert runs["env_kwargs.horizon"].item() == 100
@@ -82,6 +82,8 @@ def test_help_says_what_there_is(run_here):
         (["train", "-n", "-5"], "must be finite and at least 0"),
         (["train", "--env-kwargs", "horizn:3"], "`env_kwargs` must be keywords"),
         (["train", "--conf-file", "no.yml"], "no.yml"),
+        (["train", "--device", "cuda:99"], "`device` must be"),
+        (["sweep", "--interval", "0"], "`interval` must be"),
         (["train", "--algo", "td3icm", "--hyperparams", "gamma:abc"], "`gamma` must be from"),
         (["train", "--conf-file", __file__], "`conf_file` must"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),

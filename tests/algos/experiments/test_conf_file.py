@@ -50,6 +50,15 @@ def test_modules_of_ids_do_not_count_and_others_have_the_default(write):
     assert (other.timesteps, other.settings) == (1e7, {"sigma": 0.2})
 
 
+def test_a_budget_without_a_point_is_a_number(write):
+    # YAML takes it for text.
+    table = read_conf_file(write("default: {n_timesteps: 1e4}"))
+    assert complete(run(), table, None).timesteps == 1e4
+    table = read_conf_file(write("default: {n_timesteps: many}"))
+    with pytest.raises(ValueError, match="`n_timesteps` must be a number, got 'many'"):
+        complete(run(), table, None)
+
+
 @pytest.mark.parametrize("text", ["", "3", "- a", "a: 3", "a: {1: 2}", "a: [b", "a: \x00"])
 def test_other_files_are_refused(write, text):
     with pytest.raises(ValueError, match=r"^`conf_file` must"):

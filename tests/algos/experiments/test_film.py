@@ -101,6 +101,21 @@ def test_what_cannot_be_made_again_is_refused(tmp_path, make_model):
         play(tmp_path, seed=0)
 
 
+def test_an_environment_that_draws_nothing_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "no_pictures.py").write_text(
+        "import gymnasium as gym\n"
+        "from gymnasium.envs.classic_control import CartPoleEnv\n"
+        "class Plain(CartPoleEnv):\n    def __init__(self):\n        super().__init__()\n"
+        "gym.register('Plain-v0', Plain, max_episode_steps=20)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    train(Run("canonical_es", "no_pictures:Plain-v0", 0, 1, {}, settings), tmp_path / "run")
+    with pytest.raises(ValueError, match="`run` must be of an environment that"):
+        film(tmp_path / "run", tmp_path / "best.gif", stride=1, seed=0)
+    assert play(tmp_path / "run", seed=0) > 0.0
+
+
 def test_algorithms_of_others_are_refused(folder, tmp_path):
     described = RunFolder(folder).describe()
     RunFolder(tmp_path).begin(described | {"algorithm": "PPO"})

@@ -76,6 +76,16 @@ def test_an_algorithm_without_generations_counts_56_episodes_as_one(tmp_path):
     assert best[7] == returns[:7].max()
 
 
+def test_returns_below_0_have_never_been_0(tmp_path):
+    ones = np.ones(3, dtype=int)
+    returns = np.array([-7.0, -9.0, -2.0])
+    run = write_run(
+        tmp_path, generation=np.cumsum(ones), timesteps=10 * np.cumsum(ones), **{"return": returns}
+    )
+    assert best_return(run)[1].tolist() == [-7.0, -7.0, -7.0, -2.0]
+    assert generation_return(run)[1].tolist() == [-7.0, -7.0, -9.0, -2.0]
+
+
 def test_a_run_that_has_just_begun_is_at_0(tmp_path):
     run = write_run(tmp_path)
     for measure in (best_return, generation_return, coverage):

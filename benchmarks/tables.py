@@ -14,6 +14,7 @@ import pandas as pd
 import typer
 
 from benchmarks.results import read_runs
+from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
     interquartile_mean,
     stratified_bootstrap,
@@ -37,7 +38,7 @@ def summary(runs: pd.DataFrame) -> str:
         [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
         for algorithm in dict.fromkeys(runs["algorithm"])
     ]
-    return markdown(["Algorithm", *map(short_id, envs)], rows)
+    return markdown(["Algorithm", *map(short_name, envs)], rows)
 
 
 def _cell(group: pd.DataFrame) -> str:
@@ -78,7 +79,7 @@ def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> li
         *([_short(100 * share) for share in group[name].dropna()] for name in shares),
     ]
     seconds = f"{group['seconds'].mean():.0f}"
-    return [algorithm, short_id(env), *(" / ".join(column) for column in columns), seconds]
+    return [algorithm, short_name(env), *(" / ".join(column) for column in columns), seconds]
 
 
 def processors(runs: pd.DataFrame) -> str:
@@ -109,11 +110,6 @@ def write_tables(text: str) -> str:
         return f"{match[1]}\n{table(read_runs(source))}\n\n{match[3]}"
 
     return MARKED.sub(make, text)
-
-
-def short_id(env: str) -> str:
-    """The part of an id that tells it from others: "CuriosityMaze-US-v0" is "US"."""
-    return re.sub(r"^Curiosity\w+-|-v\d+$", "", env)
 
 
 def _short(value: float, digits: int = 0) -> str:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.curiosity.make import BONUSES
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.report.arrays import quantize
 from curiosity_algos.experiments.report.collect import Run
@@ -17,8 +18,6 @@ ACTIONS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=np.float32)
 """None, and full acceleration in each direction."""
 PLACES = np.array([(0.5 + x / 4, 0.5 + y / 4) for x in (0, -1, 1) for y in (0, -1, 1)])
 """In a cell, as shares of its sides, the middle first: beside a wall it may be too near."""
-KNOWN = ("icm", "rnd")
-"""Bonuses that a model makes itself when it is loaded."""
 Observed: TypeAlias = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]
 
 
@@ -34,7 +33,7 @@ class Steps(NamedTuple):
 def has_bonus(run: Run) -> bool:
     """Whether the run has a bonus, of a kind that its checkpoint can give again."""
     settings = run.description.get("settings", {})
-    return run.description["algorithm"] in ALGORITHMS and settings.get("bonus") in KNOWN
+    return run.description["algorithm"] in ALGORITHMS and settings.get("bonus") in list(BONUSES)
 
 
 def steps_of(plane: Plane) -> Steps | None:

@@ -55,3 +55,18 @@ def run_here(tmp_path, monkeypatch, capsys):
         return (ended.value.code, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture
+def refused(run_here):
+    """Runs the command, which must fail with one line on stderr and print nothing: that line."""
+
+    def run(*words):
+        status, printed, errors = run_here(*words)
+        assert status != 0
+        assert printed == ""
+        (line,) = errors.splitlines()
+        assert line.startswith("Error: ")
+        return line
+
+    return run

@@ -125,6 +125,7 @@ class SaveRun(BaseCallback):
     @property
     def _found(self) -> EvolutionaryAlgorithm | ResumableTD3 | ExplorationCallback:
         """What knows of coverage, best return and first success."""
+        # Algorithms of Stable-Baselines3's own, which know nothing of it, have an observer.
         return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
 
     def _check_folder(self, description: dict[str, Any]) -> None:

@@ -20,9 +20,10 @@ from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.arguments import check_parents
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.phi import Phi, check_phi, make_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_gym.validation import check_choice, check_positive, check_share
+from curiosity_gym.validation import check_choice, check_positive
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -64,14 +65,14 @@ class Fitness:
     """`phi z(f_e) + (1 - phi) z(f_i)`, z standardizing within the generation (section 3).
 
     Args:
-        phi: Weight of the extrinsic fitness, in [0, 1].
+        phi: Weight of the extrinsic fitness.
         no_reward: What stands for the extrinsic fitness while no individual of a generation has a
             reward: "ignore": nothing, the intrinsic fitness ranks alone; "random": noise, as in the
             paper.
         seed: Seed of the noise.
     """
 
-    def __init__(self, phi: float, no_reward: str, seed: np.random.SeedSequence) -> None:
+    def __init__(self, phi: Phi, no_reward: str, seed: np.random.SeedSequence) -> None:
         self.phi = phi
         self.no_reward = no_reward
         self._rng = np.random.default_rng(seed)
@@ -80,14 +81,16 @@ class Fitness:
         """The fitness of each individual, shape (P,)."""
         if self.no_reward == "random" and not extrinsic.any():
             extrinsic = self._rng.standard_normal(len(extrinsic))
-        return self.phi * standardize(extrinsic) + (1.0 - self.phi) * standardize(intrinsic)
+        phi = self.phi.value
+        return phi * standardize(extrinsic) + (1.0 - phi) * standardize(intrinsic)
 
     def state_dict(self) -> dict[str, Any]:
-        """The state of the noise."""
-        return {"rng": generator_state(self._rng)}
+        """The states of the weight and of the noise."""
+        return {**self.phi.state_dict(), "rng": generator_state(self._rng)}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
+        self.phi.load_state_dict(state)
         load_generator_state(self._rng, state["rng"])
 
 
@@ -220,7 +223,8 @@ class MotivatedStrategy(EvolutionStrategy):
     A subclass says what the intrinsic fitness is: `_make_motivation`.
 
     Args:
-        phi: Weight of the extrinsic fitness, in [0, 1].
+        phi: Weight of the extrinsic fitness, in [0, 1]; "adaptive": it begins at .8, falls to 0
+            while the best return stays, and rises with each better one (Conti et al. 2018).
         no_reward: "ignore" or "random": what stands for the extrinsic fitness while a generation
             has no reward (the paper draws it at random).
     """
@@ -230,7 +234,7 @@ class MotivatedStrategy(EvolutionStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        phi: float = 0.8,
+        phi: float | str = 0.8,
         no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
@@ -244,17 +248,22 @@ class MotivatedStrategy(EvolutionStrategy):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_share(phi=self.phi)
+        check_phi(self.phi)
         check_choice(NO_REWARD, no_reward=self.no_reward)
 
     def _make_parts(
         self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence
     ) -> None:
-        self._fitness = Fitness(self.phi, self.no_reward, fitness_seed)
+        self._fitness = Fitness(make_phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
 
     def _assess(self, rollouts: Rollouts) -> tuple[Float64Array, Mapping[str, float]]:
         self._intrinsic = intrinsic = self._motivation.score(rollouts)
-        metrics = {"intrinsic/mean": intrinsic.mean(), "intrinsic/max": intrinsic.max()}
+        self._fitness.phi.adapt(improved=rollouts.returns.max() > self._best_return)
+        metrics = {
+            "search/phi": self._fitness.phi.value,
+            "intrinsic/mean": intrinsic.mean(),
+            "intrinsic/max": intrinsic.max(),
+        }
         learned = self._motivation.update(rollouts)
         return self._fitness.combine(rollouts.returns, intrinsic), {**metrics, **learned}

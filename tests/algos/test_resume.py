@@ -14,7 +14,7 @@ import torch as th
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import TD3ICM, CuriosityES
+from curiosity_algos import NSES, TD3ICM, CuriosityES
 from curiosity_algos.common.checkpoint import check_is_checkpoint
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -118,6 +118,17 @@ def test_the_papers_settings_go_on(make_model, make_maze, tmp_path, assert_same_
     uninterrupted = make_model(CuriosityES, make_maze(), **settings).learn(600)
     uninterrupted.save(tmp_path / "model")
     resumed = CuriosityES.load(tmp_path / "model", env=make_maze())
+    for model in (uninterrupted, resumed):
+        model.learn(900, reset_num_timesteps=False)
+    assert_same_run(uninterrupted, resumed)
+
+
+@pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
+def test_an_adaptive_phi_goes_on(algorithm, make_model, make_maze, tmp_path, assert_same_run):
+    uninterrupted = make_model(algorithm, make_maze(), phi="adaptive").learn(1500)
+    uninterrupted.save(tmp_path / "model")
+    resumed = algorithm.load(tmp_path / "model", env=make_maze())
+    assert resumed._fitness.phi.value < 0.8
     for model in (uninterrupted, resumed):
         model.learn(900, reset_num_timesteps=False)
     assert_same_run(uninterrupted, resumed)

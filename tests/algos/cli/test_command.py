@@ -85,6 +85,7 @@ def test_help_says_what_there_is(run_here):
         (["train", "--device", "cuda:99"], "`device` must be"),
         (["sweep", "--interval", "0"], "`interval` must be"),
         (["train", "--algo", "td3icm", "--hyperparams", "gamma:abc"], "`gamma` must be from"),
+        (["train", "--hyperparams", "phi:auto"], '`phi` must be from 0 to 1, or "adaptive"'),
         (["train", "--conf-file", __file__], "`conf_file` must"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
         (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),

@@ -1,0 +1,105 @@
+"""phi, the weight of the return beside a motivation: fixed, or adapted to what the search finds.
+
+The rule is that of NSRA-ES, with settings for runs of tens to hundreds of generations:
+Conti et al. 2018, "Improving Exploration in Evolution Strategies for Deep Reinforcement Learning
+via a Population of Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560), algorithm 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from curiosity_gym.validation import check_share
+
+ADAPTIVE = "adaptive"
+HIGHEST = 0.8
+"""Where the weight begins, and its upper bound; 1 in the paper, where it can rank nobody: a
+generation without reward would have no other fitness."""
+STEP = 0.2
+"""What an adaptation adds or takes; .05 in the paper."""
+PATIENCE = 3
+"""Generations without a better return until the weight falls; 50 in the paper."""
+
+
+class Phi(Protocol):
+    """The weight of the return, in [0, 1]."""
+
+    value: float
+
+    def adapt(self, improved: bool) -> None:
+        """Take in a generation: whether its best return is the best so far."""
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave, of the other kind too."""
+        ...
+
+
+def check_phi(phi: object) -> None:
+    """Raise ValueError unless `phi` is a number from 0 to 1, or "adaptive"."""
+    try:
+        if not (isinstance(phi, str) and phi == ADAPTIVE):
+            check_share(phi=phi)
+    except ValueError:
+        raise ValueError(f'`phi` must be from 0 to 1, or "{ADAPTIVE}", got {phi!r}.') from None
+
+
+def make_phi(phi: float | str) -> Phi:
+    """The weight that a `phi` asks for, which `check_phi` has checked."""
+    return AdaptivePhi() if isinstance(phi, str) else FixedPhi(phi)
+
+
+class FixedPhi:
+    """A weight that stays as it is."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def adapt(self, improved: bool) -> None:
+        """Stay."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Stay: `load` may have been given another weight than the saved one."""
+
+
+class AdaptivePhi:
+    """A weight that rises while the best return does, and falls while it does not.
+
+    A better return adds `STEP`; `PATIENCE` generations in a row without one take it away.
+    """
+
+    def __init__(self) -> None:
+        self.value = HIGHEST
+        self._waited = 0
+
+    def adapt(self, improved: bool) -> None:
+        """Take in a generation: whether its best return is the best so far."""
+        self._waited = 0 if improved else self._waited + 1
+        if improved:
+            self._move(STEP)
+        elif self._waited == PATIENCE:
+            self._move(-STEP)
+            self._waited = 0
+
+    def _move(self, step: float) -> None:
+        # Rounded, so that steps up and down meet at the same numbers, 0 among them.
+        self.value = min(HIGHEST, max(0.0, round(self.value + step, 6)))
+
+    def state_dict(self) -> dict[str, Any]:
+        """The weight, and for how many generations it has waited."""
+        return {"phi": self.value, "waited": self._waited}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave; nothing of a fixed weight."""
+        if "phi" in state:
+            check_share(phi=state["phi"])
+            self.value, self._waited = float(state["phi"]), int(state["waited"])

@@ -29,7 +29,7 @@ class SimulationError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class CoverageGrid:
-    """A grid over some entries of the behavior, whose visited cells are the coverage.
+    """A grid over some entries of the behavior: the cells that behaviors are in are the coverage.
 
     Attributes:
         dimensions: Entries of the behavior that count, d of them.

@@ -20,16 +20,18 @@ from curiosity_algos.evaluation.episodes import EpisodeRecord
 class ExplorationCallback(BaseCallback):
     """Logs what this package's algorithms log: coverage, and of a `BonusVecEnvWrapper` the bonus.
 
-    With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended
-    in, where environments give `info["behavior"]` as those of `curiosity_gym` do. With each rollout
-    it logs `intrinsic/mean` and `intrinsic/max` of the steps since the last log, and the losses of
-    the wrapper's last training. It warns where a model that has trained goes on with a new wrapper.
+    With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended in
+    and those that they visited on their way (`coverage/visited`), where environments give
+    `info["behavior"]` as those of `curiosity_gym` do. With each rollout it logs `intrinsic/mean`
+    and `intrinsic/max` of the steps since the last log, and the losses of the wrapper's last
+    training. It warns where a model that has trained goes on with a new wrapper.
 
     Args:
         verbose: As in SB3.
 
     Attributes:
-        coverage: Its `reachable` and `all` are the shares of cells that were visited.
+        coverage: Its `reachable` and `all` are the shares of cells in which episodes ended, its
+            `visited` that of the cells in which any step ended.
         first_success_timesteps: Timesteps when an episode first succeeded, or None.
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
     """
@@ -41,7 +43,7 @@ class ExplorationCallback(BaseCallback):
 
     @property
     def coverage(self) -> Coverage:
-        """Shares of cells that were visited."""
+        """Shares of cells."""
         return self._episodes.coverage
 
     @property

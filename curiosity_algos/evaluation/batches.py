@@ -23,12 +23,21 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a batch: observations (n, O), rewards and ended (n,), and infos of the ended."""
+    """One step of a batch.
+
+    Attributes:
+        observations: (n, O).
+        rewards: (n,).
+        ended: (n,), whether an episode ended in this step.
+        infos: Of the episodes that ended.
+        behaviors: `info["behavior"]` of the active episodes that go on, where they have one.
+    """
 
     observations: npt.NDArray[Any]
     rewards: npt.NDArray[np.float64]
     ended: Mask
     infos: dict[int, dict[str, Any]]
+    behaviors: list[Any]
 
 
 class Batch(Protocol):
@@ -82,14 +91,16 @@ class SingleEnvBatch:
             ValueError: If the info of an episode's last step is no dictionary.
         """
         rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
-        infos = {}
+        infos, behaviors = {}, []
         for i in np.flatnonzero(active).tolist():
             observation, reward, terminated, truncated, info = self.envs[i].step(actions[i])
             self._observations[i], rewards[i] = observation, float(reward)
             ended[i] = terminated or truncated
             if ended[i]:
                 infos[i] = _checked(info)
-        return Step(self._observations.copy(), rewards, ended, infos)
+            elif isinstance(info, dict) and "behavior" in info:
+                behaviors.append(info["behavior"])
+        return Step(self._observations.copy(), rewards, ended, infos, behaviors)
 
 
 def _checked(info: Any) -> dict[str, Any]:
@@ -119,6 +130,8 @@ class GymnasiumBatch:
         observations, rewards, terminated, truncated, infos = self._env.step(actions)
         observations = np.array(observations)
         ended = np.asarray(terminated | truncated)
+        going = np.asarray(infos.get("_behavior", False)) & active & ~ended
+        behaviors = [infos["behavior"][i] for i in np.flatnonzero(going).tolist()]
         if self._mode == AutoresetMode.SAME_STEP and ended.any():
             for i in np.flatnonzero(ended).tolist():
                 observations[i] = infos["final_obs"][i]
@@ -126,7 +139,7 @@ class GymnasiumBatch:
         elif self._mode == AutoresetMode.DISABLED and ended.any():
             self._env.reset(options={"reset_mask": ended})
         last = {i: _info_of(infos, i) for i in np.flatnonzero(ended & active).tolist()}
-        return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last)
+        return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last, behaviors)
 
 
 def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:
@@ -155,4 +168,6 @@ class Sb3Batch:
         last = {i: infos[i] for i in np.flatnonzero(ended & active).tolist()}
         for i, info in last.items():
             observations[i] = info["terminal_observation"]
-        return Step(observations, rewards.astype(np.float64), ended, last)
+        going = [infos[i] for i in np.flatnonzero(active & ~ended).tolist()]
+        behaviors = [info["behavior"] for info in going if "behavior" in info]
+        return Step(observations, rewards.astype(np.float64), ended, last, behaviors)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward_each, scratch
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
@@ -66,6 +67,7 @@ class ControlEvaluator:
         actions = np.empty((n, n_steps, self.task.n_actions), dtype=np.float32)
         lengths = np.full(n, n_steps)
         success = np.zeros(n, dtype=np.bool_)
+        visited = VisitedCells(self.task.coverage_grid)
         active = np.arange(n)
         even, odd = scratch(self.mlp, 1)
         simulation.reset(active)
@@ -76,6 +78,7 @@ class ControlEvaluator:
             actions[active, t] = chosen
             succeeded = simulation.step(chosen, active)
             observations[active, t + 1] = simulation.observations[active]
+            visited.add(simulation.behaviors[active])
             if succeeded.any():
                 lengths[active[succeeded]], success[active[succeeded]] = t + 1, True
                 going = ~succeeded
@@ -90,4 +93,5 @@ class ControlEvaluator:
             behaviors=simulation.behaviors[:n],
             observations=observations[:, : longest + 1],
             actions=actions[:, :longest],
+            visited=visited.indices(),
         )

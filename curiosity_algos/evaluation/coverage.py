@@ -1,23 +1,23 @@
-"""Coverage: which cells of a grid over behaviors the ends of episodes have visited."""
+"""Coverage: in which cells of a grid over behaviors episodes ended, and which they visited."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.evaluation.environments import env_attribute
+from curiosity_algos.evaluation.cells import VisitedCells
+from curiosity_algos.evaluation.environments import MadeEnv, env_attribute
 from curiosity_gym.core import CoverageGrid
 
 
 class Coverage:
-    """The cells of a grid that final behaviors have visited.
+    """The cells of a grid in which episodes ended, and those that they visited on their way.
 
     Args:
         grid: What is counted; None: nothing, as for an env without a `behavior_space`.
@@ -25,48 +25,109 @@ class Coverage:
 
     def __init__(self, grid: CoverageGrid | None) -> None:
         self.grid = grid
-        self._visited = np.empty(0, dtype=np.int64)
+        self._final = np.empty(0, dtype=np.int64)
+        self._visited = VisitedCells(grid)
 
-    def add(self, behaviors: npt.NDArray[np.float64]) -> None:
-        """Count behaviors (P, B) as visited."""
-        if self.grid is not None:
-            self._visited = np.union1d(self._visited, self.grid.cells(behaviors))
+    def check(self, visited: npt.NDArray[np.int64] | None) -> None:
+        """Raise ValueError unless an evaluator's visited cells are those of the grid."""
+        if self.grid is None or visited is None or np.size(visited) == 0:
+            return
+        cells, n_cells = np.asarray(visited), math.prod(self.grid.shape)
+        is_list = cells.ndim == 1 and np.issubdtype(cells.dtype, np.integer)
+        if not is_list or cells.min() < 0 or cells.max() >= n_cells:
+            raise ValueError(
+                "`evaluator` must give as `visited` the indices of cells, whole numbers below "
+                f"{n_cells}, or None."
+            )
+
+    def add(
+        self,
+        behaviors: npt.NDArray[np.float64],
+        visited: npt.NDArray[np.int64] | None = None,
+    ) -> None:
+        """Count episodes.
+
+        Args:
+            behaviors: (P, B), those that they ended with.
+            visited: (V,) the cells that they visited; None: those of `behaviors` alone.
+        """
+        if self.grid is None:
+            return
+        cells = self.grid.cells(behaviors)
+        self._final = np.union1d(self._final, cells)
+        # Those of a user's evaluator need not hold the final ones.
+        self._visited.add_cells(cells.tolist())
+        if visited is not None:
+            self._visited.add_cells(np.asarray(visited).tolist())
+
+    def add_steps(self, behaviors: Sequence[Any]) -> None:
+        """Count the cells that steps of episodes ended in, by the behaviors (B,) after them.
+
+        Raises:
+            ValueError: If they are no numbers, or not of one shape.
+        """
+        self._visited.add_each(behaviors)
 
     @property
     def all(self) -> float | None:
-        """Share of all cells that were visited (the paper's figure)."""
-        return None if self.grid is None else len(self._visited) / math.prod(self.grid.shape)
+        """Share of all cells in which episodes ended (the paper's figure)."""
+        return None if self.grid is None else len(self._final) / math.prod(self.grid.shape)
 
     @property
     def reachable(self) -> float | None:
-        """Share of the reachable cells that were visited; of all where reachability is unknown."""
-        if self.grid is None or self.grid.reachable is None:
-            return self.all
-        reachable = self.grid.reachable.ravel()
-        return float(reachable[self._visited].sum() / reachable.sum())
+        """Share of the reachable cells in which episodes ended; of all where these are unknown."""
+        return None if self.grid is None else self._share(self.grid, self._final)
+
+    @property
+    def visited(self) -> float | None:
+        """Share of the reachable cells in which any step ended; of all where these are unknown."""
+        return None if self.grid is None else self._share(self.grid, self._visited.indices())
+
+    @staticmethod
+    def _share(grid: CoverageGrid, cells: npt.NDArray[np.int64]) -> float:
+        if grid.reachable is None:
+            return len(cells) / math.prod(grid.shape)
+        reachable = grid.reachable.ravel()
+        return float(reachable[cells].sum() / reachable.sum())
 
     @property
     def shares(self) -> dict[str, float]:
-        """Every share by name: `reachable`, `all`, and those of the grid's projections."""
-        if self.grid is None or self.all is None or self.reachable is None:
+        """Every share by name: `reachable`, `visited`, `all`, those of the grid's projections."""
+        if self.grid is None or self.all is None:
             return {}
-        projected = {
-            name: len(np.unique(self.grid.project(self._visited, name)))
+        shares = {
+            "reachable": self._share(self.grid, self._final),
+            "visited": self._share(self.grid, self._visited.indices()),
+            "all": self.all,
+        }
+        return shares | {
+            name: len(np.unique(self.grid.project(self._final, name)))
             / self.grid.n_cells ** len(kept)
             for name, kept in self.grid.projections.items()
         }
-        return {"reachable": self.reachable, "all": self.all, **projected}
 
     def state_dict(self) -> dict[str, Any]:
-        """The visited cells."""
-        return {"visited": th.from_numpy(self._visited.copy())}
+        """The cells, `final` and `visited`, both ascending."""
+        cells = {"final": self._final.copy(), "visited": self._visited.indices()}
+        return {name: th.from_numpy(each) for name, each in cells.items()}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        self._visited = state["visited"].cpu().numpy().copy()
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If it is of a version that did not count the visited cells.
+        """
+        if state.keys() != {"final", "visited"}:
+            raise ValueError(
+                "coverage must have `final` and `visited` cells, another version of "
+                "curiosity-search has saved it."
+            )
+        self._final = state["final"].cpu().numpy().copy()
+        self._visited = VisitedCells(self.grid)
+        self._visited.add_cells(state["visited"].tolist())
 
 
-def coverage_grid(env: VecEnv) -> CoverageGrid | None:
+def coverage_grid(env: MadeEnv) -> CoverageGrid | None:
     """The cells to count: the env's own `coverage_grid`, or one over its whole behavior space.
 
     None where the env has no bounded behavior space, or one of so many dimensions (11) that 64 bits
@@ -84,7 +145,7 @@ def coverage_grid(env: VecEnv) -> CoverageGrid | None:
     return CoverageGrid(dimensions, space.low.astype(np.float64), space.high.astype(np.float64))
 
 
-def behavior_space(env: VecEnv) -> spaces.Box[Any] | None:
+def behavior_space(env: MadeEnv) -> spaces.Box[Any] | None:
     """The bounds of the env's behaviors; None where it has none."""
     space = env_attribute(env, "behavior_space")
     return space if isinstance(space, spaces.Box) else None

@@ -106,12 +106,22 @@ def _limit_of_spec(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any]) -> int | N
     return getattr(env.spec, "max_episode_steps", None)
 
 
-def env_attribute(env: gym.Env[Any, Any] | VecEnv, name: str) -> Any:
+def env_attribute(env: MadeEnv, name: str) -> Any:
     """The attribute of the (first) single env, whatever wraps it; None where it has none."""
+    # Asked for first: a worker process dies of an attribute that is not there.
     if isinstance(env, VecEnv):
-        # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
         return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None
+    if isinstance(env, VectorEnv):
+        return _attribute_inside(env.unwrapped, name)
     return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
+
+
+def _attribute_inside(env: VectorEnv[Any, Any, Any], name: str) -> Any:
+    if hasattr(env, "envs"):
+        return env_attribute(env.envs[0], name)
+    if isinstance(env, AsyncVectorEnv):
+        return env.call(name)[0] if all(env.call("has_wrapper_attr", name)) else None
+    return getattr(env, name, None)
 
 
 def env_id(env: object) -> str | None:

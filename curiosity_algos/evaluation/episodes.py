@@ -9,17 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.evaluation.coverage import Coverage
+from curiosity_algos.evaluation.rollouts import as_behaviors
 from curiosity_gym.core import CoverageGrid
 
 
 class EpisodeRecord:
-    """Counts coverage, the best return and the first success over the episodes of a VecEnv.
+    """Counts coverage, the best return and the first success over the steps of a VecEnv.
 
     Args:
         grid: Cells that coverage counts; None: nothing.
 
     Attributes:
-        coverage: Of the behaviors that episodes ended with, where infos have a "behavior".
+        coverage: Of the behaviors that episodes ended with and those after each step, where infos
+            have a "behavior".
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
         first_success_timesteps: Timesteps when an episode first succeeded, or None.
     """
@@ -32,7 +34,7 @@ class EpisodeRecord:
     def add(
         self, infos: Sequence[Mapping[str, Any]], dones: npt.NDArray[Any], num_timesteps: int
     ) -> None:
-        """Count the episodes that ended in one step of a VecEnv.
+        """Count one step of a VecEnv, and the episodes that ended in it.
 
         Args:
             infos: Of the step, one for each env.
@@ -40,9 +42,10 @@ class EpisodeRecord:
             num_timesteps: Timesteps of the run, this step included.
         """
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
-        behaviors = [info["behavior"] for info in ended if "behavior" in info]
+        self.coverage.add_steps(_behaviors(infos))
+        behaviors = _behaviors(ended)
         if behaviors:
-            self.coverage.add(np.stack(behaviors))
+            self.coverage.add(as_behaviors(behaviors))
         if self.first_success_timesteps is None and any(info.get("is_success") for info in ended):
             self.first_success_timesteps = num_timesteps
         returns = [float(info["episode"]["r"]) for info in ended if "episode" in info]
@@ -61,3 +64,8 @@ class EpisodeRecord:
         self.coverage.load_state_dict(state["coverage"])
         self.best_return = state["best_return"]
         self.first_success_timesteps = state["first_success_timesteps"]
+
+
+def _behaviors(infos: Sequence[Mapping[str, Any]]) -> list[Any]:
+    """Those of the infos that have one."""
+    return [info["behavior"] for info in infos if "behavior" in info]

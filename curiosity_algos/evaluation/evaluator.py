@@ -142,7 +142,8 @@ def _is_maze(env: Any) -> bool:
 
 
 def _make_maze(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    return MazeEvaluator(bare(env).maze, mlp, n_threads, max_steps(env))
+    inner = bare(env)
+    return MazeEvaluator(inner.maze, inner.coverage_grid, mlp, n_threads, max_steps(env))
 
 
 def _is_control(env: Any) -> bool:

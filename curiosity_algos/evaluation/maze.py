@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, sparse_rollouts
 from curiosity_gym.compiled import ThreadPool, compiled
+from curiosity_gym.core import CoverageGrid, Mask
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
 SLICES_PER_THREAD = 4
@@ -17,6 +21,7 @@ SLICES_PER_THREAD = 4
 @compiled
 def _rollout(
     maze: Maze,
+    grid: CompiledGrid,
     mlp: Mlp,
     parameters: Float32Array,
     even: Float32Array,
@@ -24,8 +29,9 @@ def _rollout(
     observations: Float32Array,
     actions: Float32Array,
     state: npt.NDArray[np.float64],
+    visited: Mask,
 ) -> tuple[int, bool]:
-    """Play one episode of at most as many steps as `actions` has rows.
+    """Play one episode of at most as many steps as `actions` has rows, and mark its cells.
 
     Returns:
         Its length, and whether it ended at the goal.
@@ -34,13 +40,16 @@ def _rollout(
     for t in range(actions.shape[0]):
         forward(mlp, parameters, observations[t], even, odd, actions[t])
         if step(maze, state, actions[t], observations[t + 1]):
+            visited[cell_of(grid, state)] = True
             return t + 1, True
+        visited[cell_of(grid, state)] = True  # twice, as it is slower before the branch
     return actions.shape[0], False
 
 
 @compiled
 def _rollout_slice(
     maze: Maze,
+    grid: CompiledGrid,
     mlp: Mlp,
     parameters: Float32Array,
     begin: int,
@@ -51,12 +60,22 @@ def _rollout_slice(
     actions: Float32Array,
     states: npt.NDArray[np.float64],
     lengths: npt.NDArray[np.int64],
-    success: npt.NDArray[np.bool_],
+    success: Mask,
+    visited: Mask,
 ) -> None:
     """Play the individuals `begin` to `end`; each writes only its own rows of the arrays."""
     for i in range(begin, end):
         lengths[i], success[i] = _rollout(
-            maze, mlp, parameters[i], even[i], odd[i], observations[i], actions[i], states[i]
+            maze,
+            grid,
+            mlp,
+            parameters[i],
+            even[i],
+            odd[i],
+            observations[i],
+            actions[i],
+            states[i],
+            visited[i],
         )
 
 
@@ -65,18 +84,26 @@ class MazeEvaluator:
 
     Args:
         maze: The maze, as `curiosity_gym.maze.dynamics.build_maze` gives it.
+        grid: The cells whose visits are counted.
         mlp: The policies' shape.
         n_threads: None: as many as there are processors.
         max_steps: Steps after which an episode ends; None: the maze's horizon.
     """
 
     def __init__(
-        self, maze: Maze, mlp: Mlp, n_threads: int | None = None, max_steps: int | None = None
+        self,
+        maze: Maze,
+        grid: CoverageGrid,
+        mlp: Mlp,
+        n_threads: int | None = None,
+        max_steps: int | None = None,
     ) -> None:
         self.maze = maze
         self.max_steps = maze.horizon if max_steps is None else max_steps
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
+        self._grid = compiled_grid(grid)
+        self._n_cells = math.prod(grid.shape)
         self._pool = ThreadPool(n_threads)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
@@ -89,11 +116,12 @@ class MazeEvaluator:
         states = np.empty((n, 4))
         lengths = np.empty(n, dtype=np.int64)
         success = np.empty(n, dtype=np.bool_)
+        visited = np.zeros((n, self._n_cells), dtype=np.bool_)
         even, odd = scratch(self.mlp, n)
 
         def run(begin: int, end: int) -> None:
-            arrays = (even, odd, observations, actions, states, lengths, success)
-            _rollout_slice(self.maze, self.mlp, parameters, begin, end, *arrays)
+            arrays = (even, odd, observations, actions, states, lengths, success, visited)
+            _rollout_slice(self.maze, self._grid, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
         return sparse_rollouts(
@@ -103,4 +131,5 @@ class MazeEvaluator:
             behaviors=states,
             observations=observations,
             actions=actions,
+            visited=np.flatnonzero(visited.any(axis=0)),
         )

@@ -39,9 +39,22 @@ def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
     Raises:
         ValueError: If they do not all have one of numbers, of the same shape (B,).
     """
-    behaviors = [_as_numbers(info.get("behavior", ())) for info in infos]
-    check_same_shape(behaviors)
-    return np.stack(behaviors)
+    return as_behaviors([info.get("behavior", ()) for info in infos])
+
+
+def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
+    """What infos say of behaviors, at least one, as an array (P, B).
+
+    Raises:
+        ValueError: If they are not all numbers, of the same shape (B,).
+    """
+    try:
+        array = np.array(behaviors, dtype=np.float64)
+    except (TypeError, ValueError):  # which of them it is, the next lines say
+        array = np.empty(0)
+    if array.ndim != 2:
+        check_same_shape([_as_numbers(behavior) for behavior in behaviors])
+    return array
 
 
 def _as_numbers(behavior: Any) -> Float64Array:
@@ -79,6 +92,10 @@ class Rollouts:
         observations: (P, T + 1, O) float32; entries after an episode's end are undefined.
         actions: (P, T, A) float32, or (P, T) int64 for Discrete actions; undefined after an
             episode's end, too.
+        visited: (V,) int64, ascending, the cells of the environment's coverage grid in which a step
+            of any individual ended (`curiosity_algos.evaluation.cells`). None: not counted; then
+            the cells of `behaviors` are all that is known to have been visited, as observations and
+            actions do not tell behaviors.
     """
 
     returns: Float64Array
@@ -88,6 +105,7 @@ class Rollouts:
     final_observations: Float32Array
     observations: Float32Array | None = None
     actions: npt.NDArray[np.float32] | npt.NDArray[np.int64] | None = None
+    visited: npt.NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         """Number of individuals."""
@@ -122,6 +140,7 @@ def sparse_rollouts(
     behaviors: Float64Array,
     observations: Float32Array,
     actions: npt.NDArray[np.float32],
+    visited: npt.NDArray[np.int64] | None = None,
 ) -> Rollouts:
     """Rollouts of an env whose only reward is `1 - t / horizon`, for a success in step t.
 
@@ -137,6 +156,7 @@ def sparse_rollouts(
         final_observations=observations[np.arange(len(lengths)), lengths],
         observations=observations,
         actions=actions,
+        visited=visited,
     )
 
 
@@ -163,7 +183,14 @@ def concatenate(waves: list[Rollouts]) -> Rollouts:
         final_observations=join("final_observations"),
         observations=join("observations", longest + 1),
         actions=join("actions", longest),
+        visited=_union([wave.visited for wave in waves]),
     )
+
+
+def _union(visited: list[npt.NDArray[np.int64] | None]) -> npt.NDArray[np.int64] | None:
+    """The cells of all waves; None where no wave counted any."""
+    counted = [cells for cells in visited if cells is not None]
+    return np.unique(np.concatenate(counted)) if counted else None
 
 
 def _pad(array: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:

@@ -11,7 +11,9 @@ from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
+from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.copies import alone, env_and_copies, share_state
+from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.rollouts import (
@@ -46,6 +48,7 @@ class VectorEvaluator:
     ) -> None:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
+        self._grid = coverage_grid(env)
         self._untried: SingleEnvBatch | None = None
         self._batch: Batch
         if isinstance(env, gym.Env):
@@ -98,6 +101,7 @@ class VectorEvaluator:
         actions: list[npt.NDArray[Any]] = []
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
         infos: dict[int, dict[str, Any]] = {}
+        visited = VisitedCells(self._grid)
         while active.any():
             self._check_length(len(actions))
             actions.append(act(self.mlp, parameters, observations[-1]))
@@ -106,17 +110,21 @@ class VectorEvaluator:
             returns[active] += step.rewards[active]
             lengths += active
             infos |= step.infos
+            visited.add_each(step.behaviors)
             active &= ~step.ended
         last = [infos[i] for i in range(n_policies)]
+        behaviors = stack_behaviors(last)
+        visited.add(behaviors)
         stacked = np.stack(observations, axis=1)[:n_policies]
         return Rollouts(
             returns=returns[:n_policies],
             lengths=lengths[:n_policies],
             success=np.array([bool(info.get("is_success", False)) for info in last]),
-            behaviors=stack_behaviors(last),
+            behaviors=behaviors,
             final_observations=stacked[np.arange(n_policies), lengths[:n_policies]],
             observations=stacked,
             actions=np.stack(actions, axis=1)[:n_policies],
+            visited=None if self._grid is None else visited.indices(),
         )
 
     def _check_length(self, n_steps: int) -> None:

@@ -310,7 +310,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
 
     @property
     def coverage(self) -> float | None:
-        """Share of the reachable cells that final states visited; None: nothing to count."""
+        """Share of the reachable cells in which episodes ended; None: nothing to count.
+
+        `coverage_shares["visited"]` is that of the cells in which any step ended.
+        """
         return self._coverage.reachable
 
     @property
@@ -417,6 +420,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         space = self._behavior_space
         if space is not None and rollouts.behaviors.shape[1:] != space.shape:
             raise ValueError('`env` must give an info["behavior"] of its `behavior_space`.')
+        self._coverage.check(rollouts.visited)
 
     def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
         """Update timesteps, first success, coverage and the best policy."""
@@ -425,7 +429,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             self.first_success_timesteps = self.num_timesteps + int(steps)
         self.num_timesteps += rollouts.timesteps
         self.generation += 1
-        self._coverage.add(rollouts.behaviors)
+        self._coverage.add(rollouts.behaviors, rollouts.visited)
         self._has_reward |= bool(np.any(rollouts.returns))
         best = int(np.argmax(rollouts.returns))
         if rollouts.returns[best] > self._best_return:

@@ -280,7 +280,10 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
 
     @property
     def coverage(self) -> float | None:
-        """Share of the reachable cells that final states visited; None: nothing to count."""
+        """Share of the reachable cells in which episodes ended; None: nothing to count.
+
+        `coverage_shares["visited"]` is that of the cells in which any step ended.
+        """
         return self._record.coverage.reachable
 
     @property

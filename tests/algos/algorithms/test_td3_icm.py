@@ -142,7 +142,13 @@ def test_it_logs_as_every_algorithm(make, make_easy_maze, tmp_path):
     model.learn(300, log_interval=1)
     rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
     names = ["coverage/reachable", "coverage/all", "intrinsic/mean", "intrinsic/max", "icm/loss"]
-    names += ["icm/forward_loss", "icm/inverse_loss", "rollout/ep_rew_mean", "rollout/ep_len_mean"]
+    names += [
+        "coverage/visited",
+        "icm/forward_loss",
+        "icm/inverse_loss",
+        "rollout/ep_rew_mean",
+        "rollout/ep_len_mean",
+    ]
     names += ["rollout/success_rate", "time/total_timesteps", "train/critic_loss"]
     assert set(names) <= set(rows[-1])
     assert rows[-1]["coverage/reachable"] == model.coverage > 0.0

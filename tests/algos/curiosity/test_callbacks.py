@@ -62,6 +62,32 @@ def test_it_logs_with_each_rollout(tmp_path):
     logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
     assert logged["coverage/all"] == pytest.approx(1 / 2500)
     assert logged["coverage/reachable"] == callback.coverage.reachable > logged["coverage/all"]
+    assert logged["coverage/visited"] == callback.coverage.visited > logged["coverage/reachable"]
+
+
+@pytest.mark.parametrize("has_bonus", [False, True])
+def test_it_counts_the_cells_of_every_step(has_bonus):
+    kwargs = {"layout": "us", "horizon": 10, "max_acceleration": 100.0}
+    venv = make_vec_env("CuriosityMaze-v0", n_envs=2, env_kwargs=kwargs)
+    venv = BonusVecEnvWrapper(venv, bonus="rnd", seed=0) if has_bonus else venv
+    oracles = [gym.make("CuriosityMaze-v0", **kwargs) for _ in range(2)]
+    grid, cells, callback = oracles[0].unwrapped.coverage_grid, set(), ExplorationCallback()
+
+    def step(local, _):
+        for oracle, action, done in zip(
+            oracles, local["clipped_actions"], local["dones"], strict=True
+        ):
+            cells.add(grid.cells(oracle.step(action)[-1]["behavior"][None]).item())
+            if done:
+                oracle.reset()
+        return True
+
+    for oracle in oracles:
+        oracle.reset()
+    model = PPO("MlpPolicy", venv, n_steps=25, batch_size=50, n_epochs=1, seed=0, device="cpu")
+    model.learn(100, [callback, ConvertCallback(step)])
+    assert callback.coverage_shares["visited"] == len(cells) / grid.reachable.sum()
+    assert len(cells) > 2
 
 
 def test_more_training_counts_on():

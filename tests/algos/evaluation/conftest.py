@@ -3,23 +3,27 @@
 import numpy as np
 import pytest
 
+from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.policies import act
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 
 def play(env, mlp, parameters, seed=None):
     """One episode of each policy, the way a reader of Gymnasium's documentation writes it."""
-    episodes = []
+    episodes, grid = [], coverage_grid(env)
     for vector in parameters:
         observation, _ = env.reset(seed=seed)
         observations, actions, total, is_over = [observation], [], 0.0, False
+        cells = None if grid is None else set()
         while not is_over:
             actions.append(act(mlp, vector[None], observations[-1][None])[0])
             observation, reward, terminated, truncated, info = env.step(actions[-1])
             observations.append(observation)
             total += float(reward)
+            if grid is not None:
+                cells.add(grid.cells(np.array(info["behavior"])[None]).item())
             is_over = terminated or truncated
-        episodes.append((np.array(observations), np.array(actions), total, info))
+        episodes.append((np.array(observations), np.array(actions), total, info, cells))
     return episodes
 
 
@@ -33,7 +37,10 @@ def assert_equal_episodes(rollouts, episodes):
     longest = rollouts.actions.shape[1]
     assert longest >= rollouts.lengths.max()
     assert rollouts.observations.shape[1] == longest + 1
-    for i, (observations, actions, total, info) in enumerate(episodes):
+    all_cells = [cells for *_, cells in episodes if cells is not None]
+    expected = sorted(set().union(*all_cells)) if all_cells else None
+    np.testing.assert_equal(rollouts.visited, expected)
+    for i, (observations, actions, total, info, _) in enumerate(episodes):
         length = len(actions)
         assert rollouts.lengths[i] == length
         assert rollouts.returns[i] == total
@@ -46,7 +53,8 @@ def assert_equal_episodes(rollouts, episodes):
 
 def assert_same_rollouts(one, other):
     """Two rollouts are the same, in every bit that is defined."""
-    for name in ("returns", "lengths", "success", "behaviors", "final_observations"):
+    same = ("returns", "lengths", "success", "behaviors", "final_observations", "visited")
+    for name in same:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     for i, length in enumerate(one.lengths):
         np.testing.assert_array_equal(

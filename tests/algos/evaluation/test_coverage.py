@@ -1,7 +1,13 @@
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from gymnasium import spaces
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
 from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
@@ -36,9 +42,14 @@ def test_unknown_reachability_counts_all_cells():
 def test_parts_that_the_grid_names_are_counted_beside_the_whole():
     grid = CoverageGrid((0, 1), np.zeros(2), np.full(2, 3.0), 3, projections={"height": (1,)})
     coverage = Coverage(grid)
-    assert coverage.shares == {"reachable": 0.0, "all": 0.0, "height": 0.0}
+    assert coverage.shares == {"reachable": 0.0, "visited": 0.0, "all": 0.0, "height": 0.0}
     coverage.add(np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [2.5, 1.5]]))
-    assert coverage.shares == {"reachable": 4 / 9, "all": 4 / 9, "height": 2 / 3}
+    assert coverage.shares == {
+        "reachable": 4 / 9,
+        "visited": 4 / 9,
+        "all": 4 / 9,
+        "height": 2 / 3,
+    }
 
 
 def test_nothing_to_count_is_none():
@@ -46,6 +57,7 @@ def test_nothing_to_count_is_none():
     coverage.add(np.zeros((3, 0)))
     assert coverage.all is None
     assert coverage.reachable is None
+    assert coverage.visited is None
     assert coverage.shares == {}
 
 
@@ -56,6 +68,60 @@ def test_the_state_goes_over():
     assert other.reachable == one.reachable
     other.add(np.array([[0.5, 1.5]]))
     assert (one.reachable, other.reachable) == (2 / 3, 1.0)
+    assert (one.visited, other.visited) == (2 / 3, 1.0)
+
+
+def test_cells_of_steps_count_as_visited_alone():
+    coverage = Coverage(GRID)
+    coverage.add_steps([[0.5, 0.5], [1.5, 1.5]])
+    coverage.add_steps([])
+    assert (coverage.reachable, coverage.visited, coverage.all) == (0.0, 1 / 3, 0.0)
+    coverage.add(np.array([[0.5, 1.5]]), np.array([1, 8]))
+    assert (coverage.reachable, coverage.visited, coverage.all) == (1 / 3, 1.0, 1 / 9)
+
+
+@st.composite
+def counted(draw):
+    """What an evaluator, or the steps of a VecEnv, may have counted, at some places of GRID."""
+    places = draw(arrays(np.float64, (draw(st.integers(1, 4)), 2), elements=st.floats(-1, 4)))
+    visited = draw(st.none() | st.lists(st.integers(0, 8), max_size=9))
+    return draw(st.booleans()), places, visited
+
+
+@given(st.lists(counted()), st.none() | arrays(np.bool_, (3, 3)))
+def test_more_cells_are_visited_than_ended_in(events, reachable):
+    assume(reachable is None or reachable.any())
+    coverage = Coverage(replace(GRID, reachable=reachable))
+    ended = set()
+    for is_end, places, visited in events:
+        if is_end:
+            coverage.check(visited)
+            coverage.add(places, visited)
+            ended |= set(GRID.cells(places).tolist())
+        else:
+            coverage.add_steps(list(places))
+        assert coverage.visited >= coverage.reachable
+    assert coverage.state_dict()["final"].tolist() == sorted(ended)
+    assert ended <= set(coverage.state_dict()["visited"].tolist())
+
+
+def test_an_older_state_is_called_so():
+    coverage = Coverage(GRID)
+    with pytest.raises(ValueError, match="another version of curiosity-search has saved it"):
+        coverage.load_state_dict({"visited": th.arange(3)})
+    assert coverage.visited == 0.0
+
+
+@pytest.mark.parametrize("visited", [[9], [-1], [0.5], ["text"], {1}, 3, [[1, 2]]])
+def test_visited_cells_are_those_of_the_grid(visited):
+    with pytest.raises(ValueError, match=r"`evaluator` must give as `visited` .* below 9, or None"):
+        Coverage(GRID).check(visited)
+    Coverage(None).check(visited)
+
+
+@pytest.mark.parametrize("visited", [None, [], [0, 8], np.array([8, 0, 8], dtype=np.uint8)])
+def test_other_cells_are_taken(visited):
+    Coverage(GRID).check(visited)
 
 
 def test_the_grid_of_an_env_is_its_own_or_its_behavior_space(make_maze):

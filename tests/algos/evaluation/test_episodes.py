@@ -23,6 +23,15 @@ def test_it_counts_ended_episodes_alone():
     assert record.first_success_timesteps == 12
 
 
+def test_it_counts_the_cells_of_every_step():
+    record = EpisodeRecord(GRID)
+    for x in (3.0, 4.0, 4.5):
+        record.add([{"behavior": np.array([x])}, {}], np.array([False, True]), 2)
+    assert (record.coverage.all, record.coverage.visited) == (0.0, 2 / 50)
+    record.add([{"behavior": np.array([9.0])}], np.array([True]), 4)
+    assert (record.coverage.all, record.coverage.visited) == (1 / 50, 3 / 50)
+
+
 def test_infos_may_say_nothing():
     record = EpisodeRecord(None)
     record.add([{}], np.array([True]), 1)

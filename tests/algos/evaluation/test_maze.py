@@ -12,27 +12,27 @@ MAZES = ["Snake", "US", "Hard", "Labyrinth"]
 
 
 def make(env, n_individuals, seed=0, net_arch=(8,)):
-    """The maze, a policy's shape, and vigorous policies that meet walls."""
-    maze = env.unwrapped.maze
+    """What makes an evaluator of a maze, and vigorous policies that meet walls."""
+    maze, grid = env.unwrapped.maze, env.unwrapped.coverage_grid
     mlp = build_mlp(env.observation_space, env.action_space, net_arch)
     rng = np.random.default_rng(seed)
-    return maze, mlp, rng.normal(0, 1, (n_individuals, mlp.n_parameters)).astype(np.float32)
+    return (maze, grid, mlp), rng.normal(0, 1, (n_individuals, mlp.n_parameters)).astype(np.float32)
 
 
 @pytest.mark.parametrize("name", MAZES)
 def test_equals_a_loop_over_the_env(name, play, assert_equal_episodes):
     env = gym.make(f"CuriosityMaze-{name}-v0", horizon=250)
-    maze, mlp, parameters = make(env, 4)
-    rollouts = MazeEvaluator(maze, mlp).evaluate(parameters)
-    assert_equal_episodes(rollouts, play(env, mlp, parameters))
+    parts, parameters = make(env, 4)
+    rollouts = MazeEvaluator(*parts).evaluate(parameters)
+    assert_equal_episodes(rollouts, play(env, parts[-1], parameters))
     assert len(np.unique(rollouts.behaviors, axis=0)) == 4
 
 
 def test_equals_the_loop_where_goals_are_found(make_easy_maze, play, assert_equal_episodes):
     env = make_easy_maze()
-    maze, mlp, parameters = make(env, 40, net_arch=())
-    rollouts = MazeEvaluator(maze, mlp).evaluate(parameters)
-    assert_equal_episodes(rollouts, play(env, mlp, parameters))
+    parts, parameters = make(env, 40, net_arch=())
+    rollouts = MazeEvaluator(*parts).evaluate(parameters)
+    assert_equal_episodes(rollouts, play(env, parts[-1], parameters))
     assert 0 < rollouts.success.sum() < 40
     np.testing.assert_array_equal(rollouts.returns > 0, rollouts.success)
 
@@ -40,9 +40,9 @@ def test_equals_the_loop_where_goals_are_found(make_easy_maze, play, assert_equa
 @pytest.mark.parametrize("n_individuals", [1, 5, 23])
 def test_threads_change_no_bit(make_easy_maze, n_individuals, assert_same_rollouts):
     env = make_easy_maze()
-    maze, mlp, parameters = make(env, n_individuals)
+    parts, parameters = make(env, n_individuals)
     one, *others = (
-        MazeEvaluator(maze, mlp, n_threads).evaluate(parameters) for n_threads in (1, 2, 4, None)
+        MazeEvaluator(*parts, n_threads).evaluate(parameters) for n_threads in (1, 2, 4, None)
     )
     for other in others:
         assert_same_rollouts(one, other)
@@ -50,9 +50,9 @@ def test_threads_change_no_bit(make_easy_maze, n_individuals, assert_same_rollou
 
 @pytest.mark.parametrize("net_arch", [(), (32, 16), (5, 3, 2)], ids=str)
 def test_equals_the_generic_evaluator(make_easy_maze, net_arch, assert_same_rollouts):
-    maze, mlp, parameters = make(make_easy_maze(), 7, net_arch=net_arch)
+    parts, parameters = make(make_easy_maze(), 7, net_arch=net_arch)
     layout = make_easy_maze().unwrapped.layout
-    compiled = MazeEvaluator(maze, mlp).evaluate(parameters)
+    compiled = MazeEvaluator(*parts).evaluate(parameters)
     for mode in AutoresetMode:
         envs = gym.make_vec(
             "CuriosityMaze-v0",
@@ -61,12 +61,12 @@ def test_equals_the_generic_evaluator(make_easy_maze, net_arch, assert_same_roll
             horizon=64,
             autoreset_mode=mode,
         )
-        assert_same_rollouts(compiled, VectorEvaluator(envs, mlp).evaluate(parameters))
+        assert_same_rollouts(compiled, VectorEvaluator(envs, parts[-1]).evaluate(parameters))
 
 
 def test_an_evaluation_leaves_the_next_alone(make_easy_maze, assert_same_rollouts):
-    maze, mlp, parameters = make(make_easy_maze(), 5)
-    evaluator = MazeEvaluator(maze, mlp)
+    parts, parameters = make(make_easy_maze(), 5)
+    evaluator = MazeEvaluator(*parts)
     first = evaluator.evaluate(parameters)
     kept = first.observations.copy()
     evaluator.evaluate(-parameters)

@@ -61,7 +61,7 @@ KEYS = {
     "time/generations",
     "time/total_timesteps",
 }
-COVERAGE_KEYS = {"coverage/reachable", "coverage/all"}
+COVERAGE_KEYS = {"coverage/reachable", "coverage/visited", "coverage/all"}
 ES_KEYS = {"search/norm"}
 INTRINSIC_KEYS = {"intrinsic/mean", "intrinsic/max"}
 ICM_KEYS = {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
@@ -179,6 +179,19 @@ class TestLearn:
         grid = env.unwrapped.coverage_grid
         cells = {cell for rollouts in recorder.rollouts for cell in grid.cells(rollouts.behaviors)}
         assert model.coverage == len(cells) / grid.reachable.sum()
+
+    def test_cells_are_visited_at_any_step(self, algorithm, make_model, make_maze):
+        env, oracle = make_maze(), make_maze()
+        model, recorder = make_model(algorithm, env), Recorder()
+        model.learn(2 * GENERATION, callback=recorder)
+        cells, grid = set(), env.unwrapped.coverage_grid
+        for rollouts in recorder.rollouts:
+            for actions, length in zip(rollouts.actions, rollouts.lengths, strict=True):
+                oracle.reset()
+                infos = [oracle.step(action)[-1] for action in actions[:length]]
+                cells |= set(grid.cells(np.array([info["behavior"] for info in infos])).tolist())
+        assert model.coverage_shares["visited"] == len(cells) / grid.reachable.sum()
+        assert model.coverage_shares["visited"] > model.coverage
 
     def test_coverage_is_none_without_behaviors(self, algorithm, make_model, make_classic):
         if env_attribute(DummyVecEnv([lambda: make_classic("CartPole-v1")]), "behavior_space"):
@@ -681,6 +694,22 @@ class TestEvaluator:
             loaded = CanonicalES.load(tmp_path / "model", make_easy_maze(), evaluator=evaluator)
             assert type(loaded.evaluator) is kind
         assert CanonicalES.load(tmp_path / "model").evaluator is None  # to predict alone
+
+    @pytest.mark.parametrize("visited", [None, [9, 9], [2500]])
+    def test_it_may_count_visited_cells(self, make_model, make_maze, visited):
+        class Own(Halved):
+            def evaluate(self, parameters, seed=None):
+                return dataclasses.replace(super().evaluate(parameters, seed), visited=visited)
+
+        own = Own(make_model(CanonicalES, make_maze()).evaluator)
+        model = make_model(CanonicalES, make_maze(), evaluator=own)
+        if visited == [2500]:
+            with pytest.raises(ValueError, match="`evaluator` must give as `visited`"):
+                model.learn(1)
+            assert (model.generation, model.coverage) == (0, 0.0)
+        else:
+            shares = model.learn(1).coverage_shares
+            assert (shares["visited"] == shares["reachable"]) == (visited is None)
 
     def test_as_many_episodes_as_policies(self, make_model, make_easy_maze):
         class Lazy(Halved):

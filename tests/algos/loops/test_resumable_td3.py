@@ -17,7 +17,7 @@ from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
+from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback, ConvertCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
@@ -357,6 +357,22 @@ class TestEnvironments:
     def test_an_env_is_needed(self, make):
         with pytest.raises(ValueError, match="`env` must be an environment"):
             make(None)
+
+    def test_cells_are_visited_at_any_step(self, make, make_maze):
+        cells, oracle = set(), make_maze()
+        oracle.reset()
+        grid = oracle.unwrapped.coverage_grid
+
+        def step(local, _):
+            info = oracle.step(local["actions"][0])[-1]
+            cells.add(grid.cells(info["behavior"][None]).item())
+            if local["dones"][0]:
+                oracle.reset()
+            return True
+
+        model = make(make_maze()).learn(120, ConvertCallback(step))
+        assert model.coverage_shares["visited"] == len(cells) / grid.reachable.sum()
+        assert model.coverage_shares["visited"] > model.coverage > 0.0
 
     def test_coverage_starts_anew_elsewhere(self, make, make_maze):
         model = make(make_maze()).learn(60)

@@ -1,0 +1,105 @@
+"""The cells of a grid over behaviors that episodes visited, at whatever step.
+
+A cell is visited when a step ends in it. That of a reset is not, until a step ends there: vector
+environments that reset by themselves show no behavior of it, and it says nothing of the policies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.evaluation.rollouts import as_behaviors
+from curiosity_gym.compiled import compiled
+from curiosity_gym.core import CoverageGrid, Float64Array
+
+BLOCK = 64
+"""Arrays of behaviors that wait to be looked up at once: most of the time goes into the calls."""
+
+Axis = tuple[int, float, float]
+"""An entry of the behavior that counts, its lower bound, and its upper minus its lower bound."""
+
+
+class CompiledGrid(NamedTuple):
+    """A `CoverageGrid` for the compiled functions, which make a loop over a tuple straight code."""
+
+    axes: tuple[Axis, ...]
+    n_cells: int
+    """Along each axis."""
+
+
+def compiled_grid(grid: CoverageGrid) -> CompiledGrid:
+    """`grid` for the compiled functions."""
+    low = np.asarray(grid.low, dtype=np.float64)
+    extents = (grid.high - low).tolist()
+    return CompiledGrid(
+        tuple(zip(grid.dimensions, low.tolist(), extents, strict=True)), grid.n_cells
+    )
+
+
+@compiled
+def cell_of(grid: CompiledGrid, behavior: Float64Array) -> int:
+    """The flat index of the cell of one behavior (B,), as `CoverageGrid.cells` has it."""
+    cell = 0
+    last = grid.n_cells - 1.0
+    for dimension, low, extent in grid.axes:
+        place = (behavior[dimension] - low) / extent * grid.n_cells
+        # In this order, which takes NaN to 0: compiled functions check no bounds of arrays.
+        place = place if place > 0.0 else 0.0
+        cell = cell * grid.n_cells + int(place if place < last else last)
+    return cell
+
+
+class VisitedCells:
+    """The distinct cells that behaviors were in, whatever their order.
+
+    Args:
+        grid: Of the cells; None: nothing is counted.
+    """
+
+    def __init__(self, grid: CoverageGrid | None) -> None:
+        self._grid = grid
+        self._cells: set[int] = set()
+        self._waiting: list[Float64Array] = []
+
+    def add(self, behaviors: Float64Array) -> None:
+        """Count the cells of behaviors (k, B), an array that is not written to any more.
+
+        Those that are not finite have none, nor have those without the entries that count: an
+        environment is held to its behavior when an episode ends, and may know none before.
+        """
+        if self._grid is None or behaviors.shape[1] <= max(self._grid.dimensions):
+            return
+        is_full = len(self._waiting) == BLOCK
+        if is_full or (self._waiting and self._waiting[0].shape[1] != behaviors.shape[1]):
+            self._look_up()
+        self._waiting.append(behaviors)
+
+    def add_each(self, behaviors: Sequence[Any]) -> None:
+        """Count the cells of behaviors (B,) as infos hold them; None has none.
+
+        Raises:
+            ValueError: If they are no numbers, or not of one shape.
+        """
+        known = [behavior for behavior in behaviors if behavior is not None]
+        if self._grid is not None and known:
+            self.add(as_behaviors(known))
+
+    def add_cells(self, cells: Iterable[int]) -> None:
+        """Count cells by their flat indices."""
+        self._cells.update(cells)
+
+    def _look_up(self) -> None:
+        if self._grid is not None and self._waiting:
+            rows = np.concatenate(self._waiting)
+            finite = rows[np.isfinite(rows).all(axis=1)]
+            self._cells.update(self._grid.cells(finite).tolist())
+            self._waiting.clear()
+
+    def indices(self) -> npt.NDArray[np.int64]:
+        """Their flat indices, ascending."""
+        self._look_up()
+        return np.sort(np.fromiter(self._cells, dtype=np.int64, count=len(self._cells)))

@@ -25,7 +25,10 @@ TITLES = {
     "mazes": "Coverage and best return on the mazes",
     "table_1": "The settings of the paper's table 1, 2,000 generations",
 }
-ROWS = {"coverage": ("reachable cells visited (%)", 0.01), "best_return": ("best return", 1.0)}
+ROWS = {
+    "coverage": ("reachable cells with a final state (%)", 0.01),
+    "best_return": ("best return", 1.0),
+}
 """Of each column that is drawn its name on the axis, and what is 1 there."""
 
 

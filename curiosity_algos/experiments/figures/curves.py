@@ -36,7 +36,7 @@ EPISODES = 56
 
 
 def coverage(run: Folder) -> Points:
-    """Share of the reachable cells that final states have visited; none before timestep 0.
+    """Share of the reachable cells in which episodes have ended; none before timestep 0.
 
     Raises:
         FileNotFoundError: If there is no run.

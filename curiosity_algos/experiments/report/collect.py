@@ -52,7 +52,7 @@ class Run:
 
     @property
     def coverage(self) -> float | None:
-        """Share of the reachable cells that were visited; None where nothing is counted."""
+        """Share of the reachable cells in which episodes ended; None where nothing is counted."""
         share: float | None = self.result["coverage"].get("reachable")
         return share
 

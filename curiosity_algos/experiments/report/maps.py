@@ -1,4 +1,4 @@
-"""Maps of where episodes ended, and of the cells that they visited, over the generations."""
+"""Maps of where episodes ended, of each final state and of each cell, over the generations."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MOST_STOPS = 300
 
 
 def maps(run: Run, plane: Plane) -> dict[str, Any]:
-    """Final states and visited cells of a run.
+    """Final states of a run, and the cells that they are in.
 
     Returns:
-        `states`, the pixel of each final state that is drawn, in the order of episodes; `visited`,
-        the first stop at which each cell was visited; of each stop its `timesteps`, `generations`
-        and how many `states` are drawn by then. Visited cells are those of all episodes.
+        `states`, the pixel of each final state that is drawn, in the order of episodes; `ended_in`,
+        the first stop by which an episode had ended in each cell; of each stop its `timesteps`,
+        `generations` and how many `states` are drawn by then. Cells are those of all episodes.
     """
     is_finite = np.isfinite(run.episodes["behavior"]).all(axis=1)
     points, timesteps = (run.episodes[name][is_finite] for name in ("behavior", "timesteps"))
@@ -31,7 +31,7 @@ def maps(run: Run, plane: Plane) -> dict[str, Any]:
     shown = evenly(len(points), MOST_STATES)
     return {
         "states": pack(plane.indices(points[shown], plane.pixels), "u2"),
-        "visited": pack(_first_stops(points, timesteps, stops, plane), "u2"),
+        "ended_in": pack(_first_stops(points, timesteps, stops, plane), "u2"),
         "timesteps": pack(stops, "f4"),
         "generations": pack(_generations(run, stops), "u4"),
         "shown": pack(np.searchsorted(timesteps[shown], stops, side="right"), "u4"),
@@ -52,7 +52,7 @@ def _stops(run: Run) -> npt.NDArray[Any]:
 def _first_stops(
     points: npt.NDArray[Any], timesteps: npt.NDArray[Any], stops: npt.NDArray[Any], plane: Plane
 ) -> npt.NDArray[np.int64]:
-    """The stop at which each cell was visited first, `NO_VALUE` where it never was."""
+    """The stop at which an episode first ended in each cell, `NO_VALUE` where none did."""
     first = np.full(N_CELLS * N_CELLS, NO_VALUE)
     cells = plane.indices(points, (N_CELLS, N_CELLS))
     np.minimum.at(first, cells, np.searchsorted(stops, timesteps))

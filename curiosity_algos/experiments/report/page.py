@@ -67,10 +67,11 @@ NOTES = {
     "Area under coverage": "Mean coverage from the first timestep of a run to its last.",
     "Final states": (
         f"At most {MOST_STATES:,} final states of each run are drawn, evenly spaced over its "
-        "episodes; visited cells are those of all episodes. The slider goes through timesteps in "
-        "as many steps as the longest run has generations, at most 300. Of environments that are "
-        "no mazes, the first two entries of the behavior are drawn. Of all seeds together, a cell "
-        "counts as visited from the first visit of any of them on."
+        "episodes; cells are those of the final states of all episodes, not those that episodes "
+        "visited on their way. The slider goes through timesteps in as many steps as the longest "
+        "run has generations, at most 300. Of environments that are no mazes, the first two "
+        "entries of the behavior are drawn. Of all seeds together, a cell counts from the first "
+        "episode of any of them that ended in it."
     ),
     "Best trajectories": (
         f"The path of the run with the highest return of each algorithm, at most {MOST_POINTS:,} "

@@ -19,7 +19,7 @@ CURVES = {
     "survival": "Runs still without reward",
 }
 AXES = {"timesteps": "timesteps", "seconds": "seconds of training"}
-PICTURES = {"states": "final states", "visited": "visited cells"}
+PICTURES = {"states": "final states", "cells": "cells of final states"}
 MARKS = (
     '<span><span class="mark"></span> start</span><span><span class="mark goal"></span> goal</span>'
     '<span><span class="mark wall"></span> wall</span>'

@@ -1,6 +1,6 @@
 // Coverage, best return and survival over timesteps or seconds.
 const CURVES = {
-  coverage: { title: "reachable cells visited", format: ".1%", ticks: "~%" },
+  coverage: { title: "reachable cells with a final state", format: ".1%", ticks: "~%" },
   best_return: { title: "best return so far", format: ".3f", ticks: "~g" },
   survival: { title: "runs without reward", format: ".0%", ticks: "~%" },
 };

@@ -1,4 +1,4 @@
-// Heat maps over a maze or a plane of the behavior: final states, visited cells, the bonus.
+// Heat maps over a maze or a plane of the behavior: final states, their cells, the bonus.
 function planeLayout(plane, goalLayer = "above") {
   const isMaze = plane.maze !== null;
   const side = (range, title) => ({
@@ -65,7 +65,7 @@ function mapFigure(plane, trace) {
   return { data, layout: planeLayout(plane) };
 }
 
-// -- final states and visited cells ----------------------------------------------------------------
+// -- final states and their cells ------------------------------------------------------------------
 
 // The last stop of a run that is not after so many timesteps, or -1.
 function stopAt(run, timesteps) {
@@ -94,25 +94,25 @@ function statesTrace(environment, runs, timesteps, most) {
   return { ...trace, customdata: rows(nx, ny, (i) => counts[i]) };
 }
 
-// When each cell was visited first by any of the runs, null where it was not.
-function firstVisits(environment, runs, timesteps) {
-  const visits = new Array(environment.plane.cells ** 2).fill(null);
+// When an episode of any of the runs first ended in each cell, null where none did.
+function firstEnds(environment, runs, timesteps) {
+  const ends = new Array(environment.plane.cells ** 2).fill(null);
   for (const run of runs) {
     const stop = stopAt(run, timesteps);
     const stops = decode(run.timesteps);
-    decode(run.visited).forEach((first, i) => {
-      if (first !== NO_VALUE && first <= stop) visits[i] = Math.min(visits[i] ?? Infinity, stops[first]);
+    decode(run.ended_in).forEach((first, i) => {
+      if (first !== NO_VALUE && first <= stop) ends[i] = Math.min(ends[i] ?? Infinity, stops[first]);
     });
   }
-  return visits;
+  return ends;
 }
 
-function visitedTrace(environment, runs, timesteps) {
+function cellsTrace(environment, runs, timesteps) {
   const n = environment.plane.cells;
-  const visits = firstVisits(environment, runs, timesteps);
+  const ends = firstEnds(environment, runs, timesteps);
   const longest = Math.max(...runs.map((run) => decode(run.timesteps).at(-1)));
-  const hover = "first visit: %{z:.3s} timesteps";
-  return heatmap(environment.plane, [n, n], (i) => visits[i], hover, [0, longest]);
+  const hover = "first episode that ended here: %{z:.3s} timesteps";
+  return heatmap(environment.plane, [n, n], (i) => ends[i], hover, [0, longest]);
 }
 
 // -- the bonus -------------------------------------------------------------------------------------

@@ -75,7 +75,7 @@ function mapSection(environment, all, state) {
     const runs = runsOf(environment, figure, seed.value);
     const trace = picture.value === "states"
       ? statesTrace(environment, runs, timesteps(), most)
-      : visitedTrace(environment, runs, timesteps());
+      : cellsTrace(environment, runs, timesteps());
     return mapFigure(environment.plane, trace);
   });
   const caption = (runs) => `${moment(runs, timesteps())} · ${summary(environment, runs, timesteps(), picture.value)}`;
@@ -97,7 +97,7 @@ function mapSection(environment, all, state) {
 function showKey(key, picture, most) {
   const [title, low, high] = picture === "states"
     ? ["Final states in a place:", "1", short(most)]
-    : ["First visit:", "at the start", "at the end of a run"];
+    : ["First episode that ended in a cell:", "at the start", "at the end of a run"];
   key.querySelector(".key-title").textContent = title;
   key.querySelector(".key-low").textContent = low;
   key.querySelector(".key-high").textContent = high;
@@ -112,8 +112,8 @@ function moment(runs, timesteps) {
 function summary(environment, runs, timesteps, picture) {
   const counts = picture === "states"
     ? countStates(environment, runs, timesteps)
-    : firstVisits(environment, runs, timesteps).map((visit) => (visit === null ? 0 : 1));
-  return `${whole(counts.reduce((a, b) => a + b))} ${picture === "states" ? "final states" : "cells visited"}`;
+    : firstEnds(environment, runs, timesteps).map((end) => (end === null ? 0 : 1));
+  return `${whole(counts.reduce((a, b) => a + b))} ${picture === "states" ? "final states" : "cells of final states"}`;
 }
 
 function bonusSection(environment, all, state) {

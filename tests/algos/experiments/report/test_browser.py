@@ -203,13 +203,13 @@ def move(driver, slider, value):
     )
 
 
-def test_visited_cells_are_another_picture(show):
+def test_cells_of_final_states_are_another_picture(show):
     driver = show()
     n_states = driver.execute_script(DRAWN_CELLS, ".states")
-    choose(driver, "select.picture", "visited")
+    choose(driver, "select.picture", "cells")
     assert find(driver, ".maps .key-high").text == "at the end of a run"
-    wait(driver, lambda driver: "cells visited" in find(driver, ".states .muted").text)
-    n_cells = int(find(driver, ".states .muted").text.split()[-3])
+    wait(driver, lambda driver: "cells of final states" in find(driver, ".states .muted").text)
+    n_cells = int(find(driver, ".states .muted").text.split()[-5])
     wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") == n_cells)
     assert n_cells < n_states
 

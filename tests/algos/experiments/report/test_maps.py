@@ -37,19 +37,19 @@ def test_states_appear_with_their_generation():
     assert found["shown"].tolist() == [2, 4]
 
 
-def test_a_cell_is_visited_from_its_first_visit_on():
-    found = drawn(fake_run([[0, 0], [0.99, 0], [0, 0]], [10, 20, 30], [1, 2, 3]))["visited"]
+def test_a_cell_counts_from_the_first_episode_that_ended_in_it():
+    found = drawn(fake_run([[0, 0], [0.99, 0], [0, 0]], [10, 20, 30], [1, 2, 3]))["ended_in"]
     assert found[0] == 0
     assert found[N_CELLS - 1] == 1
     assert (np.delete(found, [0, N_CELLS - 1]) == NO_VALUE).all()
 
 
-def test_visited_cells_are_those_of_coverage(maze):
+def test_cells_are_those_of_coverage(maze):
     plane = plane_of(maze)
     grid = plane.maze.coverage_grid
     for run in maze.runs:
-        visited = drawn(run, plane)["visited"].reshape(N_CELLS, N_CELLS).T != NO_VALUE
-        share = (visited & grid.reachable).sum() / grid.reachable.sum()
+        cells = drawn(run, plane)["ended_in"].reshape(N_CELLS, N_CELLS).T != NO_VALUE
+        share = (cells & grid.reachable).sum() / grid.reachable.sum()
         assert share == pytest.approx(run.coverage)
 
 
@@ -65,7 +65,7 @@ def test_many_states_are_thinned_and_their_cells_are_not():
     assert len(found["states"]) == found["shown"][-1] == MOST_STATES
     assert len(found["timesteps"]) == n_stops(run) == MOST_STOPS
     assert found["generations"][-1] == n
-    assert (found["visited"] != NO_VALUE).all()
+    assert (found["ended_in"] != NO_VALUE).all()
 
 
 def test_a_state_that_is_not_finite_is_left_out():

@@ -1,8 +1,8 @@
-"""Checks of the states that episodes are resumed from."""
+"""The states that episodes are resumed from: what is checked of them, and generators in them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,46 @@ def _checked_entry(key: str, value: object, like: AnyArray) -> AnyArray:
             f"shape {like.shape}."
         )
     return array
+
+
+def generator_states(rngs: Sequence[np.random.Generator]) -> dict[str, AnyArray]:
+    """The entry of a state that holds generators, (k, 6) uint64; none where there are none.
+
+    Args:
+        rngs: k of them, of Gymnasium's kind, PCG64.
+    """
+    return {"generators": np.stack([_to_words(rng) for rng in rngs])} if rngs else {}
+
+
+def check_generators(state: Mapping[str, AnyArray]) -> None:
+    """Raise ValueError unless the generators of `state`, if any, can be where they are said to be.
+
+    The last two words are whether half of a draw is left over, and which.
+    """
+    words = state.get("generators", np.zeros((0, 6), np.uint64))
+    if (words[:, 4] > 1).any() or (words[:, 5] >= 2**32).any():
+        raise ValueError("`state` must hold generators as state_dict() gives them.")
+
+
+def load_generator_states(
+    rngs: Sequence[np.random.Generator], state: Mapping[str, AnyArray]
+) -> None:
+    """Bring generators to where they were when `generator_states` gave its entry of `state`."""
+    for rng, words in zip(rngs, state.get("generators", ()), strict=True):
+        rng.bit_generator.state = _from_words(words.tolist())
+
+
+def _to_words(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
+    state: Any = rng.bit_generator.state
+    halves = [part for key in ("state", "inc") for part in divmod(state["state"][key], 2**64)]
+    return np.array([*halves, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
+
+
+def _from_words(words: list[int]) -> dict[str, Any]:
+    high, low, inc_high, inc_low, has_uint32, uinteger = words
+    state = {"state": high * 2**64 + low, "inc": inc_high * 2**64 + inc_low}
+    own = {"bit_generator": "PCG64", "state": state}
+    return {**own, "has_uint32": has_uint32, "uinteger": uinteger}
 
 
 def check_steps(steps: AnyArray, ended: AnyArray, limit: int) -> None:

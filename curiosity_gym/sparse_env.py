@@ -12,7 +12,13 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame
-from curiosity_gym.episode_state import check_steps, checked_state
+from curiosity_gym.episode_state import (
+    check_generators,
+    check_steps,
+    checked_state,
+    generator_states,
+    load_generator_states,
+)
 from curiosity_gym.lazy_viewer import LazyViewer
 
 
@@ -20,7 +26,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
     """Episodes that are rewarded `1 - t / horizon` when they succeed in their step t.
 
     A subclass says how an episode begins and advances: `_begin`, `_advance`, `_info_arrays`,
-    `_physics`, `_set_physics`, `_frame`, and for "human" `_show`. Nothing here is random.
+    `_physics`, `_set_physics`, `_frame`, for "human" `_show`, and `_generators` if it draws.
 
     Args:
         config: Spaces, horizon and frame rate.
@@ -56,7 +62,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         """Begin an episode and write its first `_observation`.
 
         Raises:
-            ValueError: If an option is not what it may be; nothing has changed then.
+            ValueError: If an option is not what it may be; the episode has not changed then.
         """
 
     @abstractmethod
@@ -87,6 +93,10 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
     def _frame(self) -> Frame:
         """A picture (height, width, 3)."""
 
+    def _generators(self) -> list[np.random.Generator]:
+        """What is drawn from: part of the episode's state."""
+        return []
+
     # -- episodes ---------------------------------------------------------------------------------
 
     def reset(
@@ -95,14 +105,14 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         """Begin an episode.
 
         Args:
-            seed: Of `np_random`, as in Gymnasium; nothing here is random.
+            seed: Of `np_random`, as in Gymnasium, which random starts are drawn from.
             options: The options that the class documents, if any.
 
         Raises:
             ValueError: If an option is not what it may be.
         """
-        self._begin(options)
         super().reset(seed=seed)
+        self._begin(options)
         self._t, self._ended = 0, False
         if self.render_mode == "human":
             self.render()
@@ -142,12 +152,13 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
     def state_dict(self) -> dict[str, Any]:
         """The episode as it stands, under way or just ended, for `load_state_dict`.
 
-        `np_random` and the generators of the spaces are not part of it: nothing here is random.
+        The generators of the spaces are not part of it, nor is `np_random` of an environment that
+        draws nothing.
 
         Returns:
             `steps`, an int, the steps taken; `ended`, a bool, whether the last of them ended the
-            episode; `observation`, the last, (O,) float32; `physics`, (S,) float64. The arrays are
-            new.
+            episode; `observation`, the last, (O,) float32; `physics`, (S,) float64; and, if starts
+            are random, `generators`, (1, 6) uint64, the state of `np_random`. The arrays are new.
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
@@ -159,7 +170,8 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
     def _snapshot(self) -> dict[str, Any]:
         observation, physics = self._observation.copy(), self._physics()
         own = {"steps": self._t, "ended": self._ended}
-        return {**own, "observation": observation, "physics": physics}
+        drawn = generator_states(self._generators())
+        return {**own, "observation": observation, "physics": physics, **drawn}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
@@ -174,9 +186,11 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         """
         own = checked_state(state, self._snapshot())
         check_steps(own["steps"], own["ended"], self.horizon)
+        check_generators(own)
         self._set_physics(own["physics"], own["observation"])
         self._observation = own["observation"]
         self._t, self._ended = int(own["steps"]), bool(own["ended"])
+        load_generator_states(self._generators(), own)
 
     # -- pictures ---------------------------------------------------------------------------------
 

@@ -10,12 +10,19 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame, Mask
-from curiosity_gym.episode_state import check_steps, checked_state
+from curiosity_gym.episode_state import (
+    check_generators,
+    check_steps,
+    checked_state,
+    generator_states,
+    load_generator_states,
+)
 from curiosity_gym.lazy_viewer import LazyViewer
 from curiosity_gym.sparse_env import SparseSingleEnv
 from curiosity_gym.validation import check_at_least_one
@@ -38,6 +45,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
+        draws: Whether starts are random: each env has a generator then.
 
     Attributes:
         horizon: The T of the reward `1 - t / T`; no episode is longer.
@@ -58,6 +66,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         max_episode_steps: int | None,
         render_mode: str | None,
         copy: bool,
+        draws: bool = False,
     ) -> None:
         check_at_least_one(num_envs=num_envs)
         if max_episode_steps == -1:  # as `gymnasium.make` has it
@@ -85,6 +94,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self._observations: Float32Array = np.zeros(shape, dtype=np.float32)
         self._steps = self._no_episodes()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._rngs = [seeding.np_random()[0] for _ in range(num_envs)] if draws else []
 
     def _no_episodes(self) -> npt.NDArray[np.int64]:
         return np.full(self.num_envs, -1)
@@ -114,7 +124,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """Begin an episode in the envs of `mask` and write their rows of `_observations`.
 
         Raises:
-            ValueError: If an option is not what it may be; nothing has changed then.
+            ValueError: If an option is not what it may be; no episode has changed then.
         """
 
     @abstractmethod
@@ -160,7 +170,9 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """Begin episodes.
 
         Args:
-            seed: As in Gymnasium; nothing here is random.
+            seed: As in Gymnasium, of what random starts are drawn from: one for each env, None to
+                leave its generator as it is, or an int for the first, from which the others' count
+                up.
             options: `reset_mask`: (num_envs,) bool, the envs to reset, None: all; and the options
                 of a single env.
 
@@ -172,10 +184,20 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
                 f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seed)}."
             )
         mask = self._reset_mask(options)
-        self._begin(mask, options)
         super().reset(seed=seed if isinstance(seed, int) else None)
+        self._seed_generators(seed, mask)
+        self._begin(mask, options)
         self._count_begin(mask)
         return self._handed_out(), self._infos(mask)
+
+    def _seed_generators(self, seed: int | Sequence[int | None] | None, mask: Mask) -> None:
+        """Begin the generators of the envs of `mask` anew where there is a seed for them."""
+        if seed is None or not self._rngs:
+            return
+        seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
+        rngs = [None if each is None else seeding.np_random(each)[0] for each in seeds]
+        for i in np.flatnonzero(mask).tolist():
+            self._rngs[i] = rngs[i] or self._rngs[i]
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         mask = None if options is None else options.get("reset_mask")
@@ -276,12 +298,13 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     def state_dict(self) -> dict[str, Any]:
         """The episodes as they stand, under way or just ended, for `load_state_dict`.
 
-        `np_random` and the generators of the spaces are not part of it: nothing here is random.
+        `np_random` and the generators of the spaces are not part of it: nothing is drawn from them.
 
         Returns:
             New arrays: `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,) bool,
             which envs have ended and not begun anew; `observations`, the last, (num_envs, O)
-            float32; `physics`, (num_envs, S) float64.
+            float32; `physics`, (num_envs, S) float64; and, if starts are random, `generators`,
+            (num_envs, 6) uint64.
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
@@ -293,7 +316,8 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     def _snapshot(self) -> dict[str, Any]:
         observations, physics = self._observations.copy(), self._physics()
         own = {"steps": self._steps.copy(), "ended": self._ended.copy()}
-        return {**own, "observations": observations, "physics": physics}
+        drawn = generator_states(self._rngs)
+        return {**own, "observations": observations, "physics": physics, **drawn}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
@@ -309,11 +333,13 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """
         own = checked_state(state, self._snapshot())
         check_steps(own["steps"], own["ended"], self._longest_episode)
+        check_generators(own)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
             raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
         self._set_physics(own["physics"], own["observations"])
         self._observations[:] = own["observations"]
         self._steps, self._ended = own["steps"], own["ended"]
+        load_generator_states(self._rngs, own)
 
     # -- pictures ---------------------------------------------------------------------------------
 

@@ -55,6 +55,13 @@ def check_choice(choices: tuple[str, ...], **values: object) -> None:
             raise ValueError(f"`{name}` must be one of {', '.join(choices)}, got {value!r}.")
 
 
+def check_bool(**values: object) -> None:
+    """Raise ValueError unless every value is True or False."""
+    for name, value in values.items():
+        if not isinstance(value, bool | np.bool_):
+            raise ValueError(f"`{name}` must be True or False, got {value!r}.")
+
+
 def check_seed(seed: object) -> None:
     """Raise ValueError unless `seed` is None or a whole number of at least 0."""
     try:

@@ -17,6 +17,8 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_gym.sparse_vector_env import SparseVectorEnv
+
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 
@@ -120,8 +122,9 @@ class GymnasiumBatch:
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `Batch`."""
         # An env with one generator for all its episodes takes one seed: their starts may differ.
-        is_one_generator = not hasattr(self._env.unwrapped, "env_fns")
-        seeds = seed if seed is None or is_one_generator else [seed] * self.n
+        env = self._env.unwrapped
+        has_a_generator_each = hasattr(env, "env_fns") or isinstance(env, SparseVectorEnv)
+        seeds = [seed] * self.n if has_a_generator_each and seed is not None else seed
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         return np.array(observations)
 

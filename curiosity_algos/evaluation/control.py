@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
+
 import numpy as np
+from gymnasium.utils import seeding
 
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward_each, scratch
@@ -49,18 +53,27 @@ class ControlEvaluator:
         self._simulation: Simulation | None = None
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
-        """One episode of each policy (P, n_parameters); tasks draw nothing: `seed` is unused."""
+        """One episode of each policy (P, n_parameters).
+
+        A random start is that of the env's reset with `seed`, the same for all; None: a new one.
+        """
         parameters = check_parameters(parameters, self.n_parameters)
+        rngs = [seeding.np_random(seed)[0]] if self.task.random_start else []
         n = min(len(parameters), MAX_SIMULATIONS)
         if self._simulation is None or self._simulation.n < n:
             self._simulation = Simulation(self.task, n, self._n_threads)
         waves = [
-            self._play(self._simulation, parameters[begin : begin + n])
+            self._play(self._simulation, parameters[begin : begin + n], copy.deepcopy(rngs))
             for begin in range(0, len(parameters), n)
         ]
         return concatenate(waves)
 
-    def _play(self, simulation: Simulation, parameters: Float32Array) -> Rollouts:
+    def _play(
+        self,
+        simulation: Simulation,
+        parameters: Float32Array,
+        rngs: Sequence[np.random.Generator],
+    ) -> Rollouts:
         """Play one episode of each of at most as many policies as there are simulations."""
         n, n_steps = len(parameters), self.max_steps
         observations = np.empty((n, n_steps + 1, self.task.n_observations), dtype=np.float32)
@@ -70,7 +83,7 @@ class ControlEvaluator:
         visited = VisitedCells(self.task.coverage_grid)
         active = np.arange(n)
         even, odd = scratch(self.mlp, 1)
-        simulation.reset(active)
+        simulation.reset(active, rngs)
         observations[:, 0] = simulation.observations[:n]
         chosen = actions[:, 0].copy()
         for t in range(n_steps):

@@ -59,6 +59,7 @@ def configure_control(
     width: int = 320,
     height: int = 240,
     success_threshold: float | None = None,
+    random_start: bool = False,
 ) -> ControlConfig:
     """Check the keywords of `ControlEnv`, where they are explained.
 
@@ -71,4 +72,5 @@ def configure_control(
     check_at_least_one(horizon=horizon, width=width, height=height)
     assert task is not None
     own = {} if success_threshold is None else {"success_threshold": success_threshold}
-    return ControlConfig(TASKS[task](**own), int(horizon), int(width), int(height))
+    made = TASKS[task](random_start=random_start, **own)
+    return ControlConfig(made, int(horizon), int(width), int(height))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.core import Float32Array, Float64Array, Frame
@@ -11,12 +13,13 @@ from curiosity_gym.sparse_env import SparseSingleEnv
 
 
 class ControlEnv(SparseSingleEnv):
-    """A task of the DeepMind Control Suite from a fixed start, rewarded only when it is solved.
+    """A task of the DeepMind Control Suite, rewarded only when it is solved.
 
     Description:
         The control environments of "Curiosity creates Diversity in Policy Search" (section 4.1).
-        Physics, observations and goals are dm_control's own, bit for bit; start, target and reward
-        are the paper's. The class of each task, in `curiosity_gym.control.tasks`, describes it:
+        Physics, observations and goals are dm_control's own, bit for bit; reward, fixed start and
+        target are the paper's. The class of each task, in `curiosity_gym.control.tasks`, describes
+        it:
 
         =================================== =========== ============ =======
         Id                                  `task`      observations actions
@@ -43,7 +46,8 @@ class ControlEnv(SparseSingleEnv):
         `1 - t / horizon` on the step t that solves the task, and 0 on every other.
 
     Starting State:
-        Always the same, at rest.
+        At rest and always the same; with `random_start` as dm_control draws it, target included,
+        and drawn again where the task is already solved.
 
     Episode End:
         Terminated when the task is solved; truncated after `horizon` steps without it.
@@ -58,6 +62,8 @@ class ControlEnv(SparseSingleEnv):
         height: Of a frame (pixels).
         success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
             success, from above 0 to 1; None: 0.1, as in the paper's code.
+        random_start: Whether each episode begins where dm_control begins one, drawn anew, rather
+            than at the paper's fixed start.
         render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
             Gymnasium's own window.
 
@@ -80,23 +86,32 @@ class ControlEnv(SparseSingleEnv):
         width: int = 320,
         height: int = 240,
         success_threshold: float | None = None,
+        random_start: bool = False,
         render_mode: str | None = None,
     ) -> None:
         config = configure_control(
-            task, horizon=horizon, width=width, height=height, success_threshold=success_threshold
+            task,
+            horizon=horizon,
+            width=width,
+            height=height,
+            success_threshold=success_threshold,
+            random_start=random_start,
         )
         super().__init__(config, render_mode)
         self.task = config.task
         self._simulation = Simulation(config.task, 1)
 
     def _begin(self, options: dict[str, Any] | None) -> None:
-        self._simulation.reset()
+        self._simulation.reset(rngs=self._generators())
         self._observation[:] = self._simulation.observations[0]
 
     def _advance(self, action: Float32Array) -> bool:
         terminated = bool(self._simulation.step(action[None])[0])
         self._observation[:] = self._simulation.observations[0]
         return terminated
+
+    def _generators(self) -> list[np.random.Generator]:
+        return [self.np_random] if self.task.random_start else []
 
     def _info_arrays(self) -> dict[str, Float64Array]:
         return {"behavior": self._simulation.behaviors[0]}

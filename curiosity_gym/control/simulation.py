@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_gym.control.starts import RandomStarts
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.core import Float32Array, Float64Array, Mask, SimulationError
 from curiosity_gym.extras import import_extra
@@ -51,15 +53,47 @@ class Simulation:
         self._controls: Float64Array = self._batch.bind("ctrl")
         self._warnings = self._batch.warning[:, :, 1]
         self._fields = {name: self._batch.bind(name) for name in self.task.fields}
+        self._targets = self._open_targets()
         self._start = self.task.start_state(self.task.model)
+        self._random_starts = RandomStarts(self.task) if self.task.random_start else None
 
-    def reset(self, ids: npt.NDArray[np.int64] | None = None) -> None:
-        """Put simulations `ids`, sorted, None: all, at the start; the others stay as they are."""
+    def _open_targets(self) -> Float64Array:
+        """Each simulation's own target (n, 3), a view; (n, 0) where it never moves."""
+        kind = self.task.moving_target
+        if kind is None:
+            return np.empty((self.n, 0))
+        targets = self._batch.expand(f"{kind}_pos")
+        view: Float64Array = targets[:, getattr(self.task.model, kind)("target").id]
+        return view
+
+    def reset(
+        self,
+        ids: npt.NDArray[np.int64] | None = None,
+        rngs: Sequence[np.random.Generator] = (),
+    ) -> None:
+        """Put simulations at a start; the others stay as they are.
+
+        Args:
+            ids: Which, sorted; None: all.
+            rngs: What random starts are drawn from, one for each of `ids`, or one for all of them,
+                which then begin alike. Fixed starts take none.
+        """
         self._stay_in_process()
         ids, rows = self._select(ids)
-        self._batch.state[rows] = self._start
+        self._write(rows, self._draw_starts(rngs))
         self._batch.forward(ids, self._mujoco.mjtStage.mjSTAGE_ACC.value)
         self._observe(rows)
+
+    def _draw_starts(self, rngs: Sequence[np.random.Generator]) -> Float64Array:
+        """The starts, (k, S) or (S,)."""
+        if self._random_starts is None:
+            return self._start
+        return np.stack([self._random_starts.draw(rng) for rng in rngs])
+
+    def _write(self, rows: Any, states: Float64Array) -> None:
+        n = self._batch.state.shape[1]
+        self._batch.state[rows] = states[..., :n]
+        self._targets[rows] = states[..., n:]
 
     def step(
         self, actions: npt.NDArray[np.floating[Any]], ids: npt.NDArray[np.int64] | None = None
@@ -122,9 +156,8 @@ class Simulation:
 
     @property
     def state(self) -> Float64Array:
-        """(n, S) MuJoCo's states, all that the next step depends on; a new array."""
-        state: Float64Array = self._batch.state.copy()
-        return state
+        """(n, S) all that the next steps depend on, as `ControlTask.state`; a new array."""
+        return np.hstack([self._batch.state, self._targets])
 
     def restore(self, state: Float64Array) -> None:
         """Go on from a `state`, bit for bit; `observations` stay, as MuJoCo's state lacks touch.
@@ -142,7 +175,7 @@ class Simulation:
 
     def _put(self, state: Float64Array) -> None:
         """Write the states and what derives from them, as a step leaves it."""
-        self._batch.state[:] = state
+        self._write(slice(None), state)
         self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
 
     def write_data(self, simulation: int, data: Any) -> None:

@@ -27,6 +27,8 @@ class ControlVectorEnv(SparseVectorEnv):
         height: Of a frame (pixels).
         success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
             success, from above 0 to 1; None: 0.1, as in the paper's code.
+        random_start: Whether each episode begins where dm_control begins one, drawn anew, rather
+            than at the paper's fixed start.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
@@ -51,6 +53,7 @@ class ControlVectorEnv(SparseVectorEnv):
         width: int = 320,
         height: int = 240,
         success_threshold: float | None = None,
+        random_start: bool = False,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
@@ -63,6 +66,7 @@ class ControlVectorEnv(SparseVectorEnv):
             "width": width,
             "height": height,
             "success_threshold": success_threshold,
+            "random_start": random_start,
         }
         config = configure_control(task, **keywords)
         super().__init__(
@@ -72,6 +76,7 @@ class ControlVectorEnv(SparseVectorEnv):
             max_episode_steps=max_episode_steps,
             render_mode=render_mode,
             copy=copy,
+            draws=config.task.random_start,
         )
         self._keywords = {"task": task, **keywords}
         self.task = config.task
@@ -82,14 +87,18 @@ class ControlVectorEnv(SparseVectorEnv):
         return ControlEnv(**self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
-        self._simulation.reset(np.flatnonzero(mask))
+        self._reset_simulations(mask)
+
+    def _reset_simulations(self, mask: Mask) -> None:
+        ids = np.flatnonzero(mask)
+        self._simulation.reset(ids, [self._rngs[i] for i in ids] if self._rngs else ())
 
     def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
         success = np.zeros(self.num_envs, dtype=np.bool_)
         going = np.flatnonzero(~resets)
         success[going] = self._simulation.step(actions[going], going)
         if resets.any():
-            self._simulation.reset(np.flatnonzero(resets))
+            self._reset_simulations(resets)
         return success
 
     def _info_arrays(self) -> dict[str, Float64Array]:

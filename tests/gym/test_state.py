@@ -25,6 +25,8 @@ from curiosity_gym.registration import SPECS
 MODES = list(AutoresetMode)
 IDS = [env_id for env_id, spec in SPECS.items() if "vector_entry_point" in spec]
 NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])
+RANDOM = [f"{env_id}, random" for env_id in IDS if "Control" in env_id]
+"""Control tasks from random starts."""
 KEYWORDS = {
     "CuriosityMaze-v0": {"layout": NEAR_GOAL, "horizon": 14, "max_acceleration": 20.0},
     "CuriosityControl-Stacker-v0": {"success_threshold": 1e-45, "horizon": 38},
@@ -33,12 +35,21 @@ KEYWORDS = {
 N_ENVS, N_STEPS, N_LATER = 3, 100, 20
 
 
-def make(env_id, **changes):
-    return gym.make(env_id, **({"horizon": 14} | KEYWORDS.get(env_id, {}) | changes))
+def keywords_of(name):
+    """The id that a name begins with, and the keywords of its environment."""
+    env_id, _, random = name.partition(", ")
+    starts = {"random_start": True} if random else {}
+    return env_id, {"horizon": 14} | KEYWORDS.get(name, {}) | starts
 
 
-def make_vec(env_id, mode, num_envs=N_ENVS, **changes):
-    keywords = {"horizon": 14, "n_threads": 1} | KEYWORDS.get(env_id, {}) | changes
+def make(name, **changes):
+    env_id, keywords = keywords_of(name)
+    return gym.make(env_id, **(keywords | changes))
+
+
+def make_vec(name, mode, num_envs=N_ENVS, **changes):
+    env_id, keywords = keywords_of(name)
+    keywords = {"n_threads": 1} | keywords | changes
     kind = {"num_envs": num_envs, "vectorization_mode": "vector_entry_point"}
     return gym.make_vec(env_id, **kind, autoreset_mode=mode, **keywords)
 
@@ -96,7 +107,7 @@ def ends(results):
     return sum(np.sum(step[2]) for step in steps), sum(np.sum(step[3]) for step in steps)
 
 
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [*IDS, *RANDOM])
 class TestEveryEnvironment:
     def test_resumes_bit_for_bit(self, env_id, assert_identical):
         env, fresh = (make(env_id).unwrapped for _ in range(2))
@@ -123,10 +134,11 @@ class TestEveryEnvironment:
 
     def test_states_hold_plain_numbers_and_new_arrays(self, env_id, assert_identical):
         env, twin = (make(env_id).unwrapped for _ in range(2))
-        observation = env.reset()[0]
-        twin.reset()
+        observation = env.reset(seed=3)[0]
+        twin.reset(seed=3)
         state = env.state_dict()
-        assert list(state) == ["steps", "ended", "observation", "physics"]
+        drawn = ["generators"] if env_id in RANDOM else []
+        assert list(state) == ["steps", "ended", "observation", "physics", *drawn]
         assert (type(state["steps"]), type(state["ended"])) == (int, bool)
         assert_identical(state["observation"], observation)
         assert (state["physics"].dtype, state["physics"].ndim) == (np.float64, 1)
@@ -139,10 +151,11 @@ class TestEveryEnvironment:
 
     def test_states_of_many_hold_new_arrays(self, env_id, assert_identical):
         envs, twins = (make_vec(env_id, AutoresetMode.NEXT_STEP, copy=False) for _ in range(2))
-        observations = envs.reset()[0]
-        twins.reset()
+        observations = envs.reset(seed=3)[0]
+        twins.reset(seed=3)
         state = envs.state_dict()
-        assert list(state) == ["steps", "ended", "observations", "physics"]
+        drawn = ["generators"] if env_id in RANDOM else []
+        assert list(state) == ["steps", "ended", "observations", "physics", *drawn]
         assert (state["steps"].dtype, state["ended"].dtype) == (np.int64, np.bool_)
         assert_identical(state["observations"], observations)
         assert (state["physics"].dtype, len(state["physics"])) == (np.float64, N_ENVS)
@@ -318,12 +331,17 @@ class TestFailedPhysics:
 HORIZON = 6
 MAZE = {"layout": "hard", "horizon": HORIZON}
 CONTROL = {"task": "finger", "horizon": HORIZON}
+RANDOM_START = {"random_start": True}
 MANY = {"num_envs": 3, "n_threads": 1}
 MAKERS = {
     "maze": lambda **changes: MazeEnv(**(MAZE | changes)),
     "mazes": lambda **changes: MazeVectorEnv(**(MAZE | MANY | changes)),
     "control": lambda **changes: ControlEnv(**(CONTROL | changes)),
     "controls": lambda **changes: ControlVectorEnv(**(CONTROL | MANY | changes)),
+    "random control": lambda **changes: ControlEnv(**(CONTROL | RANDOM_START | changes)),
+    "random controls": lambda **changes: ControlVectorEnv(
+        **(CONTROL | RANDOM_START | MANY | changes)
+    ),
 }
 
 
@@ -377,7 +395,7 @@ def assert_refused(kind, broken, why=""):
     """Loading is a ValueError of one sentence, and the episode goes on as if nothing had been."""
     env, twin = twins(kind)
     for each in (env, twin):
-        each.reset()
+        each.reset(seed=0)
         each.step(np.full(each.action_space.shape, 0.5, dtype=np.float32))
     with pytest.raises(ValueError, match=f"`state` must {why}") as raised:
         env.load_state_dict(broken(env.state_dict()))
@@ -415,6 +433,16 @@ class TestRefused:
 
             assert_refused("mazes", broken, why)
 
+    @pytest.mark.parametrize("kind", ["random control", "random controls"])
+    @pytest.mark.parametrize(("word", "value"), [(4, 2), (5, 2**32), (5, 2**64 - 1)])
+    def test_is_where_no_generator_can_be(self, kind, word, value):
+        def broken(state):
+            words = state["generators"].copy()
+            words[-1, word] = value
+            return state | {"generators": words}
+
+        assert_refused(kind, broken, "hold generators")
+
     @pytest.mark.parametrize("kind", ["control", "controls"])
     def test_is_what_mujoco_warns_of(self, kind):
         assert_refused(kind, lambda state: state | {"physics": state["physics"] + 1e12})
@@ -429,6 +457,8 @@ class TestRefused:
             ("mazes", {"num_envs": 1}),
             ("mazes", {"layout": "snake"}),
             ("control", {"task": "ball_in_cup"}),
+            ("control", {"random_start": True}),
+            ("controls", {"random_start": True}),
             ("controls", {"num_envs": 2}),
             ("controls", {"num_envs": 4}),
             ("controls", {"task": "stacker"}),

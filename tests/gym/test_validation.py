@@ -5,6 +5,7 @@ import pytest
 
 from curiosity_gym.validation import (
     check_at_least_one,
+    check_bool,
     check_choice,
     check_not_negative,
     check_positive,
@@ -38,6 +39,13 @@ def test_shares_are_from_zero_to_one(value):
     check_share(other=0, gamma=1)
     with pytest.raises(ValueError, match=r"`gamma` must be from 0 to 1"):
         check_share(other=0, gamma=value)
+
+
+@pytest.mark.parametrize("value", [0, 1, "True", None])
+def test_switches_are_true_or_false(value):
+    check_bool(other=np.True_, random_start=False)
+    with pytest.raises(ValueError, match=r"`random_start` must be True or False, got"):
+        check_bool(other=True, random_start=value)
 
 
 @pytest.mark.parametrize("value", ["A", "", None, 3])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -41,7 +41,8 @@ class BallInCup(ControlTask):
         beside it, `coverage/ball` is that of the ball alone.
 
     Starting State:
-        At rest, the cup at (0, 0), the ball straight below at (0, -0.05).
+        At rest, the cup at (0, 0), the ball straight below at (0, -0.05). A random start has the
+        ball anywhere from -0.2 to 0.2 in x and from 0.2 to 0.5 in z where it touches nothing.
 
     Success:
         The ball is inside the cup. From this start it is no feat: random actions of full strength,
@@ -60,6 +61,10 @@ class BallInCup(ControlTask):
     def _prepare(self, model: mujoco.MjModel) -> None:
         self._ball, self._target = model.body("ball").id, model.site("target").id
         self._room = model.site("target").size[[0, 2]] - model.geom("ball").size[0]
+
+    def make_suite_task(self, random: np.random.RandomState) -> Any:
+        """See `ControlTask`."""
+        return self.suite.BallInCup(random=random)
 
     def observe(self, fields: Fields, observations: Float32Array) -> None:
         """See `ControlTask`."""

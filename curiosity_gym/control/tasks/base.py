@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
+from curiosity_gym.validation import check_bool
 
 if TYPE_CHECKING:
     import mujoco
@@ -23,15 +25,21 @@ Fields = Any
 
 
 class ControlTask:
-    """One task of the suite with a fixed start.
+    """One task of the suite, from the paper's fixed start or from dm_control's random ones.
+
+    Args:
+        random_start: Whether each episode begins where dm_control begins one.
 
     Attributes:
-        model: The compiled MuJoCo model, target in place.
+        model: The compiled MuJoCo model, the target where the fixed start has it.
         n_observations: Length of an observation.
         n_actions: Number of actuators.
         behavior_low: (B,) lower bounds of the behavior.
         behavior_high: (B,) upper bounds.
         coverage_grid: The cells of the behavior that coverage counts.
+
+    Raises:
+        ValueError: If `random_start` is neither True nor False.
     """
 
     domain: ClassVar[str]
@@ -42,13 +50,17 @@ class ControlTask:
     fields: ClassVar[tuple[str, ...]]
     """Names of the fields that the task reads."""
     start: ClassVar[Mapping[str, float]]
-    """Joint: its position at the start, where that is not the model's own."""
+    """Joint: its position at the fixed start, where that is not the model's own."""
+    target: ClassVar[str | None] = None
+    """Kind of the model's "target", "site" or "body", if random starts move it; or None."""
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     """Name: entries of the behavior that are also counted alone."""
     behavior_low: Float64Array
     behavior_high: Float64Array
 
-    def __init__(self) -> None:
+    def __init__(self, *, random_start: bool = False) -> None:
+        check_bool(random_start=random_start)
+        self.random_start = bool(random_start)
         # The package before its module: two threads would wait for each other's import.
         names = ("mujoco", "dm_control.suite", f"dm_control.suite.{self.domain}")
         mujoco, _, suite = import_extra("control", *names)
@@ -66,7 +78,13 @@ class ControlTask:
 
     def __eq__(self, other: object) -> bool:
         """Equal tasks begin, observe and succeed alike."""
-        return type(self) is type(other)
+        return type(self) is type(other) and self.random_start == other.random_start
+
+    @property
+    def suite(self) -> ModuleType:
+        """dm_control's module of the domain."""
+        (suite,) = import_extra("control", f"dm_control.suite.{self.domain}")
+        return suite
 
     def _source(self, suite: Any) -> tuple[str, Mapping[str, bytes]]:
         """XML and assets of the model."""
@@ -74,7 +92,7 @@ class ControlTask:
         return xml, assets
 
     def start_state(self, model: mujoco.MjModel) -> Float64Array:
-        """The start, at rest, with the solver's warm start: a state of `mjSTATE_INTEGRATION`.
+        """The fixed start, at rest, as `state` gives it.
 
         Args:
             model: The task's own, or dm_control's.
@@ -84,10 +102,30 @@ class ControlTask:
         for joint, position in self.start.items():
             data.joint(joint).qpos[:] = position
         mujoco.mj_forward(model, data)
+        return self.state(model, data)
+
+    def state(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float64Array:
+        """All that the next step depends on, (S,).
+
+        A state of `mjSTATE_INTEGRATION`, with the solver's warm start; after it, where random
+        starts move the target, the target's position.
+        """
+        (mujoco,) = import_extra("control", "mujoco")
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(model, kind))
         mujoco.mj_getState(model, data, state, kind)
-        return state
+        if self.moving_target is None:
+            return state
+        return np.append(state, getattr(model, self.moving_target)("target").pos)
+
+    @property
+    def moving_target(self) -> str | None:
+        """`target`; None where every episode has it in the same place."""
+        return self.target if self.random_start else None
+
+    @abstractmethod
+    def make_suite_task(self, random: np.random.RandomState) -> Any:
+        """dm_control's own task, which draws from `random`."""
 
     @abstractmethod
     def _prepare(self, model: mujoco.MjModel) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -46,7 +46,8 @@ class Finger(ControlTask):
 
     Starting State:
         At rest: proximal joint and hinge at pi/2, distal joint at 0; the target lies at
-        (0.117, 0.057) from the hinge.
+        (0.117, 0.057) from the hinge. A random start has both joints anywhere in their ranges, the
+        hinge at any angle, no contact, and the target anywhere on the circle of the spinner's tip.
 
     Success:
         The tip is inside the target.
@@ -57,6 +58,7 @@ class Finger(ControlTask):
     n_substeps = 2
     fields = ("qpos", "sensordata")
     start: ClassVar[Mapping[str, float]] = {"proximal": np.pi / 2, "hinge": np.pi / 2}
+    target = "site"
 
     def _prepare(self, model: mujoco.MjModel) -> None:
         model.site("target").pos[:] = (0.3168727, 0.0, 0.45692778)
@@ -69,6 +71,10 @@ class Finger(ControlTask):
         ranges = np.array([model.joint(name).range for name in ("proximal", "distal")])
         self.behavior_low = np.append(ranges[:, 0], -np.pi)
         self.behavior_high = np.append(ranges[:, 1], np.pi)
+
+    def make_suite_task(self, random: np.random.RandomState) -> Any:
+        """See `ControlTask`."""
+        return self.suite.Turn(self._radius, random=random)
 
     def observe(self, fields: Fields, observations: Float32Array) -> None:
         """See `ControlTask`."""

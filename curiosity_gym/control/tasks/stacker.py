@@ -47,7 +47,9 @@ class Stacker(ControlTask):
 
     Starting State:
         At rest: the arm stretched out level (arm_root at pi/2, every other joint at 0), the box
-        upright at (-0.3, 0.04), the target at (0, 0.07).
+        upright at (-0.3, 0.04), the target at (0, 0.07). A random start has every joint of the arm
+        anywhere in its range, finger and thumb alike, the box at any angle from 0.1 to 0.3 in x
+        and from 0 to 0.7 in z, no contact, and the target on the ground, from -0.37 to 0.37 in x.
 
     Success:
         dm_control's own reward, which is 1 with the box on the target and the hand away from it,
@@ -55,9 +57,10 @@ class Stacker(ControlTask):
 
     Args:
         success_threshold: From above 0 to 1.
+        random_start: As in `ControlTask`.
 
     Raises:
-        ValueError: If it is out of this range.
+        ValueError: If an argument is not what it may be.
     """
 
     domain = "stacker"
@@ -70,6 +73,7 @@ class Stacker(ControlTask):
         "box0_z": 0.04,
         "box0_y": 0.0,
     }
+    target = "body"
     behavior_low = np.array([-1.0, -1.0])
     behavior_high = np.array([1.0, 1.0])
 
@@ -84,20 +88,24 @@ class Stacker(ControlTask):
         "thumbtip",
     )
 
-    def __init__(self, success_threshold: float = 0.1) -> None:
+    def __init__(self, success_threshold: float = 0.1, *, random_start: bool = False) -> None:
         check_positive(success_threshold=success_threshold)
         if success_threshold > 1.0:
             raise ValueError(
                 f"`success_threshold` must be above 0 and at most 1, got {success_threshold!r}."
             )
         self.success_threshold = float(success_threshold)
-        super().__init__()
+        super().__init__(random_start=random_start)
         (rewards,) = import_extra("control", "dm_control.utils.rewards")
         self._tolerance = rewards.tolerance
 
     def __eq__(self, other: object) -> bool:
         """Equal tasks have the same threshold too."""
-        return isinstance(other, Stacker) and self.success_threshold == other.success_threshold
+        return (
+            isinstance(other, Stacker)
+            and super().__eq__(other)
+            and self.success_threshold == other.success_threshold
+        )
 
     def _source(self, suite: Any) -> tuple[str, Mapping[str, bytes]]:
         xml, assets = suite.make_model(1)
@@ -115,6 +123,10 @@ class Stacker(ControlTask):
         self._target_body = model.body("target").id
         self._sites = {name: model.site(name).id for name in ("box0", "grasp", "target")}
         self._box_size = float(model.geom("target").size[0])
+
+    def make_suite_task(self, random: np.random.RandomState) -> Any:
+        """See `ControlTask`."""
+        return self.suite.Stack(1, fully_observable=True, random=random)
 
     def observe(self, fields: Fields, observations: Float32Array) -> None:
         """See `ControlTask`."""

@@ -5,7 +5,7 @@ from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos import CanonicalES, make_evaluator
+from curiosity_algos import CanonicalES, MAPElites, make_evaluator
 from curiosity_algos.evaluation import control
 from curiosity_algos.evaluation.control import ControlEvaluator
 from curiosity_algos.evaluation.policies import build_mlp
@@ -28,9 +28,10 @@ def make(name, n_individuals=24, net_arch=(8,), **kwargs):
     return env, mlp, parameters.astype(np.float32)
 
 
-def evaluate(env, mlp, parameters, n_threads=None):
+def evaluate(env, mlp, parameters, n_threads=None, seed=None):
     task = env.unwrapped.task
-    return ControlEvaluator(task, env.unwrapped.horizon, mlp, n_threads).evaluate(parameters)
+    evaluator = ControlEvaluator(task, env.unwrapped.horizon, mlp, n_threads)
+    return evaluator.evaluate(parameters, seed)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -62,6 +63,53 @@ class TestEveryTask:
             assert isinstance(make_evaluator(each), ControlEvaluator)
         changed = gym.wrappers.TransformReward(env, lambda reward: 2.0 * reward)
         assert isinstance(make_evaluator(changed), VectorEvaluator)
+
+
+@pytest.mark.parametrize("name", NAMES)
+class TestRandomStarts:
+    def test_are_those_of_the_envs_reset_with_the_seed(self, name, play, assert_equal_episodes):
+        env, mlp, parameters = make(name, 5, horizon=100, random_start=True)
+        for seed in (3, 4):
+            rollouts = evaluate(env, mlp, parameters, seed=seed)
+            assert_equal_episodes(rollouts, play(env, mlp, parameters, seed))
+
+    def test_are_the_same_for_all_individuals_in_all_waves(
+        self, name, monkeypatch, assert_same_rollouts
+    ):
+        env, mlp, parameters = make(name, 7, horizon=40, random_start=True)
+        whole = evaluate(env, mlp, parameters, seed=5)
+        assert len(np.unique(whole.observations[:, 0], axis=0)) == 1
+        monkeypatch.setattr(control, "MAX_SIMULATIONS", 3)
+        for threads in (1, 2):
+            assert_same_rollouts(whole, evaluate(env, mlp, parameters, threads, seed=5))
+
+    def test_without_a_seed_are_new_and_still_the_same_for_all(self, name, monkeypatch):
+        env, mlp, parameters = make(name, 4, horizon=5, random_start=True)
+        monkeypatch.setattr(control, "MAX_SIMULATIONS", 2)
+        one, other = (evaluate(env, mlp, parameters).observations[:, 0] for _ in range(2))
+        assert len(np.unique(one, axis=0)) == len(np.unique(other, axis=0)) == 1
+        assert (one != other).any()
+
+    def test_equal_those_of_the_generic_evaluator(self, name, assert_same_rollouts):
+        keywords = {"horizon": 60, "random_start": True}
+        env, mlp, parameters = make(name, 5, **keywords)
+        expected = evaluate(env, mlp, parameters, seed=6)
+        for mode in ("vector_entry_point", "sync"):
+            kind = {"num_envs": 2, "vectorization_mode": mode}
+            generic = VectorEvaluator(gym.make_vec(env.spec.id, **kind, **keywords), mlp)
+            assert_same_rollouts(expected, generic.evaluate(parameters, seed=6))
+
+    def test_are_not_taken_for_fixed_ones(self, name):
+        envs = DummyVecEnv([lambda r=r: make(name, random_start=r)[0] for r in (True, False)])
+        assert isinstance(make_evaluator(envs), VectorEvaluator)
+        alike = DummyVecEnv([lambda: make(name, random_start=True)[0]] * 2)
+        assert isinstance(make_evaluator(alike), ControlEvaluator)
+
+    def test_give_elites_their_returns_again(self, name, make_model):
+        env = make(name, horizon=40, random_start=True)[0]
+        model = make_model(MAPElites, env).learn(3000)
+        assert len(np.unique(model.archive.data("seed"))) > 1
+        assert model.archive.verify(env).share == 1.0
 
 
 def test_a_time_limit_ends_episodes_and_leaves_rewards(play, assert_equal_episodes):

@@ -109,9 +109,11 @@ class TestResume:
         assert_same_run(whole, resumed)
 
     @pytest.mark.extra("control")
-    def test_control_tasks_go_on(self, make, tmp_path, assert_same_run):
+    @pytest.mark.parametrize("random_start", [False, True])
+    def test_control_tasks_go_on(self, random_start, make, tmp_path, assert_same_run):
         def make_env():
-            return gym.make("CuriosityControl-BallInCup-v0", horizon=50)
+            keywords = {"horizon": 50, "random_start": random_start}
+            return gym.make("CuriosityControl-BallInCup-v0", **keywords)
 
         whole = make(make_env())
         whole.learn(150, callback=Save(70, tmp_path / "model"))

@@ -1,4 +1,4 @@
-"""The oracle of the control tasks: dm_control's own environments, begun at the fixed starts."""
+"""The oracle of the control tasks: dm_control's own environments, at fixed and random starts."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -49,6 +49,34 @@ def make_reference(name):
     return control.Environment(physics, task, control_timestep=timestep)
 
 
+def make_random_reference(name, seed):
+    """dm_control's environment of a task, which draws from what Gymnasium seeds with `seed`.
+
+    Solved starts are drawn again.
+    """
+    from dm_control.rl import control
+
+    random = np.random.RandomState(np.random.PCG64(np.random.SeedSequence(seed)))
+    suite, model, _, timestep = getattr(fixed_tasks(), name)
+    own = {
+        "ball_in_cup": lambda: suite.BallInCup(random=random),
+        "finger": lambda: suite.Turn(target_radius=0.03, random=random),
+        "stacker": lambda: suite.Stack(1, fully_observable=True, random=random),
+    }
+    physics = suite.Physics.from_xml_string(*model)
+    env = control.Environment(physics, own[name](), control_timestep=timestep)
+    reset = env.reset
+
+    def reset_unsolved():
+        first = reset()
+        while is_solved(name, env.task.get_reward(physics)):
+            first = reset()
+        return first
+
+    env.reset = reset_unsolved
+    return env
+
+
 def flat(observation):
     """dm_control's observation in its own order, float32."""
     arrays = [np.ravel(value) for value in observation.values()]
@@ -87,6 +115,21 @@ def name(request):
 @pytest.fixture(name="make_reference")
 def make_reference_fixture():
     return make_reference
+
+
+@pytest.fixture(name="make_random_reference")
+def make_random_reference_fixture():
+    return make_random_reference
+
+
+@pytest.fixture(name="flat")
+def flat_fixture():
+    return flat
+
+
+@pytest.fixture(name="is_solved")
+def is_solved_fixture():
+    return is_solved
 
 
 @pytest.fixture(name="play_reference")

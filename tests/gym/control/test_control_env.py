@@ -147,6 +147,38 @@ class TestEveryTask:
         assert 'pip install "curiosity-search[control]"' in message
 
 
+class TestRandomStarts:
+    def test_pass_gymnasiums_and_stable_baselines3s_checks(self, name):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", r".*observation space (min|max)imum value is.*inf")
+            env = gym.make(IDS[name], random_start=True)
+            check_env(env.unwrapped, skip_render_check=True)
+            sb3_check_env(env)
+
+    def test_are_those_of_the_seed(self, name):
+        env, other = (gym.make(IDS[name], random_start=True) for _ in range(2))
+        first, second = env.reset(seed=1)[0], env.reset()[0]
+        assert (first != second).any()
+        assert (first != other.reset(seed=2)[0]).any()
+        np.testing.assert_array_equal(other.reset(seed=1)[0], first)
+        np.testing.assert_array_equal(other.reset()[0], second)
+
+    def test_without_a_seed_are_of_fresh_entropy(self, name):
+        one, other = (gym.make(IDS[name], random_start=True).reset()[0] for _ in range(2))
+        assert (one != other).any()
+
+    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+    def test_of_copies_are_the_same(self, name, duplicate, make_actions):
+        env = gym.make(IDS[name], random_start=True)
+        env.reset(seed=4)
+        twin = duplicate(env)
+        for _ in range(2):
+            for action in make_actions("bang-bang", 20, SIZES[name][1]):
+                np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
+            np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+
+
 class TestStep:
     @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
     def test_refuses_actions_that_are_not_finite(self, name, value):
@@ -213,6 +245,8 @@ class TestStep:
         ("horizon", 1.5),
         ("width", 0),
         ("height", -1),
+        ("random_start", "yes"),
+        ("random_start", None),
         ("render_mode", "human"),
     ],
 )

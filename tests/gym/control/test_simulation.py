@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.starts import RandomStarts
 from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.core import SimulationError
 
@@ -103,6 +104,50 @@ class TestReset:
         assert not task.success(fields).any()
         # Computing what derives from the start has left it alone, the solver's warm start too.
         np.testing.assert_array_equal(simulation._batch.state, np.stack([simulation._start] * 2))
+
+
+class TestRandomStarts:
+    N = 60
+
+    def rngs(self):
+        return [np.random.default_rng(seed) for seed in range(self.N)]
+
+    def test_are_left_alone_by_what_derives_from_them(self, name):
+        task = TASKS[name](random_start=True)
+        simulation, starts = Simulation(task, self.N), RandomStarts(task)
+        simulation.reset(rngs=self.rngs())
+        expected = np.stack([starts.draw(rng) for rng in self.rngs()])
+        np.testing.assert_array_equal(simulation.state, expected)
+        assert len(np.unique(expected, axis=0)) == self.N
+
+    def test_of_some_leave_the_others_alone(self, name):
+        simulation = Simulation(TASKS[name](random_start=True), self.N)
+        simulation.reset(rngs=self.rngs())
+        before, observations = simulation.state, simulation.observations.copy()
+        simulation.reset(np.array([1, 5]), self.rngs()[5:7])
+        others = np.delete(np.arange(self.N), [1, 5])
+        np.testing.assert_array_equal(simulation.state[others], before[others])
+        np.testing.assert_array_equal(simulation.observations[others], observations[others])
+        np.testing.assert_array_equal(simulation.state[[1, 5]], before[[5, 6]])
+        np.testing.assert_array_equal(simulation.observations[[1, 5]], observations[[5, 6]])
+
+    def test_of_one_generator_are_the_same_for_all(self, name):
+        simulation = Simulation(TASKS[name](random_start=True), 3)
+        simulation.reset(rngs=self.rngs()[4:5])
+        assert len(np.unique(simulation.state, axis=0)) == 1
+
+    @pytest.mark.parametrize("n_threads", [1, 2])
+    def test_are_gone_on_from_wherever_a_simulation_was(self, name, n_threads, make_actions):
+        task = TASKS[name](random_start=True)
+        simulation, other = Simulation(task, self.N, n_threads), Simulation(task, self.N)
+        simulation.reset(rngs=self.rngs())
+        other.reset(rngs=self.rngs()[::-1])
+        actions = make_actions("bang-bang", 20, task.n_actions)[:, None]
+        simulation.step(actions[0])
+        other.restore(simulation.state)
+        for action in actions:
+            np.testing.assert_array_equal(simulation.step(action), other.step(action))
+            np.testing.assert_array_equal(simulation.observations, other.observations)
 
 
 class TestStep:

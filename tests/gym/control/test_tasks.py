@@ -84,7 +84,9 @@ def test_the_stacker_refuses_thresholds_that_mean_nothing(threshold):
 def test_tasks_are_equal_where_they_succeed_alike():
     for name, task in TASKS.items():
         assert [task() == TASKS[other]() for other in TASKS] == [name == each for each in TASKS]
+        assert task(random_start=True) == task(random_start=True) != task()
     assert Stacker(success_threshold=0.2) != Stacker()
+    assert Stacker(0.2, random_start=True) != Stacker(0.2)
 
 
 class TestBehavior:

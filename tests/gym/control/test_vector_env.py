@@ -6,7 +6,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
+from gymnasium.error import Error, ResetNeeded
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from curiosity_gym.control.control_env import ControlEnv
@@ -38,13 +38,15 @@ def actions_fixture(make_actions):
 
 
 class TestAgainstSingleEnvs:
+    @pytest.mark.parametrize("random_start", [False, True])
     @pytest.mark.parametrize("mode", MODES)
     @pytest.mark.parametrize("n_threads", [1, 2])
     def test_equals_gymnasiums_sync_vector_env(
-        self, mode, n_threads, actions, run, assert_identical
+        self, random_start, mode, n_threads, actions, run, assert_identical
     ):
-        ours = run(make_native(autoreset_mode=mode, n_threads=n_threads), actions)
-        theirs = run(make_sync(mode), actions)
+        changes = {"random_start": random_start}
+        ours = run(make_native(autoreset_mode=mode, n_threads=n_threads, **changes), actions)
+        theirs = run(make_sync(mode, **changes), actions)
         for our, their in zip(ours, theirs, strict=True):
             assert_identical(our, their)
         ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
@@ -103,6 +105,32 @@ class TestReset:
         for _ in range(2):
             for ours, theirs in zip(run(envs, actions[:30]), first, strict=True):
                 assert_identical(ours, theirs)
+
+
+class TestRandomStarts:
+    @pytest.mark.parametrize("seed", [7, [7, 3, 7, 20], [5, None, 5, None]])
+    @pytest.mark.parametrize("mask", [None, [True, False, False, True]])
+    def test_are_those_of_single_envs_with_the_same_seeds(self, name, seed, mask, assert_identical):
+        changes = {"task": name, "success_threshold": None, "random_start": True}
+        native, sync = make_native(**changes), make_sync("NextStep", **changes)
+        results = []
+        for envs in (native, sync):
+            envs.reset(seed=1)
+            options = {} if mask is None else {"reset_mask": np.array(mask)}
+            results.append([envs.reset(seed=seed, options=options), envs.reset()])
+        for ours, theirs in zip(*results, strict=True):
+            np.testing.assert_array_equal(ours[0], theirs[0])
+        assert len(np.unique(results[0][1][0], axis=0)) >= 3
+
+    def test_of_a_bad_seed_leave_the_episodes_alone(self, actions, assert_identical):
+        envs, twins = (make_native(random_start=True) for _ in range(2))
+        for each in (envs, twins):
+            each.reset(seed=2)
+        for seed in (-1, [3, 4, 5, -6], [1, 2]):
+            with pytest.raises((ValueError, Error)):
+                envs.reset(seed=seed)
+        assert_identical(envs.step(actions[0]), twins.step(actions[0]))
+        assert_identical(envs.reset(), twins.reset())
 
 
 class TestStep:
@@ -187,8 +215,9 @@ class TestMakeVec:
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
-def test_copies_continue_on_their_own(duplicate, actions, run, assert_identical):
-    envs = make_native()
+@pytest.mark.parametrize("random_start", [False, True])
+def test_copies_continue_on_their_own(duplicate, random_start, actions, run, assert_identical):
+    envs = make_native(random_start=random_start)
     run(envs, actions[:25])
     twins = duplicate(envs)
     for action in actions[25:]:

@@ -102,11 +102,13 @@ class TestFrames:
             np.testing.assert_array_equal(env.render(), frame)
             env.close()
 
-    def test_of_a_vector_env_are_those_of_single_envs(self, make_actions):
-        envs = ControlVectorEnv("finger", num_envs=2, render_mode="rgb_array")
-        single = ControlEnv("finger", render_mode="rgb_array")
-        envs.reset()
-        single.reset()
+    @pytest.mark.parametrize("random_start", [False, True])
+    def test_of_a_vector_env_are_those_of_single_envs(self, random_start, make_actions):
+        keywords = {"render_mode": "rgb_array", "random_start": random_start}
+        envs = ControlVectorEnv("finger", num_envs=2, **keywords)
+        single = ControlEnv("finger", **keywords)
+        envs.reset(seed=0)
+        single.reset(seed=1)
         for action in make_actions("bang-bang", 20, 2):
             envs.step(np.stack([-action, action]))
             single.step(action)

@@ -1,29 +1,37 @@
 """Who solves the control tasks without learning: `python -m benchmarks.baselines` prints a table.
 
-Every episode begins at the task's fixed start.
+Every episode begins at the task's fixed start or, with `random_start`, at one of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
+from itertools import islice, repeat
 from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 import typer
+from gymnasium.utils import seeding
 
 from curiosity_algos import make_evaluator
 from curiosity_gym.control.simulation import Simulation
 
 Actions = npt.NDArray[np.float32]
 
-ROWS: dict[str, tuple[str, dict[str, float]]] = {
+ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "BallInCup": ("BallInCup", {}),
     "Finger": ("Finger", {}),
     "Stacker": ("Stacker", {}),
     "Stacker, `success_threshold=0.5`": ("Stacker", {"success_threshold": 0.5}),
+    "BallInCup, `random_start`": ("BallInCup", {"random_start": True}),
+    "Finger, `random_start`": ("Finger", {"random_start": True}),
+    "Stacker, `random_start`": ("Stacker", {"random_start": True}),
+    "Stacker, `random_start`, `success_threshold=0.5`": (
+        "Stacker",
+        {"random_start": True, "success_threshold": 0.5},
+    ),
 }
 """Label: task and its keywords."""
 DEVIATIONS = (0.3, 1.0)
@@ -40,24 +48,28 @@ def main(
     n_episodes, horizon = (3, 20) if quick else (200, 1000)
     print(f"Solved of {n_episodes} episodes of {horizon} steps each, seed {seed}:\n")
     policies = " | ".join(f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS)
-    print(f"| Task | Uniform actions | +-1, held {N_HELD} steps | {policies} |")
-    print("|---|--:|--:|--:|--:|")
+    print(f"| Task | No actions | Uniform actions | +-1, held {N_HELD} steps | {policies} |")
+    print("|---|--:|--:|--:|--:|--:|")
     for label, (name, keywords) in ROWS.items():
         env = gym.make(f"CuriosityControl-{name}-v0", horizon=horizon, **keywords)
         print(f"| {label} | {' | '.join(map(str, solved(env, n_episodes, seed)))} |", flush=True)
 
 
 def solved(env: gym.Env[Any, Any], n_episodes: int, seed: int) -> list[int]:
-    """Episodes solved by uniform actions, by bang-bang ones, and by policies of each deviation."""
+    """Episodes solved by no, uniform and bang-bang actions, and by policies of each deviation."""
     children = np.random.SeedSequence(seed).spawn(2 + len(DEVIATIONS))
     first, second, *others = map(np.random.default_rng, children)
     shape = (n_episodes, *env.action_space.shape)
-    draws = uniform(first, shape), bang_bang(second, shape)
+    draws = repeat(np.zeros(shape, np.float32)), uniform(first, shape), bang_bang(second, shape)
     counts = [open_loop(env, n_episodes, actions) for actions in draws]
     evaluator = make_evaluator(env)
     for rng, deviation in zip(others, DEVIATIONS, strict=True):
         parameters = rng.normal(0.0, deviation, (n_episodes, evaluator.n_parameters))
-        counts.append(int(evaluator.evaluate(parameters).success.sum()))
+        # One by one, as policies that are evaluated together share their start.
+        parts = parameters[:, None] if env.unwrapped.task.random_start else [parameters]
+        counts.append(
+            sum(int(evaluator.evaluate(each, i).success.sum()) for i, each in enumerate(parts))
+        )
     return counts
 
 
@@ -74,7 +86,7 @@ def bang_bang(rng: np.random.Generator, shape: tuple[int, ...]) -> Iterator[Acti
 
 
 def open_loop(env: gym.Env[Any, Any], n_episodes: int, actions: Iterator[Actions]) -> int:
-    """Episodes of a control environment that succeed.
+    """Episodes of a control environment that succeed; random starts are those of seeds from 0 on.
 
     Args:
         env: The environment.
@@ -82,7 +94,7 @@ def open_loop(env: gym.Env[Any, Any], n_episodes: int, actions: Iterator[Actions
         actions: (n, A) of each step, a row for each episode.
     """
     simulation = Simulation(env.unwrapped.task, n_episodes)
-    simulation.reset()
+    simulation.reset(rngs=[seeding.np_random(seed)[0] for seed in range(n_episodes)])
     going = np.arange(n_episodes)
     for action in islice(actions, env.unwrapped.horizon):
         going = going[~simulation.step(action[going], going)]

@@ -38,8 +38,20 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "envs": TASKS,
         "timesteps": 1e6,
     },
+    "control_random": {
+        "algos": ("CuriosityES", "CanonicalES"),
+        "envs": TASKS,
+        "timesteps": 1e6,
+        "env_kwargs": ["random_start:True"],
+    },
+    "control_strict": {
+        "algos": ("CuriosityES", "CanonicalES"),
+        "envs": ("CuriosityControl-Stacker-v0",),
+        "timesteps": 1e6,
+        "env_kwargs": ["success_threshold:0.5"],
+    },
 }
-"""What is trained for each name."""
+"""What is trained for each name, in the words of `curiosity sweep`."""
 
 
 def main(

@@ -1,7 +1,9 @@
 """Published tables come from committed data, and that from runs."""
 
+import sys
 from types import SimpleNamespace
 
+import gymnasium as gym
 import pandas as pd
 import pytest
 
@@ -95,6 +97,28 @@ def test_every_seed_has_its_value():
         "Seconds a run |",
     ]
     assert row == ("| NSES | BallInCup | 0.02 / never | 0.50 / 0.50 | 1.2 / 25 | 8.0 / 50 | 9 |")
+
+
+@pytest.mark.extra("control")
+@pytest.mark.parametrize(
+    "name", [name for name, words in learning.SWEEPS.items() if "env_kwargs" in words]
+)
+def test_environments_of_learning_have_their_keywords(name, monkeypatch):
+    trained = []
+    monkeypatch.setattr(
+        sys.modules[learning.sweep.__module__],
+        "train_all",
+        lambda runs, *_, **__: trained.extend(runs),
+    )
+    monkeypatch.setattr(learning, "collect", lambda *_: None)
+    learning.main(name, seeds="0")
+    words = learning.SWEEPS[name]
+    assert len(trained) == len(words["algos"]) * len(words["envs"])
+    for run in {run.env: run for run in trained}.values():
+        task = gym.make(run.env, **run.env_kwargs).unwrapped.task
+        for word in words["env_kwargs"]:
+            keyword, value = word.split(":")
+            assert str(getattr(task, keyword)) == value
 
 
 def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):

@@ -130,13 +130,14 @@ def test_baselines_count_successes(capsys):
 
 
 @pytest.mark.extra("control")
+@pytest.mark.parametrize("random_start", [False, True])
 @pytest.mark.parametrize("draw", [baselines.uniform, baselines.bang_bang])
-def test_open_loop_counts_what_single_envs_succeed_in(draw):
-    env = gym.make("CuriosityControl-BallInCup-v0", horizon=200)
+def test_open_loop_counts_what_single_envs_succeed_in(draw, random_start):
+    env = gym.make("CuriosityControl-BallInCup-v0", horizon=200, random_start=random_start)
     n = 4
 
     def succeeds(i):
-        env.reset()
+        env.reset(seed=i)
         terminated = truncated = False
         actions = draw(np.random.default_rng(0), (n, 2))
         while not (terminated or truncated):

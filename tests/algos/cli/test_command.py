@@ -56,6 +56,21 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch, words
     assert called == [shown]
 
 
+@pytest.mark.extra("control")
+def test_starts_and_success_of_a_control_task_are_keywords(run_here, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["--algo", "map_elites", "--env", "CuriosityControl-Stacker-v0", "-n", "200"]
+    given = {"random_start": "True", "success_threshold": "0.5", "horizon": "20"}
+    keywords = [word for each in given.items() for word in ("--env-kwargs", ":".join(each))]
+    status, printed, errors = run_here("train", *words, *keywords)
+    assert status == 0, printed + errors
+    (folder,) = tmp_path.glob("runs/*/*/*")
+    assert run_here("enjoy", str(folder), "--no-render")[0] == 0
+    run = load_runs(tmp_path).iloc[0]
+    assert run["env_kwargs.random_start"]
+    assert run["env_kwargs.success_threshold"] == 0.5
+
+
 def test_list(run_here):
     status, listed, _ = run_here("list")
     assert status == 0

@@ -10,6 +10,7 @@ from curiosity_algos.evaluation import control
 from curiosity_algos.evaluation.control import ControlEvaluator
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
+from curiosity_gym.control.tasks import Stacker
 from curiosity_gym.core import SimulationError
 
 pytestmark = pytest.mark.extra("control")
@@ -197,6 +198,17 @@ def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     evaluator.evaluate(parameters[:2])
     np.testing.assert_array_equal(first.observations, kept)
     assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))
+
+
+def test_a_stricter_success_reaches_the_evaluator_whatever_is_passed():
+    env, mlp, parameters = make("Stacker", 16, success_threshold=0.5)
+    strict = evaluate(env, mlp, parameters)
+    loose = evaluate(make("Stacker", success_threshold=1e-45)[0], mlp, parameters)
+    assert strict.success.sum() < loose.success.sum()
+    kind = {"num_envs": 2, "vectorization_mode": "vector_entry_point"}
+    vector = gym.make_vec(env.spec.id, success_threshold=0.5, **kind)
+    for each in (env, vector, DummyVecEnv([lambda: Monitor(env)])):
+        assert make_evaluator(each).task == Stacker(0.5)
 
 
 def test_stackers_of_different_thresholds_are_not_taken_for_one():

@@ -11,6 +11,7 @@ from curiosity_algos.algorithms.canonical_es import CanonicalES
 from curiosity_algos.algorithms.curiosity_es import CuriosityES
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.td3_icm import TD3ICM
+from curiosity_algos.curiosity.apt import APT
 from curiosity_algos.curiosity.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from curiosity_algos.algorithms.nslc import NSLC
 
 __all__ = [
+    "APT",
     "AURORA",
     "CMAME",
     "ICM",

@@ -28,8 +28,11 @@ class CuriosityES(MotivatedStrategy):
     Args:
         gamma: In [0, 1]: curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10). The mazes find
             their goals sooner and more surely with whole trajectories than with the paper's .99.
-        bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND` (`learning_rate`, ...).
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
+            trains.
+        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND` (`learning_rate`, ...).
+        n_states: An episode's curiosity is the mean of the highest quarter of those of so many of
+            its transitions, which lie evenly over it; None: the sum over all, with `gamma`.
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.
@@ -44,6 +47,7 @@ class CuriosityES(MotivatedStrategy):
         gamma: float = 1.0,
         bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
+        n_states: int | None = None,
         n_transitions: int = 100,
         n_updates: int = 64,
         batch_size: int = 1024,
@@ -53,6 +57,7 @@ class CuriosityES(MotivatedStrategy):
         self.gamma = gamma
         self.bonus = bonus
         self.bonus_kwargs = dict(bonus_kwargs or {})
+        self.n_states = n_states
         self.n_transitions = n_transitions
         self.n_updates = n_updates
         self.batch_size = batch_size
@@ -70,6 +75,8 @@ class CuriosityES(MotivatedStrategy):
         check_share(gamma=self.gamma)
         check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
         check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
+        if self.n_states is not None:
+            check_at_least_one(n_states=self.n_states)
         check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
@@ -79,6 +86,7 @@ class CuriosityES(MotivatedStrategy):
             bonus=self.bonus,
             bonus_kwargs=self.bonus_kwargs,
             gamma=self.gamma,
+            n_states=self.n_states,
             n_transitions=self.n_transitions,
             n_updates=self.n_updates,
             batch_size=self.batch_size,

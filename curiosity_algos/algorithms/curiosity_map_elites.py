@@ -37,8 +37,9 @@ class CuriosityMAPElites(MAPElites):
         tournament_size: Elites drawn for each parent; with 1 all are as likely, as in MAP-Elites.
             `emitters` choose parents of their own.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
-        bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND` (`learning_rate`, ...).
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
+            trains.
+        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND` (`learning_rate`, ...).
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.

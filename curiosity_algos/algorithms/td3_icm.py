@@ -35,9 +35,10 @@ class TD3ICM(ResumableTD3):
     for `n_updates` steps, and actor and critic for as many as the episode had (section 4.4).
 
     Args:
-        bonus: "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`; their `learning_rate` is 6e-6
-            here.
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
+            trains.
+        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND`; their `learning_rate`
+            is 6e-6 here.
         weight: Of the bonus, above 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.

@@ -98,7 +98,12 @@ def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) 
     batch = mdp[:half].tensors()
     bonus.observe(batch[0])
     groups = [mdp[:half], mdp[half:]]
-    moments, scores = _train(bonus, lambda i: bonus.update(*batch), n_updates, groups)
+
+    def train(i: int) -> None:
+        bonus.observe(batch[0])  # with every update, as algorithms do
+        bonus.update(*batch)
+
+    moments, scores = _train(bonus, train, n_updates, groups)
     return Learned(moments, *scores)
 
 

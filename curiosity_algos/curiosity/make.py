@@ -12,13 +12,14 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.common.plain_files import check_plain
+from curiosity_algos.curiosity.apt import APT
 from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.encoders import ImageInputs, action_size
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
 from curiosity_gym.validation import check_choice
 
-BONUSES: dict[str, Callable[..., Bonus]] = {"icm": ICM, "rnd": RND}
+BONUSES: dict[str, Callable[..., Bonus]] = {"apt": APT, "icm": ICM, "rnd": RND}
 
 
 def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> None:

@@ -19,26 +19,32 @@ from curiosity_algos.common.randomness import (
 from curiosity_algos.curiosity.base import Bonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.curiosity.spans import draw_steps, horizon_of
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
 
 
 def sample_transitions(
-    rollouts: Rollouts, n: int, rng: np.random.Generator
+    rollouts: Rollouts, n: int, rng: np.random.Generator, horizon: int = 1
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
     """N transitions of each individual, drawn uniformly with replacement.
+
+    With a `horizon` above 1 they span up to as many steps, and no more than there are until the
+    episode's end.
 
     Returns:
         Observations (P, n, O), actions (P, n, A) or (P, n), next observations (P, n, O).
     """
     observations, actions = rollouts.trajectories
-    times = rng.integers(0, rollouts.lengths[:, None], (len(rollouts), n))
+    lengths = rollouts.lengths[:, None]
+    begins = rng.integers(0, lengths, (len(rollouts), n))
+    ends = np.minimum(begins + draw_steps(rng, begins.shape, horizon), lengths)
     individuals = np.arange(len(rollouts))[:, None]
-    before, after = observations[individuals, times], observations[individuals, times + 1]
+    before, after = observations[individuals, begins], observations[individuals, ends]
     check_observations(before)
     check_observations(after)
-    return before, actions[individuals, times], after
+    return before, actions[individuals, begins], after
 
 
 def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -53,11 +59,15 @@ class CuriosityMotivation:
 
     The score is `sum_t gamma^(T-1-t) c_t` (eq. 10), T the episode's own length: a `gamma` below 1
     weighs the end of an episode most, which also keeps long episodes from winning by length alone.
+    With `n_states` it is the mean of the highest quarter of the curiosity of so many transitions,
+    which lie evenly over the episode and end with its last: what most of a trajectory has in common
+    with others does not count.
 
     Args:
         bonus: Gives the curiosity `c_t` of each transition.
         buffer: What the bonus is trained on.
         gamma: In [0, 1].
+        n_states: Transitions of an episode that its score looks at; None: all.
         n_transitions: m, transitions of each individual that enter the buffer, drawn uniformly.
         n_updates: p, gradient steps a generation.
         batch_size: Transitions a gradient step.
@@ -71,6 +81,7 @@ class CuriosityMotivation:
         buffer: TransitionBuffer,
         *,
         gamma: float,
+        n_states: int | None = None,
         n_transitions: int,
         n_updates: int,
         batch_size: int,
@@ -80,6 +91,7 @@ class CuriosityMotivation:
         self.bonus = bonus
         self.buffer = buffer
         self.gamma = gamma
+        self.n_states = n_states
         self.n_transitions = n_transitions
         self.n_updates = n_updates
         self.batch_size = batch_size
@@ -90,24 +102,32 @@ class CuriosityMotivation:
         """Curiosity of each individual's trajectory, shape (P,)."""
         observations, actions = rollouts.trajectories
         lengths = rollouts.lengths
-        # Weights of a full episode; a shorter one takes its end, as its last transition weighs 1.
-        weights = self.gamma ** np.arange(lengths.max())[::-1]
+        score_one = self._score_whole if self.n_states is None else self._score_some
         scores = np.empty(len(rollouts))
 
         def score_slice(begin: int, end: int) -> None:
             th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
             # One individual at a time, whatever the slice: sums must not depend on the threads.
             for i in range(begin, end):
-                length = lengths[i]
-                curiosity = self.bonus.score_trajectory(
-                    observations[i, : length + 1], actions[i, :length]
-                )
-                scores[i] = weights[-length:] @ curiosity
+                scores[i] = score_one(observations[i, : lengths[i] + 1], actions[i, : lengths[i]])
 
         with single_torch_thread():
             self._pool.run(score_slice, len(rollouts), len(rollouts))
         check_observations(scores)  # they are finite where all that they come from is
         return scores
+
+    def _score_whole(self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]) -> float:
+        curiosity = self.bonus.score_trajectory(observations, actions)
+        weights = self.gamma ** np.arange(len(actions))[::-1]
+        return float(weights @ curiosity)
+
+    def _score_some(self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]) -> float:
+        assert self.n_states is not None
+        parts = np.arange(1, self.n_states + 1) / self.n_states
+        ends = np.ceil(parts * len(actions)).astype(np.int64)
+        curiosity = self.bonus.score(observations[ends - 1], actions[ends - 1], observations[ends])
+        n_highest = max(1, self.n_states // 4)
+        return float(np.sort(curiosity)[-n_highest:].mean(dtype=np.float64))
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
@@ -119,7 +139,7 @@ class CuriosityMotivation:
 
     def _remember(self, rollouts: Rollouts) -> None:
         observations, actions, next_observations = sample_transitions(
-            rollouts, self.n_transitions, self._rng
+            rollouts, self.n_transitions, self._rng, horizon_of(self.bonus)
         )
         seen = th.from_numpy(flat(observations))
         self.bonus.observe(seen)
@@ -148,6 +168,7 @@ def make_motivation(
     bonus: str | Bonus = "icm",
     bonus_kwargs: Mapping[str, Any] | None = None,
     gamma: float = 1.0,
+    n_states: int | None = None,
     n_transitions: int = 100,
     n_updates: int = 64,
     batch_size: int = 1024,
@@ -161,9 +182,11 @@ def make_motivation(
     Args:
         observation_space: One-dimensional Box.
         action_space: One-dimensional Box, or Discrete.
-        bonus: "icm", "rnd", or a `Bonus` made for these spaces, which the motivation then trains.
-        bonus_kwargs: Keywords of a bonus that is named, see `ICM` and `RND`.
-        gamma: See `CuriosityMotivation`, as for the next three.
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for these spaces, which the motivation then
+            trains.
+        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`.
+        gamma: See `CuriosityMotivation`, as for the next four.
+        n_states: Transitions of an episode that its score looks at; None: all.
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, gradient steps a generation.
         batch_size: Transitions a gradient step.
@@ -179,6 +202,8 @@ def make_motivation(
     check_share(gamma=gamma)
     check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
     check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+    if n_states is not None:
+        check_at_least_one(n_states=n_states)
     motivation_seed, networks_seed, buffer_seed = _seed_sequence(seed).spawn(3)
     made = make_bonus(
         bonus,
@@ -199,6 +224,7 @@ def make_motivation(
         made,
         buffer,
         gamma=gamma,
+        n_states=n_states,
         n_transitions=n_transitions,
         n_updates=n_updates,
         batch_size=batch_size,

@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.curiosity.base import Bonus, check_rewards
 from curiosity_algos.curiosity.encoders import action_scale
+from curiosity_algos.curiosity.spans import draw_steps, horizon_of
 from curiosity_algos.evaluation.rollouts import check_observations
 
 COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
@@ -104,7 +105,21 @@ class CuriosityReplayBuffer(ReplayBuffer):
 
     def sample_transitions(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions and next observations, as a bonus is trained on them."""
-        return tuple(map(th.from_numpy, self._transitions(self._draw(batch_size))))
+        rows, horizon = self._draw(batch_size), horizon_of(self.bonus)
+        windows = (rows[:, None] + np.arange(horizon)) % self.buffer_size
+        steps = np.minimum(draw_steps(self._rng, rows.shape, horizon), self._steps_left(windows))
+        ends = windows[np.arange(batch_size), steps - 1]
+        observations, actions, _ = self._transitions(rows)
+        spans = observations, actions, self.next_observations[ends, 0]
+        return tuple(map(th.from_numpy, spans))
+
+    def _steps_left(self, windows: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Steps (n,) of each window (n, H) until its episode ends, or the newest transition."""
+        newest = (self.pos - 1) % self.buffer_size
+        is_last = (self.dones[windows, 0] > 0) | (windows == newest)
+        is_last[:, -1] = True
+        steps: npt.NDArray[np.int64] = is_last.argmax(axis=1) + 1
+        return steps
 
     def newest(self, n: int) -> tuple[npt.NDArray[Any], ...]:
         """The last n transitions, in the order of their steps; fewer where fewer are held."""

@@ -24,6 +24,7 @@ from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.encoders import ImageInputs
 from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.scale import BonusScale
+from curiosity_algos.curiosity.spans import RecentSteps, horizon_of
 from curiosity_algos.curiosity.wrapper_file import (
     SETTINGS,
     check_actions,
@@ -43,7 +44,7 @@ DEFAULTS = {"icm": {"learning_rate": 1e-4}}
 
 
 class BonusVecEnvWrapper(VecEnvWrapper):
-    """Rewards transitions by how badly a curiosity module predicts them, and trains the module.
+    """Rewards transitions by how curious a bonus finds them, and trains the bonus.
 
     The reward becomes `extrinsic reward + weight * bonus`, before the algorithm sees it, so that it
     carries credit through time. The bonus is divided by the running standard deviation of its
@@ -59,9 +60,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     Args:
         venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
-        bonus: "icm", "rnd", or a `Bonus` made for the spaces of `venv`, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see `ICM` and `RND`. The `learning_rate` of an ICM
-            is 1e-4 here.
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for the spaces of `venv`, which this then
+            trains.
+        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND`. The `learning_rate` of
+            an ICM is 1e-4 here.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
@@ -133,16 +135,25 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         seed: np.random.SeedSequence,
         device: th.device | str,
     ) -> None:
-        networks_seed, buffer_seed = (integer_seed(each) for each in seed.spawn(2))
+        networks_seed, buffer_seed, steps_seed = seed.spawn(3)
         space, action_space = self.observation_space, self.action_space
         keywords = {**DEFAULTS.get(self._name or "", {}), **self.bonus_kwargs}
         self.bonus = make_bonus(
-            bonus, keywords, space, action_space, seed=networks_seed, device=device
+            bonus, keywords, space, action_space, seed=integer_seed(networks_seed), device=device
         )
         self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
+        n_stored = stored_action_size(action_space)
         self.buffer = TransitionBuffer(
-            self.buffer_size, space, stored_action_size(action_space), seed=buffer_seed
+            self.buffer_size, space, n_stored, seed=integer_seed(buffer_seed)
+        )
+        self._recent = RecentSteps(
+            self.num_envs,
+            horizon_of(self.bonus),
+            space.shape,
+            np.uint8 if self._has_images else np.float32,
+            n_stored,
+            seed=steps_seed,
         )
 
     # -- stepping -------------------------------------------------------------------------------
@@ -153,6 +164,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         observations = self.venv.reset()
         self._observations = self._stored(observations)
         self._scale.reset()
+        self._recent.end(np.ones(self.num_envs, dtype=np.bool_))
         return observations
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
@@ -176,6 +188,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         before, after = self._observations, self._stored(observations)
         self._observations = after
         bonus = self._visit(before, self._last_observations(after, dones, infos))
+        self._recent.end(dones | (not self.training))  # steps that are not learned from are gaps
         intrinsic = self.weight * bonus
         for info, outer, inner in zip(infos, rewards, intrinsic, strict=True):
             info["reward_extrinsic"], info["reward_intrinsic"] = float(outer), float(inner)
@@ -214,9 +227,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         return bonus
 
     def _learn(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> None:
-        seen = th.from_numpy(before)
-        self.bonus.observe(seen)
-        self.buffer.add(seen, th.from_numpy(self._actions), th.from_numpy(after))
+        self._recent.add(before, self._actions)
+        observations, actions = map(th.from_numpy, self._recent.draw())
+        self.bonus.observe(th.from_numpy(before))
+        self.buffer.add(observations, actions, th.from_numpy(after))
         self._n_untrained += len(before)
         if self._n_untrained >= self.train_interval:
             self._train()
@@ -236,6 +250,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             "bonus": self.bonus.state_dict(),
             "buffer": self.buffer.state_dict(),
             "scale": self._scale.state_dict(),
+            "recent": self._recent.state_dict(),
             "observations": th.from_numpy(self._observations.copy()),
             "n_untrained": self._n_untrained,
             "has_trained": self._has_trained,
@@ -259,6 +274,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         observations = last_observations(state["observations"], shape, dtype)
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])
+        self._recent.load_state_dict(state["recent"])
         self._observations = observations
         self._n_untrained = state["n_untrained"]
         self._has_trained = state["has_trained"]

@@ -25,7 +25,7 @@ from curiosity_algos.common.plain_files import (
 )
 from curiosity_algos.curiosity.base import Bonus
 
-FORMAT = "curiosity bonus wrapper 1"
+FORMAT = "curiosity bonus wrapper 2"
 WHAT = "BonusVecEnvWrapper"
 FIELDS = {"spaces", "settings", "state", "environments", "format"}
 SETTINGS: dict[str, tuple[type, ...]] = {

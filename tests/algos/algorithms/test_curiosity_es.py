@@ -5,7 +5,7 @@ import pytest
 import torch as th
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import ICM, RND, TD3ICM, CanonicalES, CuriosityES, CuriosityMAPElites
+from curiosity_algos import APT, ICM, RND, TD3ICM, CanonicalES, CuriosityES, CuriosityMAPElites
 from curiosity_algos.loops.evolution_strategy import standardize
 
 
@@ -134,7 +134,7 @@ def test_an_observation_that_is_not_finite_teaches_nothing(make_model, make_easy
     assert all(th.equal(*pair) for pair in zip(before, after, strict=True))
 
 
-BONUSES = pytest.mark.parametrize("bonus", [ICM, RND])
+BONUSES = pytest.mark.parametrize("bonus", [APT, ICM, RND])
 
 
 @BONUSES
@@ -179,7 +179,7 @@ def test_a_bonus_of_ones_own_is_trained_and_saved(
 
 
 def test_a_bonus_is_a_name_or_has_what_is_asked_of_one(make_model, make_easy_maze):
-    with pytest.raises(ValueError, match="`bonus` must be one of icm, rnd, or a Bonus, got 7"):
+    with pytest.raises(ValueError, match="`bonus` must be one of apt, icm, rnd, or a Bonus, got 7"):
         make_model(CuriosityES, make_easy_maze(), bonus=7)
     own = ICM(make_easy_maze().observation_space, make_easy_maze().action_space, device="cpu")
     with pytest.raises(ValueError, match="`bonus_kwargs` must be empty"):

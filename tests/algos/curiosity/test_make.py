@@ -63,7 +63,7 @@ def test_an_object_for_more_actions_is_refused():
         make_bonus(bonus, {}, SPACES[0], spaces.Box(-1, 1, (1,)), seed=1, device="cpu")
 
 
-@pytest.mark.parametrize("bonus", ["icm", "rnd"])
+@pytest.mark.parametrize("bonus", BONUSES)
 def test_an_object_for_images_of_another_layout_is_refused(bonus):
     last, first = (spaces.Box(0, 255, shape, np.uint8) for shape in ((36, 40, 3), (3, 36, 40)))
     bonus = make_bonus(bonus, {}, last, SPACES[1], seed=1, device="cpu")
@@ -124,5 +124,5 @@ def test_an_object_gives_each_transition_one_score():
 
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
-    with pytest.raises(ValueError, match="`bonus` must be one of icm, rnd"):
+    with pytest.raises(ValueError, match="`bonus` must be one of apt, icm, rnd"):
         check_bonus_choice(bonus, {})

@@ -119,6 +119,25 @@ class TestSampleTransitions:
                 np.testing.assert_array_equal(following, rollouts.observations[i, times[-1] + 1])
             assert set(times) == set(range(length))
 
+    @pytest.mark.parametrize("is_discrete", [False, True])
+    def test_spans_end_with_their_episode(self, is_discrete):
+        rollouts, horizon = make_rollouts(is_discrete), 4
+        drawn = sample_transitions(rollouts, 2000, np.random.default_rng(0), horizon)
+        for i, length in enumerate(LENGTHS):
+            spans = set()
+            for before, action, after in zip(*(part[i] for part in drawn), strict=True):
+                begin, end = (
+                    np.flatnonzero((rollouts.observations[i] == each).all(axis=1)).item()
+                    for each in (before, after)
+                )
+                np.testing.assert_array_equal(action, rollouts.actions[i, begin])
+                spans.add((begin, end))
+            assert spans == {
+                (begin, end)
+                for begin in range(length)
+                for end in range(begin + 1, min(begin + horizon, length) + 1)
+            }
+
     def test_every_transition_is_as_likely(self):
         rollouts = make_rollouts()
         observations, _, _ = sample_transitions(rollouts, 12_000, np.random.default_rng(0))
@@ -140,6 +159,26 @@ class TestSampleTransitions:
 
 
 class TestScore:
+    @pytest.mark.parametrize("n_states", [1, 3, 8, 40])
+    def test_some_states_are_enough(self, n_states):
+        class WhereItLeads(Recorder):
+            def score(self, observations, actions, next_observations):
+                return self.score_trajectory(
+                    np.concatenate([observations[:1], next_observations]), actions
+                )
+
+            def score_trajectory(self, observations, actions):
+                return observations[1:, 0]
+
+        rollouts = make_rollouts()
+        scores = make_motivation(WhereItLeads(), n_states=n_states).score(rollouts)
+        for i, length in enumerate(LENGTHS):
+            ends = [-(-j * length // n_states) for j in range(1, n_states + 1)]
+            assert ends[-1] == length
+            values = sorted(float(rollouts.observations[i, end, 0]) for end in ends)
+            highest = values[-max(1, n_states // 4) :]
+            assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
+
     @pytest.mark.parametrize("gamma", [0.0, 0.5, 0.99, 1.0])
     def test_equals_the_papers_sum(self, gamma):
         rollouts = make_rollouts()
@@ -255,7 +294,7 @@ class TestMaking:
         [
             ("gamma", 1.1, "`gamma` must be from 0 to 1"),
             ("gamma", -0.1, "`gamma` must be from 0 to 1"),
-            ("bonus", "rdn", "`bonus` must be one of icm, rnd, got 'rdn'"),
+            ("bonus", "rdn", "`bonus` must be one of apt, icm, rnd, got 'rdn'"),
             ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
             ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
             ("bonus_kwargs", {"device": "cpu"}, "`bonus_kwargs` must be one of .* got 'device'"),

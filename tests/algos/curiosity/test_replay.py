@@ -119,6 +119,36 @@ def test_transitions_for_the_bonus_come_as_tensors():
     assert th.equal(next_observations, observations + 1)
 
 
+class TestSpans:
+    """Transitions over several steps, of a bonus that has a horizon."""
+
+    def spans(self, buffer, n=400, horizon=4):
+        buffer.bonus.horizon = horizon
+        observations, actions, next_observations = buffer.sample_transitions(n)
+        begins, ends = observations[:, 0].int(), next_observations[:, 0].int()
+        assert th.allclose(actions, observations / 10)
+        return set(zip(begins.tolist(), ends.tolist(), strict=True))
+
+    def test_they_stay_within_an_episode(self):
+        buffer = make_buffer()
+        for x in range(6):
+            add(buffer, x, done=x == 2, truncated=x == 2)
+        first = {(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)}
+        assert self.spans(buffer) == first | {(x + 3, y + 3) for x, y in first}
+
+    def test_they_do_not_go_from_the_newest_to_the_oldest(self):
+        buffer = make_buffer(capacity=4)
+        for x in range(6):
+            add(buffer, x)
+        assert {end - begin for begin, end in self.spans(buffer)} == {1, 2, 3, 4}
+
+    def test_a_horizon_is_the_most(self):
+        buffer = make_buffer()
+        for x in range(9):
+            add(buffer, x)
+        assert {end - begin for begin, end in self.spans(buffer, horizon=2)} == {1, 2}
+
+
 @pytest.mark.parametrize(("n", "expected"), [(2, [3, 4]), (3, [2, 3, 4]), (9, [2, 3, 4])])
 def test_the_newest_come_in_order(n, expected):
     buffer = make_buffer(capacity=3)

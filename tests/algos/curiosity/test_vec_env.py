@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMoni
 import curiosity_algos
 from curiosity_algos.common.environment_state import environment_states
 from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.curiosity.make import BONUSES
 from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 
 
@@ -130,6 +131,20 @@ class TestRewards:
         play(venv, 5, seed=3)
         taken = np.random.default_rng(3).uniform(-1, 1, (5, 2, 1)).astype(np.float32)
         np.testing.assert_array_equal([actions for _, actions, _ in bonus.asked], taken)
+
+    def test_a_bonus_with_a_horizon_learns_from_spans_within_episodes(self):
+        bonus = Recorder()
+        bonus.horizon = 3
+        venv = wrap(bonus=bonus, train_interval=1000)
+        play(venv, 60)
+        held = venv.buffer.state_dict()
+        spans = (held["next_observations"] - held["observations"]).int().ravel().tolist()
+        assert set(spans) == {1, 2, 3}
+        venv.training = False
+        play(venv, 1)
+        venv.training = True
+        venv.step(np.zeros((2, 1), dtype=np.float32))  # no span over what was not learned from
+        assert venv.buffer.state_dict()["observations"][-2:].ravel().tolist() == [1, 1]
 
     @pytest.mark.parametrize("unit", [0.5, 2**10])
     def test_they_do_not_depend_on_the_unit_of_actions(self, make_pendulum, unit):
@@ -315,7 +330,7 @@ class TestTraining:
         class Bytes(Count):
             observation_space = spaces.Box(0, 255, (1,), np.uint8)
 
-        for bonus in ("icm", "rnd"):
+        for bonus in BONUSES:
             venv = wrap(make_venv(env=Bytes), bonus=bonus)
             play(venv, 9)
             assert venv.buffer.state_dict()["observations"].dtype == th.float32
@@ -325,7 +340,7 @@ class TestTraining:
         play(wrap(), 5)
         assert th.get_num_threads() == 2
 
-    @pytest.mark.parametrize("bonus", ["icm", "rnd"])
+    @pytest.mark.parametrize("bonus", BONUSES)
     def test_seeds_decide(self, bonus):
         runs = [play(wrap(bonus=bonus, seed=seed), 12) for seed in (0, 0, 1)]
         rewards = [np.array([step[1] for step in run]) for run in runs]
@@ -334,7 +349,7 @@ class TestTraining:
 
 
 class TestAlgorithms:
-    @pytest.mark.parametrize("bonus", ["icm", "rnd"])
+    @pytest.mark.parametrize("bonus", BONUSES)
     @pytest.mark.parametrize(
         ("algorithm", "settings"),
         [
@@ -370,7 +385,7 @@ class TestAlgorithms:
 
 
 class TestFiles:
-    @pytest.mark.parametrize("bonus", ["icm", "rnd"])
+    @pytest.mark.parametrize("bonus", BONUSES)
     def test_a_saved_wrapper_goes_on_bit_for_bit(self, tmp_path, bonus, assert_same):
         one = wrap(bonus=bonus, weight=0.5, extrinsic=False, bonus_kwargs={"hidden": 8})
         play(one, 11)

@@ -1,0 +1,104 @@
+"""Distance to the nearest states seen, in features that tell what follows what."""
+
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from scipy.spatial.distance import cdist
+from scipy.special import log_softmax
+
+from curiosity_algos.curiosity.apt import APT
+
+BOX = spaces.Box(-1, 1, (6,)), spaces.Box(-2, 2, (2,))
+
+
+def make_apt(space=BOX, **changes):
+    settings = {"n_features": 4, "hidden": 8, "n_neighbors": 3, "seed": 0, "device": "cpu"}
+    return APT(*space, **(settings | changes))
+
+
+def make_observations(n=20, seed=0):
+    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
+
+
+@pytest.mark.parametrize("n_seen", [2, 700])
+def test_novelty_equals_scipy(n_seen, numpy_network):
+    apt, seen, visited = make_apt(), make_observations(n_seen), 2 * make_observations(600, seed=1)
+    apt.observe(th.from_numpy(seen))
+
+    def features(observations):
+        standardized = np.clip((observations - seen.mean(axis=0)) / seen.std(axis=0), -5, 5)
+        return numpy_network(apt.encoder, standardized)
+
+    distances = np.sort(cdist(features(visited), features(seen)), axis=1)[:, :3]
+    scores = apt.score(seen, np.zeros((600, 2)), visited)
+    np.testing.assert_allclose(scores, distances.mean(axis=1), rtol=2e-3, atol=1e-3)
+    trajectory = apt.score_trajectory(visited, np.zeros((599, 2)))
+    np.testing.assert_allclose(trajectory, scores[1:], rtol=1e-3)
+
+
+def test_before_anything_was_observed_all_is_alike():
+    assert make_apt().score(None, None, make_observations()).tolist() == [0.0] * 20
+
+
+def test_the_loss_is_that_of_telling_pairs_apart(numpy_network):
+    apt, before, after = make_apt(normalize=False), make_observations(), make_observations(seed=1)
+    logits = -cdist(numpy_network(apt.encoder, before), numpy_network(apt.encoder, after))
+    ahead, back = (-np.diag(log_softmax(logits, axis=axis)).mean() for axis in (1, 0))
+    loss = apt.losses(*map(th.from_numpy, (before, np.zeros((20, 2)), after)))["loss"]
+    assert loss.item() == pytest.approx((ahead + back) / 2, rel=1e-4)
+
+
+def walk(n, n_entries=6):
+    """A walker in two entries, before noise in the others."""
+    rng = np.random.default_rng(0)
+    walked = np.cumsum(rng.normal(0, 0.1, (n, 2)), axis=0)
+    return np.hstack([walked, rng.normal(0, 1, (n, n_entries - 2))]).astype(np.float32)
+
+
+def test_features_tell_what_follows_what_and_leave_out_noise():
+    apt, states = make_apt(n_features=8, hidden=32, learning_rate=3e-3), walk(2000)
+    apt.observe(th.from_numpy(states))
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        begins = rng.integers(0, 1990, 256)
+        ends = begins + rng.integers(1, 10, 256)
+        batch = states[begins], np.zeros((256, 2), np.float32), states[ends]
+        apt.update(*map(th.from_numpy, batch))
+    moved, noisy = states[:500].copy(), states[:500].copy()
+    moved[:, :2] += states[:, :2].std(axis=0)
+    noisy[:, 2:] = rng.normal(0, 1, (500, 4))
+    with th.no_grad():
+        here, there, elsewhere = (apt._features(each) for each in (states[:500], moved, noisy))
+    assert (there - here).norm(dim=1).mean() > 3 * (elsewhere - here).norm(dim=1).mean()
+
+
+def test_what_the_memory_is_asked_moves_with_the_encoder():
+    apt, seen, visited = make_apt(), make_observations(), make_observations(seed=1)
+    apt.observe(th.from_numpy(seen))
+    first = apt.score(None, None, visited)
+    apt.update(th.from_numpy(seen), th.zeros(20, 2), th.from_numpy(visited))
+    second = apt.score(None, None, visited)
+    assert not np.array_equal(first, second)
+    apt.observe(th.from_numpy(visited))
+    assert (apt.score(None, None, visited) < second).mean() > 0.5  # they are known now
+
+
+def test_a_loaded_bonus_says_the_same():
+    apt, other = make_apt(), make_apt(seed=1)
+    apt.observe(th.from_numpy(make_observations(300)))
+    visited = make_observations(seed=1)
+    assert not np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
+    other.load_state_dict(apt.state_dict())
+    assert np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
+    with pytest.raises(RuntimeError, match="another size"):
+        make_apt(memory_size=10).load_state_dict(apt.state_dict())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("learning_rate", 0.0), ("n_features", 0), ("hidden", 0), ("n_neighbors", 0), ("horizon", 0)],
+)
+def test_errors_name_the_argument(name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_apt(**{name: value})

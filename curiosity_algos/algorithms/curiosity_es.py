@@ -19,20 +19,24 @@ from curiosity_gym.validation import check_at_least_one, check_share
 
 
 class CuriosityES(MotivatedStrategy):
-    """Evolves policies that visit transitions which an Intrinsic Curiosity Module cannot predict.
+    """Evolves policies whose trajectories lead to what a bonus finds curious.
 
     Each generation samples lambda policies around the center, scores them by
     `phi z(return) + (1 - phi) z(curiosity)`, moves the center towards the best mu, and trains the
-    ICM on transitions of all of them, so that what is known stops being curious.
+    bonus on transitions of all of them, so that what is known stops being curious.
+
+    The default bonus, `APT`, asks how far states lie from those remembered. The paper's is the
+    error of an Intrinsic Curiosity Module, summed over the trajectory: `preset="paper"`, or for a
+    task that the paper has not `bonus="icm", n_states=None, n_updates=64, batch_size=1024`.
 
     Args:
-        gamma: In [0, 1]: curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10). The mazes find
-            their goals sooner and more surely with whole trajectories than with the paper's .99.
+        learning_rate: alpha, above 0: scales the center's step.
         bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
             trains.
         bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND` (`learning_rate`, ...).
         n_states: An episode's curiosity is the mean of the highest quarter of those of so many of
             its transitions, which lie evenly over it; None: the sum over all, with `gamma`.
+        gamma: In [0, 1]: in the sum, curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10).
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.
@@ -44,13 +48,14 @@ class CuriosityES(MotivatedStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        gamma: float = 1.0,
-        bonus: str | Bonus = "icm",
+        learning_rate: float = 1.0,
+        bonus: str | Bonus = "apt",
         bonus_kwargs: dict[str, Any] | None = None,
-        n_states: int | None = None,
+        n_states: int | None = 20,
+        gamma: float = 1.0,
         n_transitions: int = 100,
-        n_updates: int = 64,
-        batch_size: int = 1024,
+        n_updates: int = 32,
+        batch_size: int = 256,
         buffer_size: int = 500_000,
         **kwargs: Any,
     ) -> None:
@@ -62,7 +67,7 @@ class CuriosityES(MotivatedStrategy):
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.buffer_size = buffer_size
-        super().__init__(env, policy, **kwargs)
+        super().__init__(env, policy, learning_rate=learning_rate, **kwargs)
 
     @property
     def trained_bonus(self) -> Bonus:

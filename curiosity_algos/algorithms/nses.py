@@ -64,4 +64,5 @@ class NSES(MotivatedStrategy):
         return NoveltyMotivation(n, k=self.k, behavior=self.behavior)
 
     def _forget_behaviors(self) -> None:
+        super()._forget_behaviors()
         self._motivation = self._novelty()

@@ -101,7 +101,7 @@ class APT(NetworkBonus):
         """
         both = self.encoder(self.inputs(th.cat([observations, next_observations])))
         features, next_features = both.chunk(2)
-        logits = -squared_distances(features, next_features).clamp_min(1e-6).sqrt()
+        logits = -distances(features, next_features)
         pairs = th.arange(len(logits), device=logits.device)
         ahead, back = (functional.cross_entropy(each, pairs) for each in (logits, logits.T))
         return {"loss": (ahead + back) / 2.0}
@@ -129,9 +129,9 @@ class APT(NetworkBonus):
         features = self._features(next_observations)
         if not len(self.memory):
             return np.zeros(len(features), dtype=np.float32)
-        known = self.memory.features(self._features)
+        known, squares = self.memory.features(self._features)
         parts = th.split(features, N_QUERIES)
-        return th.cat([self._distance(part, known) for part in parts]).cpu().numpy()
+        return th.cat([self._distance(part, known, squares) for part in parts]).cpu().numpy()
 
     def score_trajectory(
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
@@ -143,11 +143,13 @@ class APT(NetworkBonus):
         parts = th.split(th.from_numpy(observations), N_ENCODED)
         return th.cat([self.encoder(self.inputs(part.to(self.device))) for part in parts])
 
-    def _distance(self, features: th.Tensor, known: th.Tensor) -> th.Tensor:
+    def _distance(self, features: th.Tensor, known: th.Tensor, squares: th.Tensor) -> th.Tensor:
         """Mean distance (n,) of features (n, F) to the nearest of those known (m, F)."""
         n = min(self.n_neighbors, len(known))
-        distances = squared_distances(features, known)
+        # A feature's own square is the same for all that are known: the nearest are so without it.
+        distances = th.addmm(squares, features, known.T, alpha=-2.0)
         nearest = distances.topk(n, dim=1, largest=False, sorted=False).values
+        nearest = nearest + features.square().sum(dim=1, keepdim=True)
         return nearest.clamp_min(0.0).sqrt().mean(dim=1)
 
     # Torch's hints are of its overloads, as in `NetworkBonus`.
@@ -166,10 +168,11 @@ class APT(NetworkBonus):
         self.memory.load_state_dict(state["memory"])
 
 
-def squared_distances(one: th.Tensor, other: th.Tensor) -> th.Tensor:
-    """Squared Euclidean distances (n, m) of rows (n, F) from rows (m, F); roundings may be below 0.
+def distances(one: th.Tensor, other: th.Tensor) -> th.Tensor:
+    """Euclidean distances (n, m) of rows (n, F) from rows (m, F), .001 at least.
 
-    By one matrix product, which is many times faster than `torch.cdist` and its gradient.
+    By one matrix product, whose gradient is many times faster than that of `torch.cdist`.
     """
     products = th.addmm(other.square().sum(dim=1), one, other.T, alpha=-2.0)
-    return products + one.square().sum(dim=1, keepdim=True)
+    squares = products + one.square().sum(dim=1, keepdim=True)
+    return squares.clamp_min(1e-6).sqrt()

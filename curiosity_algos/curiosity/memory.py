@@ -13,9 +13,10 @@ from curiosity_algos.common.randomness import generator_state, load_generator_st
 
 
 class _Encoded(NamedTuple):
-    """Features (size, F) of the places of a memory, and which of them are those of now."""
+    """Features (size, F) of the places of a memory, their squared lengths, and which are of now."""
 
     features: th.Tensor
+    squares: th.Tensor
     is_current: npt.NDArray[np.bool_]
 
 
@@ -47,7 +48,7 @@ class FeatureMemory:
         self.n_seen = 0
         self._kept = np.zeros((size, *shape), dtype=dtype)
         features = th.zeros(size, n_features, device=device)
-        self._encoded = _Encoded(features, np.zeros(size, dtype=np.bool_))
+        self._encoded = _Encoded(features, features[:, 0], np.zeros(size, dtype=np.bool_))
         self._rng = np.random.default_rng(seed)
 
     def __len__(self) -> int:
@@ -74,20 +75,23 @@ class FeatureMemory:
         """Features are to be made anew: what makes them has learned."""
         self._mark(slice(None), is_current=False)
 
-    def features(self, encode: Callable[[npt.NDArray[Any]], th.Tensor]) -> th.Tensor:
-        """Features (n, F) of what is held.
+    def features(
+        self, encode: Callable[[npt.NDArray[Any]], th.Tensor]
+    ) -> tuple[th.Tensor, th.Tensor]:
+        """Features (n, F) of what is held, and the squares (n,) of their lengths.
 
         Threads may ask at once: each may encode what is new, they come to the same, and none
         changes what another reads.
         """
         outdated = np.flatnonzero(~self._encoded.is_current[: len(self)])
-        features = self._encoded.features
+        features, squares, _ = self._encoded
         if len(outdated):
             features = features.clone()
             features[th.from_numpy(outdated)] = encode(self._kept[outdated])
-            self._encoded = self._encoded._replace(features=features)
+            squares = features.square().sum(dim=1)
+            self._encoded = self._encoded._replace(features=features, squares=squares)
             self._mark(outdated, is_current=True)
-        return features[: len(self)]
+        return features[: len(self)], squares[: len(self)]
 
     def _mark(self, places: npt.NDArray[np.int64] | slice, *, is_current: bool) -> None:
         marks = self._encoded.is_current.copy()
@@ -120,7 +124,7 @@ class FeatureMemory:
         features[:n] = state["features"]
         is_current = np.zeros(len(self._kept), dtype=np.bool_)
         is_current[:n] = state["is_current"].cpu().numpy()
-        self._encoded = _Encoded(features, is_current)
+        self._encoded = _Encoded(features, features.square().sum(dim=1), is_current)
 
     def _check(self, state: Mapping[str, Any]) -> npt.NDArray[Any]:
         """The observations of a state that fits this memory."""

@@ -125,7 +125,9 @@ class CuriosityMotivation:
         assert self.n_states is not None
         parts = np.arange(1, self.n_states + 1) / self.n_states
         ends = np.ceil(parts * len(actions)).astype(np.int64)
-        curiosity = self.bonus.score(observations[ends - 1], actions[ends - 1], observations[ends])
+        before, after = observations[ends - 1], observations[ends]
+        check_observations(after)  # a bonus may bound what it takes, and see no infinity
+        curiosity = self.bonus.score(before, actions[ends - 1], after)
         n_highest = max(1, self.n_states // 4)
         return float(np.sort(curiosity)[-n_highest:].mean(dtype=np.float64))
 

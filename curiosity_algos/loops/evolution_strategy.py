@@ -224,7 +224,8 @@ class MotivatedStrategy(EvolutionStrategy):
 
     Args:
         phi: Weight of the extrinsic fitness, in [0, 1]; "adaptive": it begins at .8, falls to 0
-            while the best return stays, and rises with each better one (Conti et al. 2018).
+            while the best return stays, and rises with each better one (Conti et al. 2018). The
+            paper's is .8.
         no_reward: "ignore" or "random": what stands for the extrinsic fitness while a generation
             has no reward (the paper draws it at random).
     """
@@ -234,7 +235,7 @@ class MotivatedStrategy(EvolutionStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        phi: float | str = 0.8,
+        phi: float | str = "adaptive",
         no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
@@ -257,9 +258,12 @@ class MotivatedStrategy(EvolutionStrategy):
         self._fitness = Fitness(make_phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
 
+    def _forget_behaviors(self) -> None:
+        self._fitness.phi.forget()
+
     def _assess(self, rollouts: Rollouts) -> tuple[Float64Array, Mapping[str, float]]:
         self._intrinsic = intrinsic = self._motivation.score(rollouts)
-        self._fitness.phi.adapt(improved=rollouts.returns.max() > self._best_return)
+        self._fitness.phi.adapt(rollouts.returns.max())
         metrics = {
             "search/phi": self._fitness.phi.value,
             "intrinsic/mean": intrinsic.mean(),

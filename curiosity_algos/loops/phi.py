@@ -7,6 +7,7 @@ via a Population of Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560), 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Protocol
 
@@ -27,8 +28,12 @@ class Phi(Protocol):
 
     value: float
 
-    def adapt(self, improved: bool) -> None:
-        """Take in a generation: whether its best return is the best so far."""
+    def adapt(self, best_return: float) -> None:
+        """Take in a generation's best return."""
+        ...
+
+    def forget(self) -> None:
+        """Returns so far were of another environment."""
         ...
 
     def state_dict(self) -> dict[str, Any]:
@@ -60,7 +65,10 @@ class FixedPhi:
     def __init__(self, value: float) -> None:
         self.value = value
 
-    def adapt(self, improved: bool) -> None:
+    def adapt(self, best_return: float) -> None:
+        """Stay."""
+
+    def forget(self) -> None:
         """Stay."""
 
     def state_dict(self) -> dict[str, Any]:
@@ -80,9 +88,12 @@ class AdaptivePhi:
     def __init__(self) -> None:
         self.value = HIGHEST
         self._waited = 0
+        self._best = -math.inf
 
-    def adapt(self, improved: bool) -> None:
-        """Take in a generation: whether its best return is the best so far."""
+    def adapt(self, best_return: float) -> None:
+        """Take in a generation's best return."""
+        improved = best_return > self._best
+        self._best = max(self._best, float(best_return))
         self._waited = 0 if improved else self._waited + 1
         if improved:
             self._move(STEP)
@@ -90,16 +101,21 @@ class AdaptivePhi:
             self._move(-STEP)
             self._waited = 0
 
+    def forget(self) -> None:
+        """Compare returns with none from here on; the weight stays."""
+        self._best = -math.inf
+
     def _move(self, step: float) -> None:
         # Rounded, so that steps up and down meet at the same numbers, 0 among them.
         self.value = min(HIGHEST, max(0.0, round(self.value + step, 6)))
 
     def state_dict(self) -> dict[str, Any]:
-        """The weight, and for how many generations it has waited."""
-        return {"phi": self.value, "waited": self._waited}
+        """The weight, the best return, and for how many generations it has waited."""
+        return {"phi": self.value, "waited": self._waited, "best": self._best}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave; nothing of a fixed weight."""
         if "phi" in state:
             check_share(phi=state["phi"])
             self.value, self._waited = float(state["phi"]), int(state["waited"])
+            self._best = float(state["best"])

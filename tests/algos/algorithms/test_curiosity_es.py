@@ -35,7 +35,8 @@ def test_the_trained_bonus_is_at_hand(algorithm, make_model, make_easy_maze, tmp
 
 def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_same):
     curious = make_model(CuriosityES, make_easy_maze(), phi=1.0).learn(2000)
-    canonical = make_model(CanonicalES, make_easy_maze()).learn(2000)
+    rate = curious.learning_rate
+    canonical = make_model(CanonicalES, make_easy_maze(), learning_rate=rate).learn(2000)
     assert_same(curious._search.state_dict(), canonical._search.state_dict())
     assert curious.num_timesteps == canonical.num_timesteps
 
@@ -44,10 +45,13 @@ def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_
     "changes",
     [
         {"phi": 0.0},
-        {"gamma": 0.5},
         {"no_reward": "random"},
-        {"bonus_kwargs": {"beta": 0.9}},
+        {"n_states": 5},
+        {"n_states": None},
+        {"bonus_kwargs": {"horizon": 3}},
         {"bonus_kwargs": {"normalize": False}},
+        {"bonus": "icm"},
+        {"bonus": "icm", "bonus_kwargs": {"beta": 0.9}},
         {"bonus": "rnd"},
         {"bonus": "rnd", "bonus_kwargs": {"n_features": 3}},
         {"n_updates": 5},
@@ -64,6 +68,15 @@ def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
     assert not np.array_equal(plain._search.center, changed._search.center)
 
 
+def test_gamma_weighs_the_sum_over_all_transitions(make_model, make_easy_maze):
+    settings = {"phi": 0.5, "n_states": None, "seed": 2}
+    centers = [
+        make_model(CuriosityES, make_easy_maze(), gamma=gamma, **settings).learn(3000)._center()
+        for gamma in (1.0, 0.5)
+    ]
+    assert not np.array_equal(*centers)
+
+
 def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
     make_model(CuriosityES, make_maze()).learn(300).save(tmp_path / "model")
     loaded = CuriosityES.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
@@ -73,7 +86,7 @@ def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
 
 
 @pytest.mark.parametrize("env", ["CartPole-v1", "Pendulum-v1"])
-def test_discrete_and_continuous_actions_train_the_icm(make_model, env):
+def test_discrete_and_continuous_actions_train_the_bonus(make_model, env):
     model = make_model(CuriosityES, env)
     before = [p.detach().clone() for p in model._motivation.bonus.parameters()]
     model.learn(300)
@@ -87,6 +100,7 @@ def test_discrete_and_continuous_actions_train_the_icm(make_model, env):
     [
         ("phi", [-0.1, 1.1, float("nan")]),
         ("gamma", [-0.1, 1.1, float("nan")]),
+        ("n_states", [0, 1.5]),
         ("bonus", ["ICM", "", None]),
         ("no_reward", ["noise", None]),
         ("n_transitions", [0, 1.5]),
@@ -102,7 +116,8 @@ def test_errors_name_the_argument(make_model, make_maze, name, values):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("beta", 2.0), ("learning_rate", -1.0), ("n_features", 0), ("hidden", 0)]
+    ("name", "value"),
+    [("horizon", 0), ("n_neighbors", 0), ("learning_rate", -1.0), ("n_features", 0), ("hidden", 0)],
 )
 def test_errors_of_the_bonus_name_the_argument(make_model, make_maze, name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):
@@ -123,7 +138,7 @@ def test_an_observation_that_is_not_finite_teaches_nothing(make_model, make_easy
 
     def spoil(parameters, seed):
         rollouts = evaluate(parameters, seed)
-        rollouts.observations[1, 0] = np.inf
+        rollouts.observations[1] = np.inf
         return rollouts
 
     model.evaluator.evaluate = spoil

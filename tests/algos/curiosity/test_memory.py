@@ -57,9 +57,9 @@ class TestFeatures:
     def test_only_what_is_new_is_encoded(self):
         memory, encode = make_memory(3), Encoder()
         memory.add(column(1, 2))
-        assert memory.features(encode).tolist() == [[2, -2], [4, -4]]
+        assert memory.features(encode)[0].tolist() == [[2, -2], [4, -4]]
         memory.add(column(3))
-        assert memory.features(encode).tolist() == [[2, -2], [4, -4], [6, -6]]
+        assert memory.features(encode)[0].tolist() == [[2, -2], [4, -4], [6, -6]]
         memory.features(encode)
         assert encode.asked == [1, 2, 3]
 
@@ -69,21 +69,23 @@ class TestFeatures:
         memory.features(encode)
         memory.add(column(*range(4, 40)))
         expected = np.hstack([2 * memory.observations, -2 * memory.observations])
-        np.testing.assert_array_equal(memory.features(encode), expected)
+        features, squares = memory.features(encode)
+        np.testing.assert_array_equal(features, expected)
+        np.testing.assert_array_equal(squares, (expected**2).sum(axis=1))
         assert max(expected[:, 0]) > 6
 
     def test_outdated_ones_are_made_anew(self):
         memory = make_memory(3)
         memory.add(column(1, 2))
         memory.features(Encoder())
-        assert memory.features(Encoder(5.0)).tolist() == [[2, -2], [4, -4]]
+        assert memory.features(Encoder(5.0))[0].tolist() == [[2, -2], [4, -4]]
         memory.outdate()
-        assert memory.features(Encoder(5.0)).tolist() == [[5, -5], [10, -10]]
+        assert memory.features(Encoder(5.0))[0].tolist() == [[5, -5], [10, -10]]
 
     def test_what_one_was_given_stays_as_it_was(self):
         memory = make_memory(3)
         memory.add(column(1, 2))
-        before = memory.features(Encoder())
+        before, _ = memory.features(Encoder())
         memory.outdate()
         memory.features(Encoder(5.0))
         assert before.tolist() == [[2, -2], [4, -4]]
@@ -97,7 +99,8 @@ class TestFeatures:
             return Encoder()(observations)
 
         threads = [
-            threading.Thread(target=lambda: given.append(memory.features(slow))) for _ in range(4)
+            threading.Thread(target=lambda: given.append(memory.features(slow)[0]))
+            for _ in range(4)
         ]
         for thread in threads:
             thread.start()
@@ -119,7 +122,8 @@ class TestState:
         other.load_state_dict(one.state_dict())
         # Of what was encoded nothing is encoded anew, by another encoder now.
         features = [memory.features(Encoder(3.0)) for memory in (one, other)]
-        assert th.equal(*features)
+        for one_part, other_part in zip(*features, strict=True):
+            assert th.equal(one_part, other_part)
         for memory in (one, other):
             memory.add(column(*range(25, 60)))
         assert one.n_seen == other.n_seen == 60

@@ -63,14 +63,15 @@ KEYS = {
 }
 COVERAGE_KEYS = {"coverage/reachable", "coverage/visited", "coverage/all"}
 ES_KEYS = {"search/norm"}
+PHI_KEYS = {"search/phi"}
 INTRINSIC_KEYS = {"intrinsic/mean", "intrinsic/max"}
 ICM_KEYS = {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
 ARCHIVE_KEYS = {"archive/size", "archive/qd_score", "archive/best"}
 GRID_KEYS = ARCHIVE_KEYS | {"archive/coverage"}
 OWN_KEYS = {
     CanonicalES: ES_KEYS,
-    CuriosityES: ES_KEYS | INTRINSIC_KEYS | ICM_KEYS,
-    NSES: ES_KEYS | INTRINSIC_KEYS | {"archive/size"},
+    CuriosityES: ES_KEYS | PHI_KEYS | INTRINSIC_KEYS | {"apt/loss"},
+    NSES: ES_KEYS | PHI_KEYS | INTRINSIC_KEYS | {"archive/size"},
     NSLC: ARCHIVE_KEYS | {"archive/threshold"},
     MAPElites: GRID_KEYS,
     CMAME: GRID_KEYS,

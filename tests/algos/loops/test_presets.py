@@ -160,7 +160,7 @@ def test_what_a_preset_says_nothing_of_is_refused():
 
 
 def test_a_preset_is_found_for_every_kind_of_env():
-    expected = load_preset("tuned", "CuriosityES", HARD)["learning_rate"]
+    expected = load_preset("paper", "CuriosityES", HARD)["sigma"]
     envs = [
         HARD,
         f"curiosity_gym:{HARD}",
@@ -168,9 +168,9 @@ def test_a_preset_is_found_for_every_kind_of_env():
         gym.make_vec(HARD, num_envs=2),
         DummyVecEnv([lambda: gym.make(HARD)]),
     ]
-    rates = [CuriosityES(env, preset="tuned").learning_rate for env in envs]
-    assert rates == [expected] * len(envs)
-    assert CuriosityES(env=HARD, preset="tuned").learning_rate == expected
+    sigmas = [CuriosityES(env, preset="paper").sigma for env in envs]
+    assert sigmas == [expected] * len(envs)
+    assert CuriosityES(env=HARD, preset="paper").sigma == expected != CuriosityES(HARD).sigma
 
 
 def test_what_is_given_counts_more_than_the_preset():

@@ -40,6 +40,7 @@ def ppo(seed: int, bonus: str | None) -> PPO:
 VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
     "ppo": {
         "PPO": lambda seed: ppo(seed, None),
+        "PPO + APT": lambda seed: ppo(seed, "apt"),
         "PPO + ICM": lambda seed: ppo(seed, "icm"),
         "PPO + RND": lambda seed: ppo(seed, "rnd"),
     },

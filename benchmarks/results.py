@@ -68,6 +68,11 @@ def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:
     return runs.loc[order.sort_values(["covered", "env"], kind="stable").index]
 
 
+def read_tries(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """A row for each run of a setting that was tried, in the order of the tries."""
+    return pd.read_csv(folder / f"{name}.csv")
+
+
 def read_curves(name: str, folder: Path = FOLDER) -> pd.DataFrame:
     """A row for each time of each run."""
     return pd.read_csv(folder / f"{name}_curves.csv")

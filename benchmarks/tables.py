@@ -8,12 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import typer
 
-from benchmarks.results import read_runs
+from benchmarks.results import read_runs, read_tries
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
     interquartile_mean,
@@ -82,6 +83,23 @@ def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> li
     return [algorithm, short_name(env), *(" / ".join(column) for column in columns), seconds]
 
 
+def tries(values: pd.DataFrame) -> str:
+    """A row for each setting: of each run its first reward in M steps, and its coverage in %."""
+    envs = list(dict.fromkeys(values["env"]))
+    keys = ["curiosity", "phi", "timesteps"]
+    rows = []
+    for (curiosity, phi, timesteps), group in values.groupby(keys, sort=False):
+        cells = [", ".join(map(_try, group[group["env"] == env].itertuples())) for env in envs]
+        rows.append([curiosity, phi, f"{timesteps / 1e6:.0f} M", *cells])
+    return markdown(["Curiosity", "`phi`", "Steps", *map(short_name, envs)], rows)
+
+
+def _try(run: Any) -> str:
+    first = run.first_success_timesteps
+    share = "" if pd.isna(run.coverage) else f" ({_short(100 * run.coverage)})"
+    return f"{'never' if pd.isna(first) else _short(first / 1e6, 1)}{share}"
+
+
 def processors(runs: pd.DataFrame) -> str:
     """What the runs were trained on, in a line."""
     return f"Trained on {', '.join(sorted(set(runs['machine.processor'])))}."
@@ -92,6 +110,9 @@ TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "mazes-seeds": ("mazes", every_seed),
     "mazes-processors": ("mazes", processors),
     "table-1-seeds": ("table_1", every_seed),
+    "mazes-icm-summary": ("mazes_icm", summary),
+    "mazes-icm-seeds": ("mazes_icm", every_seed),
+    "tries": ("tries", tries),
     "control-summary": ("control", summary),
     "control-seeds": ("control", every_seed),
     "ppo-summary": ("ppo", summary),
@@ -107,7 +128,8 @@ def write_tables(text: str) -> str:
 
     def make(match: re.Match[str]) -> str:
         source, table = TABLES[match[2]]
-        return f"{match[1]}\n{table(read_runs(source))}\n\n{match[3]}"
+        read = read_tries if source == "tries" else read_runs
+        return f"{match[1]}\n{table(read(source))}\n\n{match[3]}"
 
     return MARKED.sub(make, text)
 

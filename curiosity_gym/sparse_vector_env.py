@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 from typing import Any
 
 import gymnasium as gym
@@ -183,6 +184,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
             raise ValueError(
                 f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seed)}."
             )
+        seed = int(seed) if isinstance(seed, Integral) else seed
         mask = self._reset_mask(options)
         super().reset(seed=seed if isinstance(seed, int) else None)
         self._seed_generators(seed, mask)

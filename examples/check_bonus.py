@@ -13,7 +13,7 @@ import typer
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from curiosity_algos import ICM, RND
+from curiosity_algos import APT, ICM, RND
 from curiosity_algos.curiosity.checks import (
     Learned,
     StatePrediction,
@@ -22,8 +22,8 @@ from curiosity_algos.curiosity.checks import (
     watch_noisy_tv,
 )
 
-BONUSES = {"ICM": ICM, "RND": RND, "state prediction": StatePrediction}
-COLORS = ["tab:blue", "tab:orange", "tab:green"]
+BONUSES = {"APT": APT, "ICM": ICM, "RND": RND, "state prediction": StatePrediction}
+COLORS = ["tab:red", "tab:blue", "tab:orange", "tab:green"]
 
 
 def main(
@@ -55,7 +55,7 @@ def draw_tiny_mdp(learned: dict[str, Learned]) -> Figure:
         axes.plot(curves.n_updates, curves.unseen / start, "--", color=color, label="not seen")
     axes.set(xlabel="gradient steps", ylabel="bonus, as a multiple of the first", yscale="log")
     axes.set_ylim(bottom=1e-4)
-    axes.legend(ncols=3, fontsize="small")
+    figure.legend(loc="outside upper center", ncols=4, fontsize="small")
     return figure
 
 

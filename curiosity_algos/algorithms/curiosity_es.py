@@ -11,11 +11,15 @@ import numpy as np
 
 from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.make import check_bonus_choice
-from curiosity_algos.curiosity.motivation import CuriosityMotivation, make_motivation
+from curiosity_algos.curiosity.motivation import (
+    CuriosityMotivation,
+    check_how_to_score,
+    make_motivation,
+)
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
-from curiosity_gym.validation import check_at_least_one, check_share
+from curiosity_gym.validation import check_at_least_one
 
 
 class CuriosityES(MotivatedStrategy):
@@ -36,7 +40,8 @@ class CuriosityES(MotivatedStrategy):
         bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND` (`learning_rate`, ...).
         n_states: An episode's curiosity is the mean of the highest quarter of those of so many of
             its transitions, which lie evenly over it; None: the sum over all, with `gamma`.
-        gamma: In [0, 1]: in the sum, curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10).
+        gamma: In [0, 1]: in that sum, curiosity of step t of T weighs `gamma^(T-1-t)` (eq. 10); 1
+            where `n_states` is a number.
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.
@@ -77,11 +82,9 @@ class CuriosityES(MotivatedStrategy):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_share(gamma=self.gamma)
+        check_how_to_score(self.n_states, self.gamma)
         check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
         check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
-        if self.n_states is not None:
-            check_at_least_one(n_states=self.n_states)
         check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:

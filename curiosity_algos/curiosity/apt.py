@@ -8,6 +8,7 @@ images and their crops; these are of states and what follows them, as in Jiang e
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,6 +18,7 @@ import torch as th
 from gymnasium import spaces
 from torch.nn import functional
 
+from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_algos.curiosity.base import FloatArray, NetworkBonus
 from curiosity_algos.curiosity.encoders import make_encoder
@@ -85,6 +87,7 @@ class APT(NetworkBonus):
         self.encoder = make_encoder(
             observation_space, hidden, hidden, n_features, generator=torch_generator(seed)
         )
+        self.statistics = copy.deepcopy(self.normalizer)
         self._begin(learning_rate, device)
         dtype = np.float32 if self.images is None else np.uint8
         self.memory = FeatureMemory(
@@ -107,14 +110,17 @@ class APT(NetworkBonus):
         return {"loss": (ahead + back) / 2.0}
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, ...) into the memory and the statistics of the inputs."""
-        super().observe(observations)
+        """Take observations (n, ...) into the memory, and into the statistics from `update` on."""
+        if isinstance(self.statistics, RunningNormalizer):
+            self.statistics.observe(self._flat(observations.to(self.device)))
         self.memory.add(observations.cpu().numpy())
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, float]:
         """One step of Adam on a batch; the loss before it."""
+        # Until then what is asked and what is remembered are standardized alike.
+        self.normalizer.load_state_dict(self.statistics.state_dict())
         self.memory.outdate()
         return super().update(observations, actions, next_observations)
 
@@ -164,6 +170,10 @@ class APT(NetworkBonus):
         Raises:
             RuntimeError: If it is that of another bonus, of other networks or another memory.
         """
+        try:
+            self.memory.check(state["memory"])
+        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
+            raise RuntimeError("`bonus` must be made as the one that was saved.") from error
         super().load_state_dict(state, *args, **kwargs)
         self.memory.load_state_dict(state["memory"])
 

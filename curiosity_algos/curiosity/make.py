@@ -80,6 +80,9 @@ def _check_fits(
         raise ValueError(
             f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."
         )
+    horizon = getattr(bonus, "horizon", 1)
+    if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
+        raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
     check_plain(bonus.state_dict(), "bonus")
 
 

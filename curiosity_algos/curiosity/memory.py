@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +12,8 @@ import torch as th
 
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
-
-class _Encoded(NamedTuple):
-    """Features (size, F) of the places of a memory, their squared lengths, and which are of now."""
-
-    features: th.Tensor
-    squares: th.Tensor
-    is_current: npt.NDArray[np.bool_]
+_ENCODING = threading.Lock()
+"""Held by the thread that encodes what is new; no part of a memory, which can be copied."""
 
 
 class FeatureMemory:
@@ -47,8 +43,9 @@ class FeatureMemory:
     ) -> None:
         self.n_seen = 0
         self._kept = np.zeros((size, *shape), dtype=dtype)
-        features = th.zeros(size, n_features, device=device)
-        self._encoded = _Encoded(features, features[:, 0], np.zeros(size, dtype=np.bool_))
+        self._features = th.zeros(size, n_features, device=device)
+        self._squares = th.zeros(size, device=device)
+        self._is_current = np.zeros(size, dtype=np.bool_)
         self._rng = np.random.default_rng(seed)
 
     def __len__(self) -> int:
@@ -69,42 +66,36 @@ class FeatureMemory:
         is_kept = places < len(self._kept)
         self._kept[places[is_kept]] = observations[is_kept]  # of two in a place the later stays
         self.n_seen += len(observations)
-        self._mark(places[is_kept], is_current=False)
+        self._is_current[places[is_kept]] = False
 
     def outdate(self) -> None:
         """Features are to be made anew: what makes them has learned."""
-        self._mark(slice(None), is_current=False)
+        self._is_current[:] = False
 
     def features(
         self, encode: Callable[[npt.NDArray[Any]], th.Tensor]
     ) -> tuple[th.Tensor, th.Tensor]:
         """Features (n, F) of what is held, and the squares (n,) of their lengths.
 
-        Threads may ask at once: each may encode what is new, they come to the same, and none
-        changes what another reads.
+        Threads may ask at once: the first encodes what is new, and the others wait for it.
         """
-        outdated = np.flatnonzero(~self._encoded.is_current[: len(self)])
-        features, squares, _ = self._encoded
-        if len(outdated):
-            features = features.clone()
-            features[th.from_numpy(outdated)] = encode(self._kept[outdated])
-            squares = features.square().sum(dim=1)
-            self._encoded = self._encoded._replace(features=features, squares=squares)
-            self._mark(outdated, is_current=True)
-        return features[: len(self)], squares[: len(self)]
-
-    def _mark(self, places: npt.NDArray[np.int64] | slice, *, is_current: bool) -> None:
-        marks = self._encoded.is_current.copy()
-        marks[places] = is_current
-        self._encoded = self._encoded._replace(is_current=marks)
+        n = len(self)
+        with _ENCODING:
+            outdated = np.flatnonzero(~self._is_current[:n])
+            if len(outdated):
+                features, places = encode(self._kept[outdated]), th.from_numpy(outdated)
+                self._features[places] = features
+                self._squares[places] = features.square().sum(dim=1)
+                self._is_current[outdated] = True
+        return self._features[:n], self._squares[:n]
 
     def state_dict(self) -> dict[str, Any]:
         """What is held, its features, and the state of the draws."""
         n = len(self)
         return {
             "observations": th.from_numpy(self.observations.copy()),
-            "features": self._encoded.features[:n].clone(),
-            "is_current": th.from_numpy(self._encoded.is_current[:n].copy()),
+            "features": self._features[:n].clone(),
+            "is_current": th.from_numpy(self._is_current[:n].copy()),
             "n_seen": self.n_seen,
             "rng": generator_state(self._rng),
         }
@@ -113,30 +104,29 @@ class FeatureMemory:
         """Take over what `state_dict` gave.
 
         Raises:
-            RuntimeError: If it is of another size or of other observations.
+            RuntimeError: If it is of another size or of other observations; nothing has changed.
         """
-        held = self._check(state)
-        n = len(held)
+        self.check(state)
         load_generator_state(self._rng, state["rng"])
-        self.n_seen = state["n_seen"]
-        self._kept[:n] = held
-        features = th.zeros_like(self._encoded.features)
-        features[:n] = state["features"]
-        is_current = np.zeros(len(self._kept), dtype=np.bool_)
-        is_current[:n] = state["is_current"].cpu().numpy()
-        self._encoded = _Encoded(features, features.square().sum(dim=1), is_current)
+        self.n_seen, n = state["n_seen"], len(state["observations"])
+        self._kept[:n] = state["observations"].cpu().numpy()
+        self._features[:n] = state["features"]
+        self._squares[:n] = self._features[:n].square().sum(dim=1)
+        self._is_current[:] = False
+        self._is_current[:n] = state["is_current"].cpu().numpy()
 
-    def _check(self, state: Mapping[str, Any]) -> npt.NDArray[Any]:
-        """The observations of a state that fits this memory."""
-        held: npt.NDArray[Any] = state["observations"].cpu().numpy()
-        n, n_seen = len(held), state["n_seen"]
+    def check(self, state: Mapping[str, Any]) -> None:
+        """Raise RuntimeError unless `load_state_dict` would take the state."""
+        held, n_seen = state["observations"], state["n_seen"]
+        n, n_features = len(held), self._features.shape[1]
         if type(n_seen) is not int or n != min(n_seen, len(self._kept)):
             raise RuntimeError("The memory is of another size.")
-        n_features = self._encoded.features.shape[1]
-        if state["features"].shape != (n, n_features) or state["is_current"].shape != (n,):
-            raise RuntimeError("The memory is of other features.")
-        if held.shape[1:] != self._kept.shape[1:] or held.dtype != self._kept.dtype:
+        if held.shape[1:] != self._kept.shape[1:] or held.cpu().numpy().dtype != self._kept.dtype:
             raise RuntimeError("The memory is of other observations.")
-        if not np.isfinite(held).all() or not bool(th.isfinite(state["features"]).all()):
+        is_current = state["is_current"]
+        if state["features"].shape != (n, n_features) or is_current.shape != (n,):
+            raise RuntimeError("The memory is of other features.")
+        if is_current.dtype != th.bool or not isinstance(state["rng"], str):
+            raise RuntimeError("The memory is damaged.")
+        if not all(bool(th.isfinite(each).all()) for each in (held, state["features"])):
             raise RuntimeError("The memory holds NaN or infinity.")
-        return held

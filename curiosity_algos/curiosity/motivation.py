@@ -123,10 +123,10 @@ class CuriosityMotivation:
 
     def _score_some(self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]) -> float:
         assert self.n_states is not None
-        parts = np.arange(1, self.n_states + 1) / self.n_states
-        ends = np.ceil(parts * len(actions)).astype(np.int64)
+        ends = -(-np.arange(1, self.n_states + 1) * len(actions) // self.n_states)  # rounded up
         before, after = observations[ends - 1], observations[ends]
-        check_observations(after)  # a bonus may bound what it takes, and see no infinity
+        for each in (before, after):  # a bonus may bound what it takes, and see no infinity
+            check_observations(each)
         curiosity = self.bonus.score(before, actions[ends - 1], after)
         n_highest = max(1, self.n_states // 4)
         return float(np.sort(curiosity)[-n_highest:].mean(dtype=np.float64))
@@ -163,17 +163,26 @@ class CuriosityMotivation:
         load_generator_state(self._rng, state["rng"])
 
 
+def check_how_to_score(n_states: int | None, gamma: float) -> None:
+    """Raise ValueError unless a trajectory can be scored so."""
+    check_share(gamma=gamma)
+    if n_states is not None:
+        check_at_least_one(n_states=n_states)
+        if gamma != 1.0:
+            raise ValueError("`gamma` must be 1 unless `n_states` is None: it weighs the sum.")
+
+
 def make_motivation(
     observation_space: spaces.Space[Any],
     action_space: spaces.Space[Any],
     *,
-    bonus: str | Bonus = "icm",
+    bonus: str | Bonus = "apt",
     bonus_kwargs: Mapping[str, Any] | None = None,
+    n_states: int | None = 20,
     gamma: float = 1.0,
-    n_states: int | None = None,
     n_transitions: int = 100,
-    n_updates: int = 64,
-    batch_size: int = 1024,
+    n_updates: int = 32,
+    batch_size: int = 256,
     buffer_size: int = 500_000,
     seed: int | np.random.SeedSequence | None = None,
     device: th.device | str = "auto",
@@ -201,11 +210,9 @@ def make_motivation(
         ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
     check_bonus_choice(bonus, bonus_kwargs or {})
-    check_share(gamma=gamma)
+    check_how_to_score(n_states, gamma)
     check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
     check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
-    if n_states is not None:
-        check_at_least_one(n_states=n_states)
     motivation_seed, networks_seed, buffer_seed = _seed_sequence(seed).spawn(3)
     made = make_bonus(
         bonus,

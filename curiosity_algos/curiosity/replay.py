@@ -79,7 +79,16 @@ class CuriosityReplayBuffer(ReplayBuffer):
         check_observations(obs)
         check_observations(next_obs)
         check_rewards(reward)
+        self._end_what_was_left(obs)
         super().add(obs, next_obs, action, reward, done, infos)
+
+    def _end_what_was_left(self, obs: npt.NDArray[Any]) -> None:
+        """Truncate the episode before, if this step begins another: no span goes over a gap."""
+        newest = self.pos - 1
+        if self.size() and not np.array_equal(self.next_observations[newest], obs):
+            is_done = self.dones[newest] > 0
+            self.timeouts[newest] = np.where(is_done, self.timeouts[newest], 1.0)
+            self.dones[newest] = 1.0
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
         """Transitions drawn uniformly with replacement; the bonus sees raw observations.

@@ -21,7 +21,8 @@ ARRAYS = ("observations", "actions", "lengths")
 
 def horizon_of(bonus: Bonus) -> int:
     """Steps that the transitions span at most which a bonus learns from: its `horizon`, or 1."""
-    return int(getattr(bonus, "horizon", 1))
+    horizon: int = getattr(bonus, "horizon", 1)
+    return horizon
 
 
 def draw_steps(rng: np.random.Generator, shape: tuple[int, ...], horizon: int) -> IntArray:
@@ -88,8 +89,16 @@ class RecentSteps:
         """Take over what `state_dict` gave.
 
         Raises:
-            ValueError: If it is that of other environments or another horizon.
+            ValueError: If it is that of other environments or another horizon; nothing has changed.
         """
+        self.check(state)
+        load_generator_state(self._rng, state["rng"])
+        self._next = state["next"]
+        for name in ARRAYS:
+            getattr(self, f"_{name}")[:] = state[name].cpu().numpy()
+
+    def check(self, state: Mapping[str, Any]) -> None:
+        """Raise ValueError unless `load_state_dict` would take the state."""
         arrays = {name: state[name].cpu().numpy() for name in ARRAYS}
         for name, array in arrays.items():
             own = getattr(self, f"_{name}")
@@ -101,7 +110,3 @@ class RecentSteps:
             raise ValueError(f"`lengths` must be from 0 to {self.horizon}.")
         if type(place) is not int or not 0 <= place < self.horizon:
             raise ValueError(f"`next` must be from 0 to below {self.horizon}, got {place!r}.")
-        load_generator_state(self._rng, state["rng"])
-        self._next = place
-        for name, array in arrays.items():
-            getattr(self, f"_{name}")[:] = array

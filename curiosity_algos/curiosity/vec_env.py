@@ -272,6 +272,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         shape = (self.num_envs, *(self.observation_space.shape or ()))
         dtype = np.uint8 if self._has_images else np.float32
         observations = last_observations(state["observations"], shape, dtype)
+        self._recent.check(state["recent"])
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])

@@ -189,9 +189,12 @@ def check_fits(
         raise ValueError(f"`bonus` must be None, it was saved as {name!r}.")
     with sound(path):
         n_envs = len(saved["state"]["scale"]["sums"])
+        horizon = saved["state"]["recent"]["observations"].shape[1]
         is_same = n_envs == venv.num_envs and bool(saved["spaces"] == _described(venv))
         if saved["environments"] is not None and len(saved["environments"]) != n_envs:
             raise ValueError(f"`environments` must be None or {n_envs} states.")
+    if bonus is not None and getattr(bonus, "horizon", 1) != horizon:
+        raise ValueError(f"`bonus` must have a `horizon` of {horizon}, as the one that was saved.")
     if not is_same:
         raise ValueError(
             f"`venv` must have {n_envs} environments with the spaces that were saved, got "

@@ -97,12 +97,12 @@ class AdaptivePhi:
         self._waited = 0 if improved else self._waited + 1
         if improved:
             self._move(STEP)
-        elif self._waited == PATIENCE:
+        elif self._waited >= PATIENCE:
             self._move(-STEP)
             self._waited = 0
 
     def forget(self) -> None:
-        """Compare returns with none from here on; the weight stays."""
+        """Compare returns with none from here on: the next generation is a better one."""
         self._best = -math.inf
 
     def _move(self, step: float) -> None:
@@ -117,5 +117,7 @@ class AdaptivePhi:
         """Take over what `state_dict` gave; nothing of a fixed weight."""
         if "phi" in state:
             check_share(phi=state["phi"])
-            self.value, self._waited = float(state["phi"]), int(state["waited"])
-            self._best = float(state["best"])
+            waited, best = int(state["waited"]), float(state["best"])
+            if math.isnan(best):
+                raise ValueError("`best` must be a number.")
+            self.value, self._waited, self._best = float(state["phi"]), waited, best

@@ -77,6 +77,11 @@ def test_gamma_weighs_the_sum_over_all_transitions(make_model, make_easy_maze):
     assert not np.array_equal(*centers)
 
 
+def test_gamma_without_the_sum_is_a_mistake(make_model, make_easy_maze):
+    with pytest.raises(ValueError, match="`gamma` must be 1 unless `n_states` is None"):
+        make_model(CuriosityES, make_easy_maze(), gamma=0.9)
+
+
 def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
     make_model(CuriosityES, make_maze()).learn(300).save(tmp_path / "model")
     loaded = CuriosityES.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
@@ -132,13 +137,16 @@ def test_curiosity_does_not_depend_on_the_unit_of_actions(make_model, make_pendu
     np.testing.assert_array_equal(models[0]._ask(), models[1]._ask())
 
 
-def test_an_observation_that_is_not_finite_teaches_nothing(make_model, make_easy_maze):
-    model = make_model(CuriosityES, make_easy_maze())
+@pytest.mark.parametrize(("n_states", "place"), [(None, 0), (20, -1), (20, -2)])
+def test_an_observation_that_is_not_finite_teaches_nothing(
+    make_model, make_easy_maze, n_states, place
+):
+    model = make_model(CuriosityES, make_easy_maze(), n_states=n_states)
     evaluate = model.evaluator.evaluate
 
     def spoil(parameters, seed):
         rollouts = evaluate(parameters, seed)
-        rollouts.observations[1] = np.inf
+        rollouts.observations[1, : rollouts.lengths[1] + 1][place] = np.inf
         return rollouts
 
     model.evaluator.evaluate = spoil

@@ -25,6 +25,7 @@ def make_observations(n=20, seed=0):
 def test_novelty_equals_scipy(n_seen, numpy_network):
     apt, seen, visited = make_apt(), make_observations(n_seen), 2 * make_observations(600, seed=1)
     apt.observe(th.from_numpy(seen))
+    apt.update(*(th.from_numpy(part) for part in (seen, np.zeros((len(seen), 2)), seen)))
 
     def features(observations):
         standardized = np.clip((observations - seen.mean(axis=0)) / seen.std(axis=0), -5, 5)
@@ -91,8 +92,29 @@ def test_a_loaded_bonus_says_the_same():
     assert not np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
     other.load_state_dict(apt.state_dict())
     assert np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
-    with pytest.raises(RuntimeError, match="another size"):
-        make_apt(memory_size=10).load_state_dict(apt.state_dict())
+
+
+def test_a_state_that_does_not_fit_changes_nothing(assert_same):
+    apt, other = make_apt(), make_apt(memory_size=10, seed=1)
+    apt.observe(th.from_numpy(make_observations(300)))
+    before = other.state_dict()
+    for state in (apt.state_dict(), {**apt.state_dict(), "memory": {}}):
+        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+            other.load_state_dict(state)
+    assert_same(other.state_dict(), before)
+
+
+def test_what_is_remembered_is_known_until_the_next_training():
+    apt, rng = make_apt(n_neighbors=1), np.random.default_rng(3)
+    seen = make_observations(200)
+    apt.observe(th.from_numpy(seen))
+    apt.update(*(th.from_numpy(part) for part in (seen, np.zeros((200, 2)), seen)))
+    apt.score(None, None, seen)
+    for _ in range(5):  # wider than before, as where a walker gets further
+        later = rng.normal(0, 5, (100, 6)).astype(np.float32)
+        apt.observe(th.from_numpy(later))
+        for known in (seen, later):
+            assert apt.score(None, None, known).max() < 1e-2
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,14 @@ def test_an_object_for_other_spaces_is_refused(others):
         make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
 
 
+@pytest.mark.parametrize("horizon", [0, -3, 2.7, None, True])
+def test_an_object_has_a_horizon_of_steps(horizon):
+    bonus = make_bonus("apt", {}, *SPACES, seed=1, device="cpu")
+    bonus.horizon = horizon
+    with pytest.raises(ValueError, match="`bonus` must have a `horizon` of at least 1 step"):
+        make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
+
+
 def test_an_object_for_more_actions_is_refused():
     bonus = make_bonus("icm", {}, *SPACES, seed=1, device="cpu")
     with pytest.raises(ValueError, match="`bonus` must score transitions of the env"):

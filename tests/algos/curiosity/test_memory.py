@@ -1,5 +1,6 @@
 """A bounded, uniform sample of observations, and what an encoder makes of them."""
 
+import copy
 import threading
 
 import numpy as np
@@ -82,31 +83,31 @@ class TestFeatures:
         memory.outdate()
         assert memory.features(Encoder(5.0))[0].tolist() == [[5, -5], [10, -10]]
 
-    def test_what_one_was_given_stays_as_it_was(self):
-        memory = make_memory(3)
-        memory.add(column(1, 2))
-        before, _ = memory.features(Encoder())
-        memory.outdate()
-        memory.features(Encoder(5.0))
-        assert before.tolist() == [[2, -2], [4, -4]]
-
-    def test_threads_may_ask_at_once(self):
-        memory, gate, given = make_memory(3), threading.Barrier(4), []
+    def test_threads_that_ask_at_once_encode_once(self):
+        memory, encode, given = make_memory(3), Encoder(), []
+        gate = threading.Barrier(4)
         memory.add(column(1, 2))
 
-        def slow(observations):
+        def ask():
             gate.wait()
-            return Encoder()(observations)
+            given.append(memory.features(encode)[0].tolist())
 
-        threads = [
-            threading.Thread(target=lambda: given.append(memory.features(slow)[0]))
-            for _ in range(4)
-        ]
+        threads = [threading.Thread(target=ask) for _ in range(4)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        assert [each.tolist() for each in given] == [[[2, -2], [4, -4]]] * 4
+        assert given == [[[2, -2], [4, -4]]] * 4
+        assert encode.asked == [1, 2]
+
+    def test_a_copy_goes_its_own_way(self):
+        memory = make_memory(3)
+        memory.add(column(1, 2))
+        memory.features(Encoder())
+        copied = copy.deepcopy(memory)
+        copied.outdate()
+        copied.features(Encoder(5.0))
+        assert memory.features(Encoder())[0].tolist() == [[2, -2], [4, -4]]
 
 
 class TestState:
@@ -140,6 +141,8 @@ class TestState:
             ("features", th.zeros(10, 3), "other features"),
             ("features", th.full((10, 2), th.inf), "NaN or inf"),
             ("is_current", th.zeros(9, dtype=th.bool), "other features"),
+            ("is_current", th.zeros(10), "damaged"),
+            ("rng", None, "damaged"),
         ],
     )
     def test_the_state_of_another_is_refused(self, name, value, message):

@@ -159,7 +159,7 @@ class TestSampleTransitions:
 
 
 class TestScore:
-    @pytest.mark.parametrize("n_states", [1, 3, 8, 40])
+    @pytest.mark.parametrize("n_states", [1, 3, 7, 8, 40, 49])
     def test_some_states_are_enough(self, n_states):
         class WhereItLeads(Recorder):
             def score(self, observations, actions, next_observations):

@@ -136,6 +136,15 @@ class TestSpans:
         first = {(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)}
         assert self.spans(buffer) == first | {(x + 3, y + 3) for x, y in first}
 
+    def test_they_stop_where_an_episode_was_left(self):
+        buffer = make_buffer()
+        for x in (0, 1, 2, 10, 11):
+            add(buffer, x)
+        begins = {0: 3, 1: 3, 2: 3, 10: 12, 11: 12}
+        assert {end for _, end in self.spans(buffer)} == {1, 2, 3, 11, 12}
+        assert all(end <= begins[begin] for begin, end in self.spans(buffer))
+        assert not buffer.sample(100).dones.any()  # its value goes on
+
     def test_they_do_not_go_from_the_newest_to_the_oldest(self):
         buffer = make_buffer(capacity=4)
         for x in range(6):

@@ -70,11 +70,18 @@ class TestAdaptivePhi:
             assert resumed.state_dict() == phi.state_dict()
 
     @pytest.mark.parametrize("value", [1.1, -0.1, float("nan"), "high"])
-    def test_a_damaged_state_changes_nothing(self, value):
+    def test_a_damaged_weight_changes_nothing(self, value):
         phi = AdaptivePhi()
         with pytest.raises(ValueError, match="`phi` must be from 0 to 1"):
             phi.load_state_dict({"phi": value, "waited": 1, "best": 0.0})
         assert phi.state_dict() == AdaptivePhi().state_dict()
+
+
+def test_a_damaged_best_return_changes_nothing():
+    phi = AdaptivePhi()
+    with pytest.raises(ValueError, match="`best` must be a number"):
+        phi.load_state_dict({"phi": 0.2, "waited": 1, "best": float("nan")})
+    assert phi.state_dict() == AdaptivePhi().state_dict()
 
 
 def test_a_fixed_one_stays():

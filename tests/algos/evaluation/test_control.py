@@ -147,8 +147,8 @@ def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
     simulation = evaluator._simulation
     reset = simulation.reset
 
-    def break_one(ids=None):
-        reset(ids)
+    def break_one(*given):
+        reset(*given)
         simulation._batch.bind("qvel")[4, 0] = 1e12
 
     simulation.reset = break_one

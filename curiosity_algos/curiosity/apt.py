@@ -153,8 +153,8 @@ class APT(NetworkBonus):
         """Mean distance (n,) of features (n, F) to the nearest of those known (m, F)."""
         n = min(self.n_neighbors, len(known))
         # A feature's own square is the same for all that are known: the nearest are so without it.
-        distances = th.addmm(squares, features, known.T, alpha=-2.0)
-        nearest = distances.topk(n, dim=1, largest=False, sorted=False).values
+        compared = th.addmm(squares, features, known.T, alpha=-2.0)
+        nearest = compared.topk(n, dim=1, largest=False, sorted=False).values
         nearest = nearest + features.square().sum(dim=1, keepdim=True)
         return nearest.clamp_min(0.0).sqrt().mean(dim=1)
 

@@ -117,6 +117,7 @@ class CuriosityMotivation:
         return scores
 
     def _score_whole(self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]) -> float:
+        check_observations(observations)  # a bonus may bound what it takes, and see no infinity
         curiosity = self.bonus.score_trajectory(observations, actions)
         weights = self.gamma ** np.arange(len(actions))[::-1]
         return float(weights @ curiosity)
@@ -125,8 +126,8 @@ class CuriosityMotivation:
         assert self.n_states is not None
         ends = -(-np.arange(1, self.n_states + 1) * len(actions) // self.n_states)  # rounded up
         before, after = observations[ends - 1], observations[ends]
-        for each in (before, after):  # a bonus may bound what it takes, and see no infinity
-            check_observations(each)
+        check_observations(before)
+        check_observations(after)
         curiosity = self.bonus.score(before, actions[ends - 1], after)
         n_highest = max(1, self.n_states // 4)
         return float(np.sort(curiosity)[-n_highest:].mean(dtype=np.float64))

@@ -21,6 +21,7 @@ from curiosity_algos.evaluation.rollouts import Rollouts
 N_OBSERVATIONS, HORIZON = 3, 12
 LENGTHS = np.array([12, 1, 5, 9, 2])
 GIVEN = {
+    "n_states": None,
     "gamma": 0.9,
     "bonus": "icm",
     "bonus_kwargs": {"beta": 0.7, "hidden": 8},
@@ -295,6 +296,8 @@ class TestMaking:
         [
             ("gamma", 1.1, "`gamma` must be from 0 to 1"),
             ("gamma", -0.1, "`gamma` must be from 0 to 1"),
+            ("n_states", 0, "`n_states` must be a whole number of at least 1"),
+            ("n_states", 20, "`gamma` must be 1 unless `n_states` is None"),
             ("bonus", "rdn", "`bonus` must be one of apt, icm, rnd, got 'rdn'"),
             ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
             ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
@@ -323,7 +326,7 @@ class TestMaking:
     @pytest.mark.parametrize("action_space", ACTIONS)
     def test_the_parts_have_the_settings(self, action_space):
         motivation = self.make(action_space)
-        for name in ("gamma", "n_transitions", "n_updates", "batch_size"):
+        for name in ("n_states", "gamma", "n_transitions", "n_updates", "batch_size"):
             assert getattr(motivation, name) == GIVEN[name]
         assert isinstance(motivation.bonus, ICM)
         assert (motivation.bonus.beta, motivation.bonus.encode_actions.is_discrete) == (
@@ -339,8 +342,10 @@ class TestMaking:
     def test_spaces_are_enough(self):
         observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
         motivation = make_from_spaces(observation_space, spaces.Discrete(3), n_updates=1)
-        assert (motivation.score(make_rollouts(is_discrete=True)) > 0.0).all()
-        assert motivation.update(make_rollouts(is_discrete=True))["icm/loss"] > 0.0
+        assert motivation.n_states == 20
+        assert (motivation.score(make_rollouts(is_discrete=True)) == 0.0).all()  # none is known
+        assert motivation.update(make_rollouts(is_discrete=True))["apt/loss"] > 0.0
+        assert (motivation.score(make_rollouts(is_discrete=True, seed=1)) > 0.0).all()
 
     @pytest.mark.parametrize("kind", [int, np.random.SeedSequence])
     def test_seeds_decide_about_all_parts(self, kind, assert_same):

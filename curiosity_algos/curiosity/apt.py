@@ -18,7 +18,6 @@ import torch as th
 from gymnasium import spaces
 from torch.nn import functional
 
-from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_algos.curiosity.base import FloatArray, NetworkBonus
 from curiosity_algos.curiosity.encoders import make_encoder
@@ -111,8 +110,7 @@ class APT(NetworkBonus):
 
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) into the memory, and into the statistics from `update` on."""
-        if isinstance(self.statistics, RunningNormalizer):
-            self.statistics.observe(self._flat(observations.to(self.device)))
+        self._count(observations, self.statistics)
         self.memory.add(observations.cpu().numpy())
 
     def update(
@@ -138,12 +136,6 @@ class APT(NetworkBonus):
         known, squares = self.memory.features(self._features)
         parts = th.split(features, N_QUERIES)
         return th.cat([self._distance(part, known, squares) for part in parts]).cpu().numpy()
-
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
-        """Novelty of the last T of T + 1 observations, shape (T,)."""
-        return self.score(observations[:-1], actions, observations[1:])
 
     def _features(self, observations: npt.NDArray[Any]) -> th.Tensor:
         parts = th.split(th.from_numpy(observations), N_ENCODED)

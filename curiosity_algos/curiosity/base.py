@@ -75,8 +75,8 @@ class Bonus(Protocol):
 class NetworkBonus(th.nn.Module):
     """A bonus of torch networks that one optimizer trains.
 
-    A subclass makes its networks, calls `_begin`, and writes `losses`, `score` and
-    `score_trajectory`.
+    A subclass makes its networks, calls `_begin`, and writes `losses` and `score`; where a
+    trajectory can be scored at less cost than its transitions, `score_trajectory` too.
 
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
@@ -101,6 +101,18 @@ class NetworkBonus(th.nn.Module):
         self.to(self.device)
         trained = [each for each in self.parameters() if each.requires_grad]
         self.optimizer = th.optim.Adam(trained, lr=learning_rate, fused=True)
+
+    @abstractmethod
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus of each transition, shape (n,), see `Bonus`."""
+
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
+        return self.score(observations[:-1], actions, observations[1:])
 
     @abstractmethod
     def losses(
@@ -128,8 +140,12 @@ class NetworkBonus(th.nn.Module):
 
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) into the statistics that standardize the inputs."""
-        if isinstance(self.normalizer, RunningNormalizer):
-            self.normalizer.observe(self._flat(observations.to(self.device)))
+        self._count(observations, self.normalizer)
+
+    def _count(self, observations: th.Tensor, statistics: th.nn.Module) -> None:
+        """Take observations (n, ...) into statistics, if inputs are to be standardized."""
+        if isinstance(statistics, RunningNormalizer):
+            statistics.observe(self._flat(observations.to(self.device)))
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor

@@ -17,6 +17,7 @@ from curiosity_algos.curiosity.base import Bonus
 from curiosity_algos.curiosity.encoders import ImageInputs, action_size
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.rnd import RND
+from curiosity_algos.curiosity.spans import horizon_of
 from curiosity_gym.validation import check_choice
 
 BONUSES: dict[str, Callable[..., Bonus]] = {"apt": APT, "icm": ICM, "rnd": RND}
@@ -80,7 +81,7 @@ def _check_fits(
         raise ValueError(
             f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."
         )
-    horizon = getattr(bonus, "horizon", 1)
+    horizon: object = horizon_of(bonus)
     if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
         raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
     check_plain(bonus.state_dict(), "bonus")

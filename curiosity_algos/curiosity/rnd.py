@@ -89,9 +89,3 @@ class RND(NetworkBonus):
         """Novelty of where each transition leads, shape (n,)."""
         scores: FloatArray = self.errors(self.tensor(next_observations)).cpu().numpy()
         return scores
-
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
-        """Novelty of the last T of T + 1 observations, shape (T,)."""
-        return self.score(observations[:-1], actions, observations[1:])

@@ -24,6 +24,7 @@ from curiosity_algos.common.plain_files import (
     write_plain,
 )
 from curiosity_algos.curiosity.base import Bonus
+from curiosity_algos.curiosity.spans import horizon_of
 
 FORMAT = "curiosity bonus wrapper 2"
 WHAT = "BonusVecEnvWrapper"
@@ -193,7 +194,7 @@ def check_fits(
         is_same = n_envs == venv.num_envs and bool(saved["spaces"] == _described(venv))
         if saved["environments"] is not None and len(saved["environments"]) != n_envs:
             raise ValueError(f"`environments` must be None or {n_envs} states.")
-    if bonus is not None and getattr(bonus, "horizon", 1) != horizon:
+    if bonus is not None and horizon_of(bonus) != horizon:
         raise ValueError(f"`bonus` must have a `horizon` of {horizon}, as the one that was saved.")
     if not is_same:
         raise ValueError(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ import typer
 from benchmarks.results import read_runs, read_tries
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
+    Interval,
     interquartile_mean,
+    probability_of_improvement,
     stratified_bootstrap,
     survival,
 )
@@ -52,9 +55,40 @@ def _cell(group: pd.DataFrame) -> str:
 
 def interval(group: pd.DataFrame) -> str:
     """Interquartile mean of the coverage in percent, with its 95 % interval if it has one."""
-    found = stratified_bootstrap(100 * group["coverage.reachable"].to_numpy(), interquartile_mean)
-    bounds = "" if np.isnan(found.low) else f" ({_short(found.low)} to {_short(found.high)})"
-    return f"{_short(found.estimate)}{bounds}"
+    shares = group["coverage.reachable"].to_numpy()
+    return _percent(stratified_bootstrap(shares, interquartile_mean))
+
+
+def _percent(share: Interval) -> str:
+    estimate, low, high = (_short(100 * each) for each in (share.estimate, share.low, share.high))
+    return estimate if np.isnan(share.low) else f"{estimate} ({low} to {high})"
+
+
+def comparison(runs: pd.DataFrame) -> str:
+    """How likely a run of CuriosityES is ahead of one of a search that is told what matters.
+
+    Probabilities of improvement in percent with their 95 % intervals, in each maze and over all.
+    """
+    envs = list(dict.fromkeys(runs["env"]))
+    # Who finds nothing is as late as the budget.
+    sooner = -runs["first_success_timesteps"].fillna(runs["timesteps"])
+    scores = {"finds the goal sooner": sooner, "covers more": runs["coverage.reachable"]}
+    rows = []
+    for (words, score), other in product(scores.items(), ("NSES", "NSLC")):
+        of_runs = score.groupby([runs["algorithm"], runs["env"]])
+        ours, theirs = (
+            [of_runs.get_group((algorithm, env)).to_numpy() for env in envs]
+            for algorithm in ("CuriosityES", other)
+        )
+        pairs = list(zip(ours, theirs, strict=True))
+        tasks = [*([pair] for pair in pairs), pairs]
+        rows.append([words, other, *(_percent(_better(task)) for task in tasks)])
+    return markdown(["CuriosityES", "than", *map(short_name, envs), "All"], rows)
+
+
+def _better(tasks: Sequence[tuple[Any, Any]]) -> Interval:
+    ours, theirs = zip(*tasks, strict=True)
+    return probability_of_improvement(list(ours), list(theirs))
 
 
 def every_seed(runs: pd.DataFrame) -> str:
@@ -107,6 +141,7 @@ def processors(runs: pd.DataFrame) -> str:
 
 TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "mazes-summary": ("mazes", summary),
+    "mazes-comparison": ("mazes", comparison),
     "mazes-seeds": ("mazes", every_seed),
     "mazes-processors": ("mazes", processors),
     "table-1-seeds": ("table_1", every_seed),

@@ -82,6 +82,24 @@ def test_the_summary_counts_runs_that_found_nothing():
     assert lines[3] == "| NSLC | 0 of 2, > 10 M, 10 (10 to 10) % |"
 
 
+def test_the_comparison_counts_pairs_of_runs():
+    us, hard = "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0"
+    never = float("nan")
+    runs = [("CuriosityES", us, 3e6, 0.5), ("CuriosityES", us, 5e6, 0.7)]
+    runs += [("NSES", us, 4e6, 0.1), ("NSES", us, never, 0.6), ("NSLC", us, 1e6, 0.8)]
+    runs += [("CuriosityES", hard, never, 0.5), ("NSES", hard, never, 0.4), ("NSLC", hard, 1, 0.5)]
+    table = tables.comparison(pd.DataFrame([run(*each[:2], 0, *each[2:]) for each in runs]))
+    header, _, *rows = table.splitlines()
+    assert header == "| CuriosityES | than | US | Hard | All |"
+    # Of four pairs three are won in both scores; two that find nothing are as late as each other.
+    assert rows == [
+        "| finds the goal sooner | NSES | 75 (0.0 to 100) | 50 | 62 |",
+        "| finds the goal sooner | NSLC | 0.0 | 0.0 | 0.0 |",
+        "| covers more | NSES | 75 (0.0 to 100) | 100 | 88 |",
+        "| covers more | NSLC | 0.0 | 50 | 25 |",
+    ]
+
+
 def test_every_seed_has_its_value():
     task = "CuriosityControl-BallInCup-v0"
     runs = pd.DataFrame(

@@ -28,6 +28,8 @@ N_QUERIES = 256
 """Observations whose distances to the whole memory are in memory at once."""
 N_ENCODED = 2048
 """Observations that are encoded at once, so that what lies between the layers fits the cache."""
+N_PARTS = 200
+"""Parts of a row among which its lowest values are looked for."""
 MEMORY_SIZE, N_IMAGES = 20_000, 2_000
 """Observations remembered, unless users say how many; images are larger and costlier to encode."""
 
@@ -143,11 +145,9 @@ class APT(NetworkBonus):
 
     def _distance(self, features: th.Tensor, known: th.Tensor, squares: th.Tensor) -> th.Tensor:
         """Mean distance (n,) of features (n, F) to the nearest of those known (m, F)."""
-        n = min(self.n_neighbors, len(known))
         # A feature's own square is the same for all that are known: the nearest are so without it.
         compared = th.addmm(squares, features, known.T, alpha=-2.0)
-        nearest = compared.topk(n, dim=1, largest=False, sorted=False).values
-        nearest = nearest + features.square().sum(dim=1, keepdim=True)
+        nearest = lowest(compared, self.n_neighbors) + features.square().sum(dim=1, keepdim=True)
         return nearest.clamp_min(0.0).sqrt().mean(dim=1)
 
     # Torch's hints are of its overloads, as in `NetworkBonus`.
@@ -168,6 +168,21 @@ class APT(NetworkBonus):
             raise RuntimeError("`bonus` must be made as the one that was saved.") from error
         super().load_state_dict(state, *args, **kwargs)
         self.memory.load_state_dict(state["memory"])
+
+
+def lowest(values: th.Tensor, n: int) -> th.Tensor:
+    """The `n` lowest of each row of values (r, m), ascending, (r, min(n, m)); exact.
+
+    Columns are dealt to parts like cards: the parts of the n lowest heads hold all that is sought,
+    and to sort what is left of a row costs a tenth of sorting all of it.
+    """
+    n_rows, n_columns = values.shape
+    if n < N_PARTS < n_columns:
+        padded = functional.pad(values, (0, -n_columns % N_PARTS), value=th.inf)
+        parts = padded.view(n_rows, -1, N_PARTS)
+        chosen = parts.amin(dim=1).topk(n, dim=1, largest=False, sorted=False).indices
+        values = parts.gather(2, chosen[:, None].expand(-1, parts.shape[1], -1)).flatten(1)
+    return values.topk(min(n, n_columns), dim=1, largest=False).values
 
 
 def distances(one: th.Tensor, other: th.Tensor) -> th.Tensor:

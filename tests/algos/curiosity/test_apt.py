@@ -7,7 +7,7 @@ from gymnasium import spaces
 from scipy.spatial.distance import cdist
 from scipy.special import log_softmax
 
-from curiosity_algos.curiosity.apt import APT
+from curiosity_algos.curiosity.apt import APT, N_PARTS, lowest
 
 BOX = spaces.Box(-1, 1, (6,)), spaces.Box(-2, 2, (2,))
 
@@ -36,6 +36,15 @@ def test_novelty_equals_scipy(n_seen, numpy_network):
     np.testing.assert_allclose(scores, distances.mean(axis=1), rtol=2e-3, atol=1e-3)
     trajectory = apt.score_trajectory(visited, np.zeros((599, 2)))
     np.testing.assert_allclose(trajectory, scores[1:], rtol=1e-3)
+
+
+@pytest.mark.parametrize("n", [1, 10, N_PARTS - 1, N_PARTS, 1_000])
+@pytest.mark.parametrize("n_columns", [1, N_PARTS, N_PARTS + 1, 10 * N_PARTS, 10 * N_PARTS + 7])
+def test_the_lowest_are_found_exactly(n, n_columns):
+    # Few different numbers, so that equal ones meet, and some columns are all of the lowest.
+    values = np.random.default_rng(0).integers(0, 50, (7, n_columns)).astype(np.float32)
+    found = lowest(th.from_numpy(values), n).numpy()
+    np.testing.assert_array_equal(found, np.sort(values, axis=1)[:, :n])
 
 
 def test_before_anything_was_observed_all_is_alike():

@@ -1,0 +1,55 @@
+"""InfoNCE over distances: how well features tell which state follows which.
+
+van den Oord et al. 2018, "Representation Learning with Contrastive Predictive Coding"
+(https://arxiv.org/abs/1807.03748), equation 4, with negative distances as logits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch as th
+from torch.autograd.function import once_differentiable
+
+
+def distances(one: th.Tensor, other: th.Tensor) -> th.Tensor:
+    """Euclidean distances (n, m) of rows (n, F) from rows (m, F), .001 at least.
+
+    By one matrix product, which is many times faster than `torch.cdist`.
+    """
+    products = th.addmm(other.square().sum(dim=1), one, other.T, alpha=-2.0)
+    squares = products + one.square().sum(dim=1, keepdim=True)
+    return squares.clamp_min(1e-6).sqrt()
+
+
+class InfoNCE(th.autograd.Function):
+    """The mean loss of telling, of n pairs of features, the second from the first and back.
+
+    `-log p_ii / 2 - log q_ii / 2`, averaged over i, where p is the softmax of the negative
+    distances d over each row, and q over each column. Its gradient is written out, which takes half
+    the time that autograd does.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, features: th.Tensor, next_features: th.Tensor) -> th.Tensor:
+        """The loss, of features (n, F) and those that follow them (n, F)."""
+        d = distances(features, next_features)
+        p, q = th.softmax(-d, dim=1), th.softmax(-d, dim=0)
+        n = len(d)
+        # What is below float32 would have a logarithm of minus infinity; the gradient is exact.
+        told = th.stack([p.diagonal(), q.diagonal()]).clamp_min(th.finfo(th.float32).tiny)
+        loss = -told.log().mean()
+        # Of the loss by each distance: 1/n for those of pairs, less (p + q) / 2n.
+        by_distance = p.add_(q).div_(-2.0 * n)
+        by_distance.diagonal().add_(1.0 / n)
+        ctx.save_for_backward(features, next_features, by_distance.div_(d))
+        return loss
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, loss: th.Tensor) -> tuple[th.Tensor, th.Tensor]:
+        """Of each feature f_i the sum over g_j of `w_ij (f_i - g_j)`, w being dL/dd over d."""
+        features, next_features, w = ctx.saved_tensors
+        ahead = w.sum(dim=1, keepdim=True) * features - w @ next_features
+        back = w.sum(dim=0).unsqueeze(1) * next_features - w.T @ features
+        return loss * ahead, loss * back

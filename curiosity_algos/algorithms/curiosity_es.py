@@ -34,7 +34,6 @@ class CuriosityES(MotivatedStrategy):
     task that the paper has not `bonus="icm", n_states=None, n_updates=64, batch_size=1024`.
 
     Args:
-        learning_rate: alpha, above 0: scales the center's step.
         bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
             trains.
         bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND` (`learning_rate`, ...).
@@ -53,7 +52,6 @@ class CuriosityES(MotivatedStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        learning_rate: float = 1.0,
         bonus: str | Bonus = "apt",
         bonus_kwargs: dict[str, Any] | None = None,
         n_states: int | None = 20,
@@ -72,7 +70,7 @@ class CuriosityES(MotivatedStrategy):
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.buffer_size = buffer_size
-        super().__init__(env, policy, learning_rate=learning_rate, **kwargs)
+        super().__init__(env, policy, **kwargs)
 
     @property
     def trained_bonus(self) -> Bonus:

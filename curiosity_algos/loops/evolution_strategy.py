@@ -223,6 +223,8 @@ class MotivatedStrategy(EvolutionStrategy):
     A subclass says what the intrinsic fitness is: `_make_motivation`.
 
     Args:
+        learning_rate: alpha, above 0: scales the center's step. 1 leads to the weighted mean of the
+            best mu, the default as far beyond: what is novel moves on.
         phi: Weight of the extrinsic fitness, in [0, 1]; "adaptive": it begins at .8, falls to 0
             while the best return stays, and rises with each better one (Conti et al. 2018). The
             paper's is .8.
@@ -235,13 +237,14 @@ class MotivatedStrategy(EvolutionStrategy):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
+        learning_rate: float = 2.0,
         phi: float | str = "adaptive",
         no_reward: str = "ignore",
         **kwargs: Any,
     ) -> None:
         self.phi = phi
         self.no_reward = no_reward
-        super().__init__(env, policy, **kwargs)
+        super().__init__(env, policy, learning_rate=learning_rate, **kwargs)
 
     @abstractmethod
     def _make_motivation(self, seed: np.random.SeedSequence) -> Motivation:

@@ -23,7 +23,8 @@ def test_one_generation(make_model, make_easy_maze, assert_same):
 
 def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_same):
     novel = make_model(NSES, make_easy_maze(), phi=1.0).learn(2000)
-    canonical = make_model(CanonicalES, make_easy_maze()).learn(2000)
+    rate = novel.learning_rate
+    canonical = make_model(CanonicalES, make_easy_maze(), learning_rate=rate).learn(2000)
     assert_same(novel._search.state_dict(), canonical._search.state_dict())
 
 

@@ -134,7 +134,7 @@ def canonical(n_parameters, seed):
         population_size=56,
         n_parents=28,
         sigma=0.3,
-        learning_rate=0.5,
+        learning_rate=2.0,
         step="canonical",
         mirrored=False,
         seed=seed,

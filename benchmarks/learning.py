@@ -33,6 +33,12 @@ ALGORITHMS = (
 )
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
+    "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
+    "labyrinth": {
+        "algos": ALGORITHMS,
+        "envs": ("CuriosityMaze-Labyrinth-v0",),
+        "timesteps": 2.24e8,
+    },
     "control": {
         "algos": ("CuriosityES", "CanonicalES"),
         "envs": TASKS,
@@ -51,7 +57,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "env_kwargs": ["success_threshold:0.5"],
     },
 }
-"""What is trained for each name, in the words of `curiosity sweep`."""
+"""What is trained for each name, in the words of `curiosity sweep`.
+
+"rounding" is for other vector instructions, whose sums are rounded otherwise:
+`ATEN_CPU_CAPABILITY=default MKL_ENABLE_INSTRUCTIONS=SSE4_2 python -m benchmarks.learning rounding`.
+"""
 
 
 def main(

@@ -56,8 +56,8 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
 def _note(seeds: list[int]) -> str:
     if len(seeds) == 1:
         return f"One run each, of seed {seeds[0]}."
-    names = ", ".join(map(str, seeds))
-    return f"Thick: interquartile mean of seeds {names}; shaded: its 95 % interval; thin: each."
+    runs = f"up to {len(seeds)} seeds"
+    return f"Thick: interquartile mean of {runs}; shaded: its 95 % interval; thin: each."
 
 
 def lines_of(curves: pd.DataFrame, name: str) -> list[Line]:

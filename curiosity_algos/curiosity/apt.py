@@ -167,13 +167,14 @@ class APT(NetworkBonus):
 def lowest(values: th.Tensor, n: int) -> th.Tensor:
     """The `n` lowest of each row of values (r, m), ascending, (r, min(n, m)); exact.
 
-    Columns are dealt to parts like cards: the parts of the n lowest heads hold all that is sought,
-    and to sort what is left of a row costs a tenth of sorting all of it.
+    Columns are dealt to parts like cards: the parts of the n lowest minima hold all that is sought,
+    which leaves little of a row to sort.
     """
     n_rows, n_columns = values.shape
     if n < N_PARTS < n_columns:
-        padded = functional.pad(values, (0, -n_columns % N_PARTS), value=th.inf)
-        parts = padded.view(n_rows, -1, N_PARTS)
+        if n_columns % N_PARTS:
+            values = functional.pad(values, (0, -n_columns % N_PARTS), value=th.inf)
+        parts = values.view(n_rows, -1, N_PARTS)
         chosen = parts.amin(dim=1).topk(n, dim=1, largest=False, sorted=False).indices
         values = parts.gather(2, chosen[:, None].expand(-1, parts.shape[1], -1)).flatten(1)
     return values.topk(min(n, n_columns), dim=1, largest=False).values

@@ -26,8 +26,8 @@ class InfoNCE(th.autograd.Function):
     """The mean loss of telling, of n pairs of features, the second from the first and back.
 
     `-log p_ii / 2 - log q_ii / 2`, averaged over i, where p is the softmax of the negative
-    distances d over each row, and q over each column. Its gradient is written out, which takes half
-    the time that autograd does.
+    distances d over each row, and q over each column. Its gradient is written out, which takes two
+    thirds of autograd's time; it pulls pairs together that are nearer than .001, too.
     """
 
     @staticmethod
@@ -35,10 +35,11 @@ class InfoNCE(th.autograd.Function):
         """The loss, of features (n, F) and those that follow them (n, F)."""
         d = distances(features, next_features)
         p, q = th.softmax(-d, dim=1), th.softmax(-d, dim=0)
+        # Logarithms of the sums that p and q are shares of; a share of a pair may be 0 in float32.
+        rows = -d.amin(dim=1) - p.amax(dim=1).log()
+        columns = -d.amin(dim=0) - q.amax(dim=0).log()
+        loss = (d.diagonal() + (rows + columns) / 2.0).mean()
         n = len(d)
-        # What is below float32 would have a logarithm of minus infinity; the gradient is exact.
-        told = th.stack([p.diagonal(), q.diagonal()]).clamp_min(th.finfo(th.float32).tiny)
-        loss = -told.log().mean()
         # Of the loss by each distance: 1/n for those of pairs, less (p + q) / 2n.
         by_distance = p.add_(q).div_(-2.0 * n)
         by_distance.diagonal().add_(1.0 / n)

@@ -41,15 +41,25 @@ def test_the_gradient_is_that_of_differences():
     assert th.autograd.gradcheck(InfoNCE.apply, make_features())
 
 
-@pytest.mark.parametrize("scale", [1e-2, 1.0, 300.0])  # logits of some hundreds, too
-def test_the_gradient_is_autograds(scale):
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 300.0])  # distances of 2,400, too
+def test_loss_and_gradient_are_autograds(scale):
     features = make_features(n=64, n_features=32, dtype=th.float32)
 
-    def gradients(loss):
-        scaled = [scale * each for each in features]
-        return th.autograd.grad(3.0 * loss(*scaled), features)
+    def loss_and_gradients(loss):
+        found = loss(*(scale * each for each in features))
+        return found.item(), th.autograd.grad(3.0 * found, features)
 
-    for found, expected in zip(gradients(InfoNCE.apply), gradients(by_autograd), strict=True):
-        assert th.isfinite(found).all()
+    loss, gradients = loss_and_gradients(InfoNCE.apply)
+    expected_loss, expected_gradients = loss_and_gradients(by_autograd)
+    assert loss == pytest.approx(expected_loss, rel=1e-4)
+    for found, expected in zip(gradients, expected_gradients, strict=True):
         close = 1e-4 * expected.abs().max().item()
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=close)
+
+
+def test_features_that_collapsed_are_pulled_on():
+    one, other = (each.detach() for each in make_features(dtype=th.float32))
+    features, next_features = (1e-6 * one).requires_grad_(), (1e-6 * other).requires_grad_()
+    gradients = th.autograd.grad(InfoNCE.apply(features, next_features), features)[0]
+    assert th.isfinite(gradients).all()
+    assert gradients.abs().max() > 0.0

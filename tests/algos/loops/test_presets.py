@@ -185,6 +185,7 @@ def test_defaults_do_not_depend_on_environment_and_class():
     gym.register("SameMaze-v0", gym.spec(HARD).entry_point, kwargs=gym.spec(HARD).kwargs)
     models = [NSES("Pendulum-v1", behavior="state"), NSES(HARD), Renamed(HARD), NSES("SameMaze-v0")]
     assert {model.learning_rate for model in models} == {2.0}
+    assert Renamed(HARD, preset="paper").sigma == NSES(HARD, preset="paper").sigma == 0.5
 
 
 def test_keywords_of_a_bonus_are_merged_or_those_of_another_bonus():

@@ -146,6 +146,8 @@ TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "mazes-processors": ("mazes", processors),
     "mazes-step-summary": ("mazes_step", summary),
     "mazes-step-seeds": ("mazes_step", every_seed),
+    "rounding-summary": ("rounding", summary),
+    "rounding-seeds": ("rounding", every_seed),
     "labyrinth-summary": ("labyrinth", summary),
     "labyrinth-seeds": ("labyrinth", every_seed),
     "table-1-seeds": ("table_1", every_seed),

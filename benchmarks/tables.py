@@ -80,15 +80,10 @@ def comparison(runs: pd.DataFrame) -> str:
             [of_runs.get_group((algorithm, env)).to_numpy() for env in envs]
             for algorithm in ("CuriosityES", other)
         )
-        pairs = list(zip(ours, theirs, strict=True))
-        tasks = [*([pair] for pair in pairs), pairs]
-        rows.append([words, other, *(_percent(_better(task)) for task in tasks)])
+        each = [probability_of_improvement(*pair) for pair in zip(ours, theirs, strict=True)]
+        shares = [*each, probability_of_improvement(ours, theirs)]
+        rows.append([words, other, *map(_percent, shares)])
     return markdown(["CuriosityES", "than", *map(short_name, envs), "All"], rows)
-
-
-def _better(tasks: Sequence[tuple[Any, Any]]) -> Interval:
-    ours, theirs = zip(*tasks, strict=True)
-    return probability_of_improvement(list(ours), list(theirs))
 
 
 def every_seed(runs: pd.DataFrame) -> str:

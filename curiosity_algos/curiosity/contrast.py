@@ -34,10 +34,11 @@ class InfoNCE(th.autograd.Function):
     def forward(ctx: Any, features: th.Tensor, next_features: th.Tensor) -> th.Tensor:
         """The loss, of features (n, F) and those that follow them (n, F)."""
         d = distances(features, next_features)
-        p, q = th.softmax(-d, dim=1), th.softmax(-d, dim=0)
+        logits = -d
+        p, q = th.softmax(logits, dim=1), th.softmax(logits, dim=0)
         # Logarithms of the sums that p and q are shares of; a share of a pair may be 0 in float32.
-        rows = -d.amin(dim=1) - p.amax(dim=1).log()
-        columns = -d.amin(dim=0) - q.amax(dim=0).log()
+        rows = logits.amax(dim=1) - p.amax(dim=1).log()
+        columns = logits.amax(dim=0) - q.amax(dim=0).log()
         loss = (d.diagonal() + (rows + columns) / 2.0).mean()
         n = len(d)
         # Of the loss by each distance: 1/n for those of pairs, less (p + q) / 2n.

@@ -142,8 +142,8 @@ def canonical(n_parameters, seed):
 
 
 class TestSearch:
-    small = {"policy_kwargs": {"net_arch": [4]}, "seed": 0}  # noqa: RUF012
-    icm = {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100}  # noqa: RUF012
+    small = {"policy_kwargs": {"net_arch": [4]}, "seed": 0}  # noqa: RUF012  # only read
+    icm = {"n_transitions": 5, "n_updates": 2, "batch_size": 16, "buffer_size": 100}  # noqa: RUF012  # only read
 
     def make(self, algorithm, env, **kwargs):
         settings = self.icm if algorithm is CuriosityES else {}

@@ -18,8 +18,8 @@ def distances(one: th.Tensor, other: th.Tensor) -> th.Tensor:
     By one matrix product, which is many times faster than `torch.cdist`.
     """
     products = th.addmm(other.square().sum(dim=1), one, other.T, alpha=-2.0)
-    squares = products + one.square().sum(dim=1, keepdim=True)
-    return squares.clamp_min(1e-6).sqrt()
+    squares = products.add_(one.square().sum(dim=1, keepdim=True))
+    return squares.clamp_min_(1e-6).sqrt_()
 
 
 class InfoNCE(th.autograd.Function):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,9 @@ from curiosity_algos.curiosity.spans import draw_steps, horizon_of
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
+
+N_TOGETHER = 8
+"""Individuals whose states are scored in one call: fewer, and threads wait for Python's lock."""
 
 
 def sample_transitions(
@@ -45,6 +48,23 @@ def sample_transitions(
     check_observations(before)
     check_observations(after)
     return before, actions[individuals, begins], after
+
+
+def evenly_spaced(
+    rollouts: Rollouts, n: int
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
+    """N transitions of each individual, evenly over the episode, of which the last is its last.
+
+    Returns:
+        As `sample_transitions`.
+    """
+    observations, actions = rollouts.trajectories
+    ends = -(-np.arange(1, n + 1) * rollouts.lengths[:, None] // n)  # rounded up
+    individuals = np.arange(len(rollouts))[:, None]
+    before, after = observations[individuals, ends - 1], observations[individuals, ends]
+    check_observations(before)
+    check_observations(after)
+    return before, actions[individuals, ends - 1], after
 
 
 def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -100,37 +120,52 @@ class CuriosityMotivation:
 
     def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """Curiosity of each individual's trajectory, shape (P,)."""
-        observations, actions = rollouts.trajectories
-        lengths = rollouts.lengths
-        score_one = self._score_whole if self.n_states is None else self._score_some
-        scores = np.empty(len(rollouts))
-
-        def score_slice(begin: int, end: int) -> None:
-            th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
-            # One individual at a time, whatever the slice: sums must not depend on the threads.
-            for i in range(begin, end):
-                scores[i] = score_one(observations[i, : lengths[i] + 1], actions[i, : lengths[i]])
-
-        with single_torch_thread():
-            self._pool.run(score_slice, len(rollouts), len(rollouts))
+        scores = self._of_all(rollouts) if self.n_states is None else self._of_some(rollouts)
         check_observations(scores)  # they are finite where all that they come from is
         return scores
 
-    def _score_whole(self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]) -> float:
-        check_observations(observations)  # a bonus may bound what it takes, and see no infinity
-        curiosity = self.bonus.score_trajectory(observations, actions)
-        weights = self.gamma ** np.arange(len(actions))[::-1]
-        return float(weights @ curiosity)
+    def _of_all(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        """The weighted sum over each trajectory, (P,)."""
+        observations, actions = rollouts.trajectories
+        scores = np.empty(len(rollouts))
 
-    def _score_some(self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]) -> float:
+        def score_one(i: int) -> None:
+            length = rollouts.lengths[i]
+            seen, taken = observations[i, : length + 1], actions[i, :length]
+            check_observations(seen)  # a bonus may bound what it takes, and see no infinity
+            weights = self.gamma ** np.arange(length)[::-1]
+            scores[i] = weights @ self.bonus.score_trajectory(seen, taken)
+
+        self._on_threads(score_one, len(rollouts))
+        return scores
+
+    def _of_some(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        """The mean of the highest quarter of `n_states` of each trajectory, (P,)."""
         assert self.n_states is not None
-        ends = -(-np.arange(1, self.n_states + 1) * len(actions) // self.n_states)  # rounded up
-        before, after = observations[ends - 1], observations[ends]
-        check_observations(before)
-        check_observations(after)
-        curiosity = self.bonus.score(before, actions[ends - 1], after)
+        begins, actions, ends = evenly_spaced(rollouts, self.n_states)
+        curiosity = np.empty((len(rollouts), self.n_states), dtype=np.float32)
+
+        def score_some(part: int) -> None:
+            some = slice(part * N_TOGETHER, (part + 1) * N_TOGETHER)
+            scored = self.bonus.score(flat(begins[some]), flat(actions[some]), flat(ends[some]))
+            curiosity[some] = scored.reshape(-1, curiosity.shape[1])
+
+        self._on_threads(score_some, -(-len(rollouts) // N_TOGETHER))
         n_highest = max(1, self.n_states // 4)
-        return float(np.sort(curiosity)[-n_highest:].mean(dtype=np.float64))
+        highest = np.sort(curiosity, axis=1)[:, -n_highest:]
+        scores: npt.NDArray[np.float64] = highest.mean(axis=1, dtype=np.float64)
+        return scores
+
+    def _on_threads(self, task: Callable[[int], None], n_tasks: int) -> None:
+        """Call the task with each number; what it does must not depend on the threads."""
+
+        def do(begin: int, end: int) -> None:
+            th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
+            for number in range(begin, end):
+                task(number)
+
+        with single_torch_thread():
+            self._pool.run(do, n_tasks, n_tasks)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""

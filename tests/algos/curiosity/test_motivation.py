@@ -161,7 +161,10 @@ class TestSampleTransitions:
 
 class TestScore:
     @pytest.mark.parametrize("n_states", [1, 3, 7, 8, 40, 49])
-    def test_some_states_are_enough(self, n_states):
+    @pytest.mark.parametrize("n_together", [1, 2, 8])
+    def test_some_states_are_enough(self, n_states, n_together, monkeypatch):
+        monkeypatch.setattr("curiosity_algos.curiosity.motivation.N_TOGETHER", n_together)
+
         class WhereItLeads(Recorder):
             def score(self, observations, actions, next_observations):
                 return self.score_trajectory(
@@ -202,13 +205,15 @@ class TestScore:
         np.testing.assert_array_equal(scores, expected[:, 0] + rollouts.actions[last][:, 0])
 
     @pytest.mark.parametrize("is_discrete", [False, True])
-    def test_threads_change_no_bit(self, is_discrete):
+    @pytest.mark.parametrize("how", [{}, {"gamma": 1.0, "n_states": 4}])
+    def test_threads_change_no_bit(self, is_discrete, how, monkeypatch):
+        monkeypatch.setattr("curiosity_algos.curiosity.motivation.N_TOGETHER", 2)
         action_space = spaces.Discrete(3) if is_discrete else None
         rollouts = make_rollouts(is_discrete)
         scores = []
         for n_threads, n_torch_threads in [(1, 1), (1, 2), (2, 1), (4, 2), (None, 4)]:
             th.set_num_threads(n_torch_threads)
-            motivation = make_motivation(action_space=action_space, n_threads=n_threads)
+            motivation = make_motivation(action_space=action_space, n_threads=n_threads, **how)
             scores.append(motivation.score(rollouts))
             assert th.get_num_threads() == n_torch_threads
         assert np.isfinite(scores[0]).all()

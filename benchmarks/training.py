@@ -53,7 +53,7 @@ def run(plan: Plan) -> list[Table]:
     figures = interleave(tasks, plan.repeats)
     rates = ratios(steps, figures["CuriosityES"])
     rows = [
-        Row(f"CuriosityES, learn({timesteps:,.0f})", figures["CuriosityES"], "s", "<= 3"),
+        Row(f"CuriosityES, learn({timesteps:,.0f})", figures["CuriosityES"], "s", "<= 1.5"),
         Row("CuriosityES", rates, "steps/s"),
         Row("Stable-Baselines3's PPO", figures["PPO"], "steps/s"),
         Row("CuriosityES over PPO", ratios(rates, figures["PPO"]), "x"),

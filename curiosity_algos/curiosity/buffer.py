@@ -55,7 +55,7 @@ class TransitionBuffer:
     def sample(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions and next observations, drawn uniformly with replacement."""
         places = th.randint(self.size, (batch_size,), generator=self._generator)
-        return tuple(column[places] for column in self._columns.values())
+        return tuple(column.index_select(0, places) for column in self._columns.values())
 
     def state_dict(self) -> dict[str, Any]:
         """Transitions held, and the sampling's state."""

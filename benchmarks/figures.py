@@ -23,6 +23,7 @@ from curiosity_algos.experiments.labels import color_labels
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 TITLES = {
     "mazes": "Coverage and best return on the mazes",
+    "labyrinth": "Labyrinth, with the paper's budget of 2,000 generations",
     "table_1": "The settings of the paper's table 1, 2,000 generations",
 }
 ROWS = {

@@ -56,10 +56,11 @@ class Table:
     rows: list[Row]
     notes: list[str] = field(default_factory=list)
 
-    def markdown(self) -> str:
-        """The table, its notes below."""
+    def markdown(self, level: int = 2) -> str:
+        """The table, its title above as a heading of that level, its notes below."""
         head = ["| What | Median | Spread | Unit | Target |", "|---|--:|--:|---|---|"]
-        lines = [f"## {self.title}", "", *head, *(row.markdown() for row in self.rows)]
+        title = f"{'#' * level} {self.title}"
+        lines = [title, "", *head, *(row.markdown() for row in self.rows)]
         return "\n".join([*lines, *(f"\n{note}" for note in self.notes), ""])
 
 

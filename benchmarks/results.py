@@ -68,8 +68,8 @@ def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:
     return runs.loc[order.sort_values(["covered", "env"], kind="stable").index]
 
 
-def read_tries(name: str, folder: Path = FOLDER) -> pd.DataFrame:
-    """A row for each run of a setting that was tried, in the order of the tries."""
+def read_rows(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """The rows of a file in their order, as of settings that were tried."""
     return pd.read_csv(folder / f"{name}.csv")
 
 

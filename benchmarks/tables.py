@@ -6,7 +6,7 @@ A table stands in a page between `<!-- table NAME -->` and `<!-- end of table --
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,10 @@ import numpy as np
 import pandas as pd
 import typer
 
-from benchmarks.results import read_runs, read_tries
+from benchmarks.markdown import markdown
+from benchmarks.results import read_rows, read_runs
+from benchmarks.run import SECTIONS
+from benchmarks.speed_tables import HEADLINES, section, summary_of
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
     Interval,
@@ -129,6 +132,18 @@ def _try(run: Any) -> str:
     return f"{'never' if pd.isna(first) else _short(first / 1e6, 1)}{share}"
 
 
+def unseen(values: pd.DataFrame) -> str:
+    """A row for each algorithm: of so many starts those that the policy of each seed solves."""
+    envs = list(dict.fromkeys(values["env"]))
+    counts = values.groupby(["algorithm", "env"])["solved"].agg(
+        lambda each: " / ".join(map(str, each))
+    )
+    rows = [
+        [name, *(counts[name, env] for env in envs)] for name in dict.fromkeys(values["algorithm"])
+    ]
+    return markdown([f"Of {values['starts'].iloc[0]} starts", *map(short_name, envs)], rows)
+
+
 def processors(runs: pd.DataFrame) -> str:
     """What the runs were trained on, in a line."""
     return f"Trained on {', '.join(sorted(set(runs['machine.processor'])))}."
@@ -151,21 +166,39 @@ TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "tries": ("tries", tries),
     "control-summary": ("control", summary),
     "control-seeds": ("control", every_seed),
+    "control-random-summary": ("control_random", summary),
+    "control-random-unseen": ("control_random_unseen", unseen),
     "ppo-summary": ("ppo", summary),
     "ppo-seeds": ("ppo", every_seed),
     "td3-summary": ("td3", summary),
     "td3-seeds": ("td3", every_seed),
 }
 """What stands under each name in a page: the CSV file and what is made of it."""
+SPEED = "speed-"
+"""Begins the names of tables of sections of `benchmarks.run`."""
+SUMMARY = "summary-of-speed"
+"""The README's table of them."""
+NAMES = (*TABLES, SUMMARY, *(f"{SPEED}{each}" for each in SECTIONS))
+"""All that may stand in a page."""
+NO_RUNS = ("tries", "control_random_unseen")
+"""Files of other rows than runs' results."""
+
+
+def make_table(name: str) -> str:
+    """What stands in a page between the marks of this name."""
+    if name == SUMMARY:
+        return summary_of(HEADLINES)
+    if name.startswith(SPEED):
+        return section(name.removeprefix(SPEED))
+    source, table = TABLES[name]
+    return table((read_rows if source in NO_RUNS else read_runs)(source))
 
 
 def write_tables(text: str) -> str:
     """A page with every table in it made anew."""
 
     def make(match: re.Match[str]) -> str:
-        source, table = TABLES[match[2]]
-        read = read_tries if source == "tries" else read_runs
-        return f"{match[1]}\n{table(read(source))}\n\n{match[3]}"
+        return f"{match[1]}\n{make_table(match[2])}\n\n{match[3]}"
 
     return MARKED.sub(make, text)
 
@@ -175,12 +208,6 @@ def _short(value: float, digits: int = 0) -> str:
     if value >= 10:
         return f"{value:.{digits}f}"
     return f"{value:.1f}" if value >= 1 or value == 0 else f"{value:.2g}"
-
-
-def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table: its header, then a line for each row."""
-    lines = [columns, ["---"] * len(columns), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def main() -> None:

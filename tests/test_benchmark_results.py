@@ -7,8 +7,10 @@ import gymnasium as gym
 import pandas as pd
 import pytest
 
-from benchmarks import bonuses, figures, learning, results, tables
-from curiosity_algos.experiments import load_progress, load_runs
+from benchmarks import bonuses, figures, learning, record, results, speed_tables, tables, unseen
+from benchmarks.measure import Row, Table
+from curiosity_algos import CanonicalES
+from curiosity_algos.experiments import RunFolder, load_progress, load_runs
 
 
 class Inline:
@@ -40,7 +42,30 @@ def test_tables_of_a_page_are_those_of_the_data(page):
 
 def test_every_table_stands_in_a_page():
     found = [match[2] for page in PAGES for match in tables.MARKED.finditer(page.read_text())]
-    assert set(found) == set(tables.TABLES)
+    assert set(found) == set(tables.NAMES)
+
+
+def test_measured_sections_stay_in_a_file(tmp_path, monkeypatch):
+    path = tmp_path / "new" / "speed.json"
+    monkeypatch.setattr(speed_tables, "SPEED_FILE", path)
+    first = Table("vector: one", [Row("here", [2.0, 8.0, 3.0], "steps/s", "> 1")], ["Why."])
+    other = Table("learn: two", [Row("here", [0.12345678], "s")])
+    record.write_section(path, "vector", ["- CPU: old"], [other])
+    record.write_section(path, "learn", ["- CPU: b"], [other, first])
+    record.write_section(path, "vector", ["- CPU: a"], [first])
+    assert record.read_section(path, "vector") == (["- CPU: a"], [first])
+    read = record.read_section(path, "learn")[1]
+    assert read[0].rows[0].figures == [0.123457]
+    assert speed_tables.section("vector").splitlines() == [
+        "- CPU: a",
+        "",
+        "#### vector: one",
+        *first.markdown().rstrip().splitlines()[1:],
+    ]
+    line = ["What", "{vector: one | here} steps/s and {learn: two | here}", "", ""]
+    assert (
+        speed_tables.summary_of([line]).splitlines()[2] == "| What | 3.00 steps/s and 0.123 |  |  |"
+    )
 
 
 def test_a_table_that_was_typed_is_replaced():
@@ -156,6 +181,42 @@ def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
         progress.sort_values(["algorithm", "time/total_timesteps"])["coverage/reachable"].tolist(),
         rel=1e-5,
     )
+
+
+@pytest.mark.extra("control")
+def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
+    env, starts = "CuriosityControl-BallInCup-v0", 12
+    small = {"algos": ("CanonicalES",), "envs": (env,), "timesteps": 1}
+    monkeypatch.setitem(
+        learning.SWEEPS, "control_random", learning.SWEEPS["control_random"] | small
+    )
+    learning.main("control_random", seeds="0", runs=tmp_path, jobs=1, out=tmp_path)
+    unseen.main(tmp_path, starts=starts, out=tmp_path)
+    run = tmp_path / "control_random" / "CanonicalES" / env / "0"
+    model = CanonicalES.load(RunFolder(run).checkpoint / "model")
+    solved = 0
+    for seed in range(starts):
+        single = gym.make(env, random_start=True)
+        observation, _ = single.reset(seed=seed)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            action, _ = model.predict(observation, deterministic=True)
+            observation, _, terminated, truncated, _ = single.step(action)
+        solved += terminated
+    assert 0 < solved < starts
+    counted = results.read_rows("control_random_unseen", tmp_path)
+    assert counted.to_dict("records") == [
+        {"algorithm": "CanonicalES", "env": env, "seed": 0, "starts": starts, "solved": solved}
+    ]
+
+
+def test_unseen_starts_stand_in_a_table():
+    columns = ["algorithm", "env", "seed", "starts", "solved"]
+    ids = ["CuriosityControl-Finger-v0", "CuriosityControl-Stacker-v0"]
+    rows = [("NSES", env, seed, 9, 3 * i + seed) for i, env in enumerate(ids) for seed in (0, 1)]
+    table = tables.unseen(pd.DataFrame(rows, columns=columns)).splitlines()
+    assert table[0] == "| Of 9 starts | Finger | Stacker |"
+    assert table[2] == "| NSES | 0 / 1 | 3 / 4 |"
 
 
 def test_bonuses_leave_the_data_of_their_runs(tmp_path, monkeypatch):

@@ -22,6 +22,7 @@ from curiosity_algos import make_evaluator
 ROOT = Path(__file__).parents[1]
 CONTROL = ["BallInCup", "Finger", "Stacker"]
 TITLES = {
+    "roofline": ["roofline: this machine"],
     "population": ["population: CuriosityMaze-Snake-v0", "population: every maze"],
     "python_loop": ["python_loop: one environment"],
     "vector": ["vector: CuriosityMaze-Hard-v0"],
@@ -47,7 +48,7 @@ def medians(printed):
 @pytest.mark.parametrize(
     "names",
     [
-        ["population", "python_loop"],
+        ["roofline", "population", "python_loop"],
         ["vector"],
         pytest.param(["control"], marks=pytest.mark.extra("control")),
         ["learn"],

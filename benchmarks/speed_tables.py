@@ -1,0 +1,94 @@
+"""Tables of measured speed: each section's, and what the README says of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from statistics import median
+
+from benchmarks.markdown import markdown
+from benchmarks.measure import number
+from benchmarks.record import read_section
+from benchmarks.results import FOLDER
+
+SPEED_FILE = FOLDER / "speed.json"
+FIGURE = re.compile(r"\{(.+?) \| (.+?)\}")
+_SNAKE, _LOOP = "population: CuriosityMaze-Snake-v0", "python_loop: one environment"
+_VECTOR, _LEARN = "vector: CuriosityMaze-Hard-v0", "learn: CuriosityMaze-Hard-v0"
+_CUP, _FINGER, _STACKER = (
+    f"control: CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")
+)
+_START, _NOVELTY = "cold_start: fresh processes", "novelty: the archive"
+HEADLINES = (
+    (
+        "56 policies in closed loop, one thread",
+        f"{{{_SNAKE} | one thread}} M steps/s",
+        "Kheperax, jitted, snake with 32 lasers: "
+        f"{{{_SNAKE} | Kheperax, snake, jitted and vmapped}} M steps/s",
+        f"{{{_SNAKE} | one thread over Kheperax}}",
+    ),
+    (
+        "the same, two threads",
+        f"{{{_SNAKE} | two threads}} M steps/s",
+        "the same",
+        f"{{{_SNAKE} | two threads over Kheperax}}",
+    ),
+    (
+        "`gym.make` and `step` in a Python loop",
+        f"{{{_LOOP} | CuriosityMaze-Snake-v0}} steps/s",
+        f"`PointMaze_UMaze-v3`: {{{_LOOP} | PointMaze_UMaze-v3}} steps/s",
+        f"{{{_LOOP} | over PointMaze_UMaze-v3}}",
+    ),
+    (
+        "`make_vec` of 1024, two threads",
+        f"{{{_VECTOR} | native, 1024 envs, two threads}} M steps/s",
+        f"`SyncVectorEnv` of 64: {{{_VECTOR} | SyncVectorEnv of 64}} M steps/s",
+        f"{{{_VECTOR} | native over SyncVectorEnv}}",
+    ),
+    *(
+        (
+            f"{name}, 56 policies, {threads}",
+            f"{{{title} | {threads}}} steps/s",
+            f"{words}: {{{title} | {peer}}} steps/s",
+            f"{{{title} | {threads} over {peer}}}",
+        )
+        for name, title in {"Ball-in-cup": _CUP, "Finger": _FINGER, "Stacker": _STACKER}.items()
+        for threads, peer, words in (
+            ("one thread", "bare physics", "bare physics as dm_control steps it, one thread"),
+            ("all threads", "AsyncVectorEnv of 8", "`AsyncVectorEnv` of 8 Shimmy envs"),
+        )
+    ),
+    ("`CuriosityES(...).learn(1e6)`", f"{{{_LEARN} | CuriosityES, learn(1,000,000)}} s", "", ""),
+    (
+        "first `import` to first `step`",
+        f"{{{_START} | first step of CuriosityMaze-Hard-v0}} s",
+        f"`CartPole-v1`: {{{_START} | first step of CartPole-v1}} s",
+        "",
+    ),
+    (
+        "20 nearest of 500,000 behaviors, for a population of 56 that then enters",
+        f"{{{_NOVELTY} | x, y, vx, vy (4 dimensions)}} ms",
+        f"linear scan: {{{_NOVELTY} | x, y, vx, vy, linear scan}} ms",
+        f"{{{_NOVELTY} | x, y, vx, vy, scan over archive}}",
+    ),
+)
+"""What the README says of speed: what is measured, here, of a peer, and the ratio."""
+
+
+def section(name: str) -> str:
+    """The tables of a section of `benchmarks.run`, after what they were measured on."""
+    measured_on, made = read_section(SPEED_FILE, name)
+    return "\n".join([*measured_on, "", *(table.markdown(level=4) for table in made)]).rstrip()
+
+
+def summary_of(lines: Sequence[Sequence[str]]) -> str:
+    """Lines of cells in which `{title | row}` stands for the median of a row of a section."""
+    rows = [[FIGURE.sub(_median, cell) for cell in line] for line in lines]
+    return markdown(["", "Here", "Peer in the same run", "Ratio"], rows)
+
+
+def _median(reference: re.Match[str]) -> str:
+    title, name = reference[1], reference[2]
+    _, made = read_section(SPEED_FILE, title.partition(":")[0])
+    rows = {(table.title, row.name): row for table in made for row in table.rows}
+    return number(median(rows[title, name].figures))

@@ -1,0 +1,49 @@
+"""How finished policies do from starts that they have not seen: `python -m benchmarks.unseen RUNS`.
+
+The runs are those of `python -m benchmarks.learning control_random`, whose every generation plays
+one start: the return of a best policy is that of an easy start.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import gymnasium as gym
+import pandas as pd
+import typer
+
+from benchmarks.results import FOLDER, KEYS
+from curiosity_algos import make_evaluator
+from curiosity_algos.experiments import RunFolder
+from curiosity_algos.experiments.env_spec import decode_spec
+from curiosity_algos.experiments.loading import find_runs
+from curiosity_algos.experiments.names import find_algorithm
+
+
+def main(
+    runs: Annotated[Path, typer.Argument(help="A folder of finished runs.")],
+    starts: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
+    out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
+) -> None:
+    """Count the starts that the best policy of each run solves, and write a CSV file."""
+    rows = [count(run, starts) for run in find_runs(runs)]
+    out.mkdir(parents=True, exist_ok=True)
+    table = pd.DataFrame(rows).sort_values(KEYS)
+    table.to_csv(out / "control_random_unseen.csv", index=False)
+
+
+def count(path: Path, n_starts: int) -> dict[str, str | int]:
+    """Of one run: how many of the starts of seeds 0 to `n_starts - 1` its best policy solves."""
+    run = RunFolder(path)
+    described, checkpoint = run.describe(), run.checkpoint
+    assert checkpoint is not None
+    model = find_algorithm(described["algorithm"]).load(checkpoint / "model")
+    evaluator = make_evaluator(gym.make(decode_spec(described["env_spec"])))
+    policy = model.policy.vector[None]
+    solved = sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))
+    return {**{key: described[key] for key in KEYS}, "starts": n_starts, "solved": solved}
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -167,6 +167,8 @@ TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "control-summary": ("control", summary),
     "control-seeds": ("control", every_seed),
     "control-random-summary": ("control_random", summary),
+    "control-strict-summary": ("control_strict", summary),
+    "control-strict-seeds": ("control_strict", every_seed),
     "control-random-unseen": ("control_random_unseen", unseen),
     "ppo-summary": ("ppo", summary),
     "ppo-seeds": ("ppo", every_seed),

@@ -24,15 +24,13 @@ def write_section(path: Path, name: str, measured_on: list[str], tables: list[Ta
     path.write_text(json.dumps(sections, indent=1) + "\n")
 
 
-def read_section(path: Path, name: str) -> tuple[list[str], list[Table]]:
-    """What a section was measured on, and its tables.
+def read_sections(path: Path) -> dict[str, tuple[list[str], list[Table]]]:
+    """By name what each section was measured on, and its tables."""
+    return {
+        name: (section["measured_on"], [_table(**table) for table in section["tables"]])
+        for name, section in json.loads(path.read_text()).items()
+    }
 
-    Raises:
-        KeyError: If the file has no such section.
-    """
-    section = json.loads(path.read_text())[name]
-    tables = [
-        Table(table["title"], [Row(**row) for row in table["rows"]], table["notes"])
-        for table in section["tables"]
-    ]
-    return section["measured_on"], tables
+
+def _table(title: str, rows: list[dict[str, Any]], notes: list[str]) -> Table:
+    return Table(title, [Row(**row) for row in rows], notes)

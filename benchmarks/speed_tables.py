@@ -8,7 +8,7 @@ from statistics import median
 
 from benchmarks.markdown import markdown
 from benchmarks.measure import number
-from benchmarks.record import read_section
+from benchmarks.record import read_sections
 from benchmarks.results import FOLDER
 
 SPEED_FILE = FOLDER / "speed.json"
@@ -77,18 +77,19 @@ HEADLINES = (
 
 def section(name: str) -> str:
     """The tables of a section of `benchmarks.run`, after what they were measured on."""
-    measured_on, made = read_section(SPEED_FILE, name)
+    measured_on, made = read_sections(SPEED_FILE)[name]
     return "\n".join([*measured_on, "", *(table.markdown(level=4) for table in made)]).rstrip()
 
 
 def summary_of(lines: Sequence[Sequence[str]]) -> str:
     """Lines of cells in which `{title | row}` stands for the median of a row of a section."""
-    rows = [[FIGURE.sub(_median, cell) for cell in line] for line in lines]
+    medians = {
+        (table.title, row.name): number(median(row.figures))
+        for _, made in read_sections(SPEED_FILE).values()
+        for table in made
+        for row in table.rows
+    }
+    rows = [
+        [FIGURE.sub(lambda each: medians[each.groups()], cell) for cell in line] for line in lines
+    ]
     return markdown(["", "Here", "Peer in the same run", "Ratio"], rows)
-
-
-def _median(reference: re.Match[str]) -> str:
-    title, name = reference[1], reference[2]
-    _, made = read_section(SPEED_FILE, title.partition(":")[0])
-    rows = {(table.title, row.name): row for table in made for row in table.rows}
-    return number(median(rows[title, name].figures))

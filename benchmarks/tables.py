@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -149,7 +150,14 @@ def processors(runs: pd.DataFrame) -> str:
     return f"Trained on {', '.join(sorted(set(runs['machine.processor'])))}."
 
 
-TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
+def make_table(
+    read: Callable[[str], pd.DataFrame], source: str, table: Callable[[pd.DataFrame], str]
+) -> str:
+    """A table of what is read from a CSV file."""
+    return table(read(source))
+
+
+OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "mazes-summary": ("mazes", summary),
     "mazes-comparison": ("mazes", comparison),
     "mazes-seeds": ("mazes", every_seed),
@@ -163,44 +171,32 @@ TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "table-1-seeds": ("table_1", every_seed),
     "mazes-icm-summary": ("mazes_icm", summary),
     "mazes-icm-seeds": ("mazes_icm", every_seed),
-    "tries": ("tries", tries),
     "control-summary": ("control", summary),
     "control-seeds": ("control", every_seed),
     "control-random-summary": ("control_random", summary),
     "control-strict-summary": ("control_strict", summary),
     "control-strict-seeds": ("control_strict", every_seed),
-    "control-random-unseen": ("control_random_unseen", unseen),
     "ppo-summary": ("ppo", summary),
     "ppo-seeds": ("ppo", every_seed),
     "td3-summary": ("td3", summary),
     "td3-seeds": ("td3", every_seed),
 }
-"""What stands under each name in a page: the CSV file and what is made of it."""
-SPEED = "speed-"
-"""Begins the names of tables of sections of `benchmarks.run`."""
-SUMMARY = "summary-of-speed"
-"""The README's table of them."""
-NAMES = (*TABLES, SUMMARY, *(f"{SPEED}{each}" for each in SECTIONS))
-"""All that may stand in a page."""
-NO_RUNS = ("tries", "control_random_unseen")
-"""Files of other rows than runs' results."""
-
-
-def make_table(name: str) -> str:
-    """What stands in a page between the marks of this name."""
-    if name == SUMMARY:
-        return summary_of(HEADLINES)
-    if name.startswith(SPEED):
-        return section(name.removeprefix(SPEED))
-    source, table = TABLES[name]
-    return table((read_rows if source in NO_RUNS else read_runs)(source))
+"""Tables of runs: the CSV file, and what is made of it."""
+TABLES: dict[str, Callable[[], str]] = {
+    **{name: partial(make_table, read_runs, *each) for name, each in OF_RUNS.items()},
+    "tries": partial(make_table, read_rows, "tries", tries),
+    "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
+    "summary-of-speed": partial(summary_of, HEADLINES),
+    **{f"speed-{name}": partial(section, name) for name in SECTIONS},
+}
+"""What makes the table that stands under each name in a page."""
 
 
 def write_tables(text: str) -> str:
     """A page with every table in it made anew."""
 
     def make(match: re.Match[str]) -> str:
-        return f"{match[1]}\n{make_table(match[2])}\n\n{match[3]}"
+        return f"{match[1]}\n{TABLES[match[2]]()}\n\n{match[3]}"
 
     return MARKED.sub(make, text)
 

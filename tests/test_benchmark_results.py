@@ -42,7 +42,7 @@ def test_tables_of_a_page_are_those_of_the_data(page):
 
 def test_every_table_stands_in_a_page():
     found = [match[2] for page in PAGES for match in tables.MARKED.finditer(page.read_text())]
-    assert set(found) == set(tables.NAMES)
+    assert set(found) == set(tables.TABLES)
 
 
 def test_measured_sections_stay_in_a_file(tmp_path, monkeypatch):
@@ -53,8 +53,8 @@ def test_measured_sections_stay_in_a_file(tmp_path, monkeypatch):
     record.write_section(path, "vector", ["- CPU: old"], [other])
     record.write_section(path, "learn", ["- CPU: b"], [other, first])
     record.write_section(path, "vector", ["- CPU: a"], [first])
-    assert record.read_section(path, "vector") == (["- CPU: a"], [first])
-    read = record.read_section(path, "learn")[1]
+    assert record.read_sections(path)["vector"] == (["- CPU: a"], [first])
+    read = record.read_sections(path)["learn"][1]
     assert read[0].rows[0].figures == [0.123457]
     assert speed_tables.section("vector").splitlines() == [
         "- CPU: a",

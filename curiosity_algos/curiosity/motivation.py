@@ -39,15 +39,10 @@ def sample_transitions(
     Returns:
         Observations (P, n, O), actions (P, n, A) or (P, n), next observations (P, n, O).
     """
-    observations, actions = rollouts.trajectories
     lengths = rollouts.lengths[:, None]
     begins = rng.integers(0, lengths, (len(rollouts), n))
     ends = np.minimum(begins + draw_steps(rng, begins.shape, horizon), lengths)
-    individuals = np.arange(len(rollouts))[:, None]
-    before, after = observations[individuals, begins], observations[individuals, ends]
-    check_observations(before)
-    check_observations(after)
-    return before, actions[individuals, begins], after
+    return _transitions(rollouts, begins, ends)
 
 
 def evenly_spaced(
@@ -58,13 +53,20 @@ def evenly_spaced(
     Returns:
         As `sample_transitions`.
     """
-    observations, actions = rollouts.trajectories
     ends = -(-np.arange(1, n + 1) * rollouts.lengths[:, None] // n)  # rounded up
+    return _transitions(rollouts, ends - 1, ends)
+
+
+def _transitions(
+    rollouts: Rollouts, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
+    """Those between steps (P, n) of each individual, with the action that each begins with."""
+    observations, actions = rollouts.trajectories
     individuals = np.arange(len(rollouts))[:, None]
-    before, after = observations[individuals, ends - 1], observations[individuals, ends]
+    before, after = observations[individuals, begins], observations[individuals, ends]
     check_observations(before)
     check_observations(after)
-    return before, actions[individuals, ends - 1], after
+    return before, actions[individuals, begins], after
 
 
 def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

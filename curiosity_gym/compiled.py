@@ -7,7 +7,7 @@ import importlib.resources
 import os
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 from importlib.resources.abc import Traversable
 from itertools import pairwise
@@ -31,9 +31,20 @@ def compiled(function: _F) -> _F:
     Functions of a module that is in no package are compiled anew in every process: which other
     modules they inline, whose change would leave their machine code wrong, is not known.
     """
+    return _compiled(function, forceinline=True, _nrt=False)
+
+
+def compiled_product(function: _F) -> _F:
+    """As `compiled`, of a function around `np.dot`, which needs the counting.
+
+    It stays a function of its own: a copy in every caller would take long to compile.
+    """
+    return _compiled(function, forceinline=False, _nrt=True)
+
+
+def _compiled(function: _F, **options: bool) -> _F:
     njit: Any = numba.njit  # its types do not know `_nrt`
-    decorate = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
-    dispatcher = decorate(function)
+    dispatcher = njit(nogil=True, error_model="numpy", **options)(function)
     package = function.__module__.partition(".")[0]
     if hasattr(sys.modules[package], "__path__"):
         _keep_on_disk(dispatcher, package)
@@ -102,12 +113,20 @@ class ThreadPool:
         """Call `function(begin, end)` over `n_slices` slices that cover `range(n_items)`."""
         n_slices = max(1, min(n_slices, n_items))
         bounds = [n_items * i // n_slices for i in range(n_slices + 1)]
-        slices = list(pairwise(bounds))
-        if self.n_threads == 1 or n_slices == 1:
-            for begin, end in slices:
+        left = iter(list(pairwise(bounds)))  # each thread takes the next: `next` holds the GIL
+
+        def work() -> None:
+            for begin, end in left:
                 function(begin, end)
-            return
-        futures = [self._pool().submit(function, begin, end) for begin, end in slices]
+
+        # The caller's own thread is one of them, which saves a hand-over.
+        others = min(self.n_threads, n_slices) - 1
+        futures = [self._pool().submit(work) for _ in range(others)]
+        try:
+            work()
+        finally:
+            left = iter(())  # after an error nothing more begins
+            wait(futures)
         for future in futures:
             future.result()
 

@@ -20,13 +20,21 @@ from torch.nn import functional
 
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_algos.curiosity.base import FloatArray, NetworkBonus
-from curiosity_algos.curiosity.contrast import InfoNCE
+from curiosity_algos.curiosity.contrast import InfoNCE, info_nce
 from curiosity_algos.curiosity.encoders import make_encoder
 from curiosity_algos.curiosity.memory import FeatureMemory
+from curiosity_algos.curiosity.perceptron import (
+    Layers,
+    Pass,
+    backward,
+    forward,
+    set_gradients,
+    single_blas_thread,
+)
 from curiosity_gym.validation import check_at_least_one
 
-N_QUERIES = 256
-"""Observations whose distances to the whole memory are in memory at once."""
+N_QUERIES = 64
+"""Observations whose distances to the whole memory are computed at once: more leave the cache."""
 N_ENCODED = 2048
 """Observations that are encoded at once, so that what lies between the layers fits the cache."""
 N_PARTS = 200
@@ -103,6 +111,24 @@ class APT(NetworkBonus):
         both = self.encoder(self.inputs(th.cat([observations, next_observations])))
         # Torch has no hints there.
         return {"loss": InfoNCE.apply(*both.chunk(2))}  # type: ignore[no-untyped-call]
+
+    def differentiate(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """The loss of a batch, and its gradient: by autograd, or a compiled encoder."""
+        if not self._is_compiled(APT, self.encoder):
+            return super().differentiate(observations, actions, next_observations)
+        states = self.inputs(th.cat([observations, next_observations])).numpy()
+        encoder = Layers.of(self.encoder)
+        held = Pass.of(encoder, len(states))
+        by_parameters = np.empty(encoder.n_parameters, dtype=np.float32)
+        with single_blas_thread():
+            forward(encoder, states, held.outputs)
+            loss, *slopes = info_nce(*th.from_numpy(held.outputs[-1]).chunk(2))
+            th.cat(slopes, out=th.from_numpy(held.slopes[-1]))
+            backward(encoder, states, held, by_parameters, states[:0])
+        set_gradients(self.optimizer, by_parameters)
+        return {"loss": loss.item()}
 
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) into the memory, and into the statistics from `update` on."""

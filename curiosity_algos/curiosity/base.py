@@ -17,6 +17,8 @@ from stable_baselines3.common.utils import get_device
 
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.curiosity.encoders import ImageInputs
+from curiosity_algos.curiosity.perceptron import is_perceptron
+from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_positive
 
 FloatArray = npt.NDArray[np.float32]
@@ -83,6 +85,9 @@ class NetworkBonus(th.nn.Module):
             (uint8, channels first or last, 36 by 36 at least).
         normalize: Standardize observations, entry by entry, with running statistics of what was
             observed.
+
+    Attributes:
+        pool: Threads that may take part in a gradient step; who trains the bonus may give it more.
     """
 
     name: ClassVar[str]
@@ -93,6 +98,7 @@ class NetworkBonus(th.nn.Module):
         self.shape = tuple(observation_space.shape or ())
         n_entries = math.prod(self.shape)
         self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
+        self.pool = ThreadPool(1)
 
     def _begin(self, learning_rate: float, device: th.device | str) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
@@ -119,6 +125,13 @@ class NetworkBonus(th.nn.Module):
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, th.Tensor]:
         """Mean losses of a batch; "loss" is what is minimized."""
+
+    def _is_compiled(self, equations: type[NetworkBonus], *networks: th.nn.Module) -> bool:
+        """Whether compiled equations of a class hold for this bonus and serve its networks."""
+        is_as_written = type(self) is equations  # a subclass may have overridden any of them
+        is_all_trained = all(each.requires_grad for each in self.parameters())
+        is_compiled = is_as_written and is_all_trained and self.device.type == "cpu"
+        return is_compiled and all(map(is_perceptron, networks))
 
     def inputs(self, observations: th.Tensor) -> th.Tensor:
         """Observations (n, ...) as the networks take them: flat, or images with channels first."""
@@ -152,10 +165,17 @@ class NetworkBonus(th.nn.Module):
     ) -> dict[str, float]:
         """One step of Adam on a batch; the losses before it."""
         batch = (x.to(self.device) for x in (observations, actions, next_observations))
-        losses = self.losses(*batch)
+        losses = self.differentiate(*batch)
+        self.optimizer.step()
+        return losses
+
+    def differentiate(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """The losses of a batch; the gradient of "loss" goes where the optimizer finds it."""
+        losses = self.losses(observations, actions, next_observations)
         self.optimizer.zero_grad(set_to_none=True)
         losses["loss"].backward()  # type: ignore[no-untyped-call]  # torch has no hints there
-        self.optimizer.step()
         return {name: loss.item() for name, loss in losses.items()}
 
     # Torch's hints are of its overloads and of a plain module's tensors: the optimizer is in here.

@@ -16,8 +16,10 @@ from torch.nn import functional
 
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
+from curiosity_algos.curiosity import compiled_icm
 from curiosity_algos.curiosity.base import FloatArray, NetworkBonus
 from curiosity_algos.curiosity.encoders import ActionEncoder, make_encoder
+from curiosity_algos.curiosity.perceptron import Layers, set_gradients
 from curiosity_gym.validation import check_at_least_one, check_share
 
 
@@ -102,6 +104,32 @@ class ICM(NetworkBonus):
         loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss
         return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
 
+    def differentiate(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """The losses of a batch, and their gradient: by autograd, or compiled and on threads."""
+        if not self._is_compiled(ICM, *self._models):
+            return super().differentiate(observations, actions, next_observations)
+        states = self.inputs(th.stack([observations, next_observations], dim=1).flatten(0, 1))
+        (forward_loss, inverse_loss), slopes = compiled_icm.differentiate(
+            self._networks(),
+            states.numpy(),
+            self.encode_actions(actions).numpy(),
+            beta=self.beta,
+            is_discrete=self.encode_actions.is_discrete,
+            pool=self.pool,
+        )
+        set_gradients(self.optimizer, slopes)
+        loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss
+        return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
+
+    @property
+    def _models(self) -> tuple[th.nn.Module, th.nn.Module, th.nn.Module]:
+        return self.encoder, self.forward_model, self.inverse_model
+
+    def _networks(self) -> compiled_icm.Networks:
+        return compiled_icm.Networks(*map(Layers.of, self._models))
+
     @th.no_grad()
     def score(
         self,
@@ -110,25 +138,26 @@ class ICM(NetworkBonus):
         next_observations: npt.NDArray[Any],
     ) -> FloatArray:
         """Curiosity of each transition, shape (n,)."""
-        both = self._features(np.concatenate([observations, next_observations]))
-        features, next_features = both.chunk(2)
-        return self._error(features, actions, next_features)
+        states = np.stack([observations, next_observations], axis=1)
+        return self._errors(states.reshape(-1, *observations.shape[1:]), actions, stride=2)
 
     @th.no_grad()
     def score_trajectory(
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
     ) -> FloatArray:
         """Curiosity of T transitions among T + 1 observations, each encoded only once."""
-        features = self._features(observations)
-        return self._error(features[:-1], actions, features[1:])
+        return self._errors(observations, actions, stride=1)
 
-    def _features(self, observations: npt.NDArray[Any]) -> th.Tensor:
-        features: th.Tensor = self.encoder(self.inputs(self.tensor(observations)))
-        return features
-
-    def _error(
-        self, features: th.Tensor, actions: npt.NDArray[Any], next_features: th.Tensor
+    def _errors(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], *, stride: int
     ) -> FloatArray:
+        """Curiosity of transitions that begin at every observation, or every second, (n,)."""
+        states = self.inputs(self.tensor(observations))
         encoded = self.encode_actions(self.tensor(actions))
-        error: FloatArray = self.prediction_error(features, encoded, next_features).cpu().numpy()
-        return error
+        if self._is_compiled(ICM, *self._models):
+            return compiled_icm.prediction_errors(
+                self._networks(), states.numpy(), encoded.numpy(), stride
+            )
+        features = self.encoder(states)
+        errors = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
+        return errors.cpu().numpy()

@@ -16,9 +16,10 @@ from curiosity_algos.common.randomness import (
     integer_seed,
     load_generator_state,
 )
-from curiosity_algos.curiosity.base import Bonus, train
+from curiosity_algos.curiosity.base import Bonus, NetworkBonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.curiosity.perceptron import single_blas_thread
 from curiosity_algos.curiosity.spans import draw_steps, horizon_of
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
@@ -119,6 +120,8 @@ class CuriosityMotivation:
         self.batch_size = batch_size
         self._rng = np.random.default_rng(seed)
         self._pool = ThreadPool(n_threads)
+        if isinstance(bonus, NetworkBonus):
+            bonus.pool = self._pool
 
     def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """Curiosity of each individual's trajectory, shape (P,)."""
@@ -166,12 +169,12 @@ class CuriosityMotivation:
             for number in range(begin, end):
                 task(number)
 
-        with single_torch_thread():
+        with single_torch_thread(), single_blas_thread():
             self._pool.run(do, n_tasks, n_tasks)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
-        with single_torch_thread():
+        with single_torch_thread(), single_blas_thread():
             self._remember(rollouts)
             return train(
                 self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size

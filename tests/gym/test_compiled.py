@@ -3,6 +3,7 @@ import os
 import pickle
 import subprocess
 import sys
+import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -51,6 +52,28 @@ class TestThreadPool:
 
         with pytest.raises(RuntimeError, match="slice"):
             ThreadPool(n_threads).run(fail, 4, 4)
+
+    def test_after_an_error_no_slice_begins(self):
+        begun = []
+
+        def fail(begin, end):
+            begun.append(begin)
+            raise RuntimeError
+
+        with pytest.raises(RuntimeError):
+            ThreadPool(2).run(fail, 100, 100)
+        assert len(begun) <= 2
+
+    def test_the_callers_thread_takes_part(self):
+        barrier, seen = threading.Barrier(3), set()
+
+        def meet(begin, end):
+            seen.add(threading.current_thread())
+            barrier.wait(60)
+
+        ThreadPool(3).run(meet, 3, 3)
+        assert threading.current_thread() in seen
+        assert len(seen) == 3
 
     def test_pickles_after_use(self):
         pool = ThreadPool(2)

@@ -30,7 +30,7 @@ def run(plan: Plan) -> list[Table]:
     tasks: dict[str, Task] = {}
     for n_threads in sorted({1, pool.n_threads}):
         where = "one thread" if n_threads == 1 else f"{n_threads} threads"
-        tasks[f"matrix product, {where}"] = _products(plan, pool, n_threads)
+        tasks[f"matrix product, {where}"] = products_task(plan, pool, n_threads)
         tasks[f"multiply and add in the first cache, {where}"] = _loops(plan, pool, n_threads)
         tasks[f"copy, {where}"] = _copies(plan, pool, n_threads)
     figures = interleave(tasks, plan.repeats)
@@ -45,7 +45,8 @@ def run(plan: Plan) -> list[Table]:
     return [Table("roofline: this machine", rows, notes)]
 
 
-def _products(plan: Plan, pool: ThreadPool, n_threads: int) -> Task:
+def products_task(plan: Plan, pool: ThreadPool, n_threads: int) -> Task:
+    """Billions of operations a second, of products of large matrices on so many threads."""
     n_products = plan.size(20, 1)
     operands = [th.ones(WIDTH, WIDTH) for _ in range(n_threads)]
     outs = [th.empty(WIDTH, WIDTH) for _ in range(n_threads)]

@@ -23,6 +23,7 @@ SECTIONS = {
     "novelty": "benchmarks.novelty",
     "diversity": "benchmarks.diversity",
     "cold_start": "benchmarks.cold_start",
+    "whole_run": "benchmarks.whole_run",
 }
 """The module of each section, imported late: spawned workers import this file again."""
 PACKAGES = ("numpy", "numba", "torch", "gymnasium", "stable-baselines3")

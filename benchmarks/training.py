@@ -1,12 +1,15 @@
-"""CuriosityES from start to end, where its time goes, and PPO for scale."""
+"""`learn` from start to end: where its time goes, what its arithmetic needs, and PPO for scale."""
 
 from __future__ import annotations
 
 import time
 from itertools import count
+from typing import Any
 
+import torch as th
 from stable_baselines3 import PPO
 
+import curiosity_algos
 from benchmarks.measure import (
     Plan,
     Row,
@@ -15,29 +18,35 @@ from benchmarks.measure import (
     interleave,
     ratios,
     seconds,
-    stage_rows,
 )
+from benchmarks.roofline import products_task
 from curiosity_algos import CuriosityES
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_gym.compiled import ThreadPool
 
 MAZE = "CuriosityMaze-Hard-v0"
-STAGES = ("ask", "evaluate", "score", "remember", "bonus updates", "tell", "rest")
+DEFAULT, PAPER = "CuriosityES", "CuriosityES, paper"
+TARGETS = {DEFAULT: "<= 1.5", PAPER: "", "NSES": "", "NSLC": "", "MAPElites": ""}
+"""Seconds of `learn(1e6)`, by algorithm and preset."""
+LOOP, BONUS = ("ask", "evaluate", "tell"), ("score", "remember", "bonus updates")
+"""Stages of every algorithm, and of those that train a bonus."""
 
 
 def run(plan: Plan) -> list[Table]:
-    """Total time and rate beside PPO's, then the stages of the same runs."""
+    """Seconds of each algorithm, PPO's rate, and the stages of the same runs."""
     timesteps, ppo_timesteps = plan.size(1e6, 1.0), plan.size(4096, 64)
-    seeds = count()
-    runs: list[dict[str, float]] = []
-    steps: list[int] = []
+    stages: dict[str, list[dict[str, float]]] = {name: [] for name in TARGETS}
+    models: dict[str, list[Any]] = {name: [] for name in TARGETS}
+    seeds = {name: count() for name in TARGETS}
 
-    def curiosity_es() -> float:
-        model, stages = timed_run(timesteps, next(seeds))
-        runs.append(stages)
-        steps.append(model.num_timesteps)
-        return sum(stages.values())
+    def learn(name: str) -> float:
+        model, by_stage = timed_run(name, timesteps, next(seeds[name]))
+        stages[name].append(by_stage)
+        models[name].append(model)
+        return sum(by_stage.values())
 
-    CuriosityES(MAZE, seed=0).learn(1)
+    for name in TARGETS:
+        timed_run(name, 1.0, 0)  # compiles the kernels
     ppo = PPO("MlpPolicy", MAZE, n_steps=min(2048, ppo_timesteps), seed=0, device="cpu")
 
     def learn_ppo() -> None:
@@ -46,43 +55,87 @@ def run(plan: Plan) -> list[Table]:
             ppo.learn(ppo_timesteps)
 
     learn_ppo()
+    pool = ThreadPool()
+    products = products_task(plan, pool, pool.n_threads)
     tasks = {
-        "CuriosityES": curiosity_es,
+        **{name: lambda name=name: learn(name) for name in TARGETS},
         "PPO": lambda: ppo_timesteps / seconds(learn_ppo),
+        "products": products,
     }
     figures = interleave(tasks, plan.repeats)
-    rates = ratios(steps, figures["CuriosityES"])
+    steps = [model.num_timesteps for model in models[DEFAULT]]
+    rates = ratios(steps, figures[DEFAULT])
+    times = [
+        Row(f"{name}, learn({timesteps:,.0f})", figures[name], "s", target)
+        for name, target in TARGETS.items()
+    ]
     rows = [
-        Row(f"CuriosityES, learn({timesteps:,.0f})", figures["CuriosityES"], "s", "<= 1.5"),
-        Row("CuriosityES", rates, "steps/s"),
+        *times,
+        Row(DEFAULT, rates, "steps/s"),
         Row("Stable-Baselines3's PPO", figures["PPO"], "steps/s"),
         Row("CuriosityES over PPO", ratios(rates, figures["PPO"]), "x"),
+        Row(f"matrix products, {pool.n_threads} threads", figures["products"], "GFLOP/s"),
     ]
+    for name, target in {DEFAULT: "", PAPER: "<= 2.5"}.items():
+        floors = ratios(list(map(products_of_updates, models[name])), figures["products"])
+        updates = [by_stage["bonus updates"] for by_stage in stages[name]]
+        rows.append(
+            Row(f"{name}, gradient steps over their products", ratios(updates, floors), "x", target)
+        )
     notes = [
-        "Another seed each repeat; machine code loaded before. Both train on one torch thread; "
-        "CuriosityES also evaluates and scores on every core. PPO is another kind of algorithm, "
-        "here only for scale."
+        "Another seed each repeat; machine code loaded before. PPO is another kind of algorithm, "
+        "here only for scale; it trains on one torch thread. What gradient steps are held to is "
+        "the time that their matrix products would take at the rate of large ones."
     ]
-    return [Table(f"learn: {MAZE}", rows, notes), _stages(runs)]
+    return [Table(f"learn: {MAZE}", rows, notes), _shares(stages)]
 
 
-def timed_run(timesteps: float, seed: int) -> tuple[CuriosityES, dict[str, float]]:
+def _shares(stages: dict[str, list[dict[str, float]]]) -> Table:
+    """Of each algorithm's time, by stage."""
+    rows = [
+        Row(f"{name}, {stage}", [100.0 * run[stage] / sum(run.values()) for run in runs], "%")
+        for name, runs in stages.items()
+        for stage in (*LOOP, *(BONUS if name in (DEFAULT, PAPER) else ()), "rest")
+    ]
+    return Table(
+        "learn: where the time goes",
+        rows,
+        ["`rest` is construction, logging, coverage and the loop itself."],
+    )
+
+
+def timed_run(name: str, timesteps: float, seed: int) -> tuple[Any, dict[str, float]]:
     """A trained model, and its seconds by stage; they add up to the whole, construction too."""
+    algorithm, _, preset = name.partition(", ")
+    settings = {"preset": preset} if preset else {}
     watch = Stopwatch()
     began = time.perf_counter()
-    model = CuriosityES(MAZE, seed=seed)
-    motivation = model._motivation
-    watch.wrap(model._search, "ask", "ask")
+    model = getattr(curiosity_algos, algorithm)(MAZE, seed=seed, **settings)
+    watch.wrap(model, "_ask", "ask")
     watch.wrap(model.evaluator, "evaluate", "evaluate")
-    watch.wrap(motivation, "score", "score")
-    watch.wrap(motivation, "_remember", "remember")
-    watch.wrap(motivation, "update", "bonus updates")
-    watch.wrap(model._search, "tell", "tell")
+    watch.wrap(model, "_tell", "tell")
+    if isinstance(model, CuriosityES):
+        watch.wrap(model._motivation, "score", "score")
+        watch.wrap(model._motivation, "_remember", "remember")
+        watch.wrap(model._motivation, "update", "bonus updates")
     model.learn(timesteps)
     elapsed = time.perf_counter() - began
-    return model, {**watch.seconds, "rest": elapsed - sum(watch.seconds.values())}
+    spent = {stage: watch.seconds[stage] for stage in (*LOOP, *BONUS)}
+    return model, {**spent, "rest": elapsed - sum(spent.values())}
 
 
-def _stages(runs: list[dict[str, float]]) -> Table:
-    notes = ["`rest` is construction, logging, coverage and the loop itself."]
-    return Table("learn: where the time goes", stage_rows(STAGES, runs), notes)
+def products_of_updates(model: CuriosityES) -> float:
+    """Billions of floating-point operations in the matrix products of all gradient steps so far."""
+    motivation, bonus = model._motivation, model._motivation.bonus
+    n = motivation.batch_size
+    operations = 0.0
+    for name, network in bonus.named_children():
+        rows = 2 * n if name == "encoder" else n
+        linear = [each for each in network.modules() if isinstance(each, th.nn.Linear)]
+        # Forward, by the weights, and by the inputs, which those of the encoder need not.
+        operations += sum(6.0 * rows * each.weight.numel() for each in linear)
+        if linear and name == "encoder":
+            operations -= 2.0 * rows * linear[0].weight.numel()
+    if bonus.name == "apt":  # distances of all from all, and twice what they are pulled by
+        operations += 3 * 2.0 * n * n * bonus.memory._features.shape[1]
+    return 1e-9 * operations * motivation.n_updates * model.generation

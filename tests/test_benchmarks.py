@@ -30,8 +30,12 @@ TITLES = {
     "learn": ["learn: CuriosityMaze-Hard-v0", "learn: where the time goes"],
     "td3": ["td3: CuriosityMaze-US-v0", "td3: where TD3ICM's time goes"],
     "novelty": ["novelty: the archive"],
-    "diversity": ["diversity: share of the time", "diversity: peak memory"],
+    "diversity": ["diversity: share of the time"],
     "cold_start": ["cold_start: fresh processes"],
+    "whole_run": [
+        "whole_run: from a cold process to the saved model",
+        "whole_run: resident memory",
+    ],
 }
 
 
@@ -56,6 +60,7 @@ def medians(printed):
         ["novelty"],
         ["diversity"],
         ["cold_start"],
+        ["whole_run"],
     ],
 )
 def test_sections_print_figures(names, capsys):

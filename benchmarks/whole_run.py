@@ -1,0 +1,117 @@
+"""The paper's whole run, from a cold process to the saved model: its time and its memory.
+
+2,000 generations of 56 individuals, of up to 2,000 steps each: the 224 million environment steps
+that the paper gives one evolution, a day on a cluster's node. Each is run once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from stable_baselines3.common.callbacks import BaseCallback
+
+import curiosity_algos
+from benchmarks.measure import Plan, Row, Table
+
+MAZE = "CuriosityMaze-US-v0"
+TARGETS = {
+    "CanonicalES": "",
+    "NSES": "<= 40",
+    "NSLC": "",
+    "MAPElites": "",
+    "CMAME": "",
+    "AURORA": "",
+    "CuriosityES": "<= 150",
+    "CuriosityES, paper": "<= 300",
+    "CuriosityMAPElites": "",
+}
+"""Seconds, by algorithm and preset."""
+LARGEST = {"CuriosityES, paper": "<= 1229", "MAPElites": "<= 1024", "CMAME": "<= 1024"}
+"""MiB."""
+MEBIBYTE = 2**20
+
+
+def run(plan: Plan) -> list[Table]:
+    """Seconds of each algorithm, and its resident memory early and at the end."""
+    n_generations = plan.size(2000, 10)
+    times, memory = [], []
+    for name, target in islice(TARGETS.items(), plan.size(len(TARGETS), 2)):
+        began = time.perf_counter()
+        early, late, peak = _in_a_process(name, n_generations)
+        times.append(Row(name, [time.perf_counter() - began], "s", target))
+        memory += [
+            Row(f"{name}, after a tenth", [early / MEBIBYTE], "MiB"),
+            Row(f"{name}, at the end", [late / MEBIBYTE], "MiB"),
+            Row(f"{name}, growth", [100.0 * (late / early - 1.0)], "%", "<= 5"),
+            Row(f"{name}, at most", [peak / MEBIBYTE], "MiB", LARGEST.get(name, "")),
+        ]
+    done = f"{n_generations:,} generations on {MAZE}, seed 0, once; machine code in cache."
+    grid = 50**4 * (1746 * 8 + 4 * 8 + 8 + 8) / 2**30
+    dense = f"pyribs' GridArchive of MAPElites' grid would take {grid:.0f} GiB by its arrays."
+    return [
+        Table("whole_run: from a cold process to the saved model", times, [done]),
+        Table("whole_run: resident memory", memory, [dense]),
+    ]
+
+
+def _in_a_process(name: str, n_generations: int) -> list[int]:
+    """What `main` prints."""
+    command = [sys.executable, "-m", "benchmarks.whole_run", name, str(n_generations)]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    resident_bytes: list[int] = json.loads(done.stdout)
+    return resident_bytes
+
+
+class Generations(BaseCallback):
+    """Ends a run after so many, and notes the resident bytes after a tenth and at the end."""
+
+    def __init__(self, n: int) -> None:
+        super().__init__()
+        self.n = n
+        self.early = self.late = 0
+
+    def _on_step(self) -> bool:
+        if self.n_calls == max(1, self.n // 10):
+            self.early = resident()
+        self.late = resident()
+        return self.n_calls < self.n
+
+
+def resident() -> int:
+    """Bytes of this process that are in memory."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def largest_resident() -> int:
+    """Largest resident bytes of this process so far."""
+    status = Path("/proc/self/status")
+    if status.exists():  # where getrusage also counts what the parent held when it forked
+        (line,) = (each for each in status.read_text().splitlines() if each.startswith("VmHWM"))
+        return 1024 * int(line.split()[1])
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def main(name: str, n_generations: int) -> None:
+    """Train, save, and print the resident bytes: after a tenth, at the end, and at most."""
+    algorithm, _, preset = name.partition(", ")
+    settings: dict[str, Any] = {"preset": preset} if preset else {}
+    model = getattr(curiosity_algos, algorithm)(MAZE, seed=0, device="cpu", **settings)
+    generations = Generations(n_generations)
+    model.learn(1e12, callback=generations)
+    with tempfile.TemporaryDirectory() as folder:
+        model.save(Path(folder) / "model")
+    print(json.dumps([generations.early, generations.late, largest_resident()]))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

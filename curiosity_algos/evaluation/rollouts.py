@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -125,6 +125,10 @@ class Rollouts:
                 "These rollouts hold no trajectories: `evaluator` must give them here."
             )
         return self.observations, self.actions
+
+    def without_trajectories(self) -> Rollouts:
+        """The same, but for observations and actions."""
+        return replace(self, observations=None, actions=None)
 
     @property
     def timesteps(self) -> int:

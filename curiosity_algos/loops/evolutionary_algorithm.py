@@ -14,7 +14,7 @@ import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorDict
 from stable_baselines3.common.utils import check_for_correct_spaces
@@ -368,21 +368,30 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             callback.init_callback(self)
         arguments = {"log_interval": log_interval, "tb_log_name": name}
         callback.on_training_start({"self": self, "total_timesteps": total, **arguments}, {})
-        while self.num_timesteps < total:
+        goes_on = True
+        while goes_on and self.num_timesteps < total:
             with deferred_interrupt("the generation"):
-                callback.on_rollout_start()
-                step = self._run_generation()
-                self._update_current_progress_remaining(min(self.num_timesteps, total), total)
-                self._update_info_buffer(step["infos"], step["dones"])
-                callback.update_locals(step)
-                goes_on = callback.on_step()
-                callback.on_rollout_end()
-                if log_interval is not None and self.generation % log_interval == 0:
-                    self.dump_logs()
-                if not goes_on:
-                    break
+                goes_on = self._learn_generation(callback, total, log_interval)
         callback.on_training_end()
         return self
+
+    def _learn_generation(
+        self, callback: BaseCallback, total_timesteps: int, log_interval: int | None
+    ) -> bool:
+        """Run a generation, show it to the callbacks and log it; whether they want another."""
+        callback.on_rollout_start()
+        step = self._run_generation()
+        progress = min(self.num_timesteps, total_timesteps)
+        self._update_current_progress_remaining(progress, total_timesteps)
+        self._update_info_buffer(step["infos"], step["dones"])
+        callback.update_locals(step)
+        goes_on = callback.on_step()
+        callback.on_rollout_end()
+        if log_interval is not None and self.generation % log_interval == 0:
+            self.dump_logs()
+        # The trajectories make room before the next come: those of large populations are gigabytes.
+        callback.update_locals({"rollouts": step["rollouts"].without_trajectories()})
+        return goes_on
 
     def _run_generation(self) -> dict[str, Any]:
         """What callbacks find in their `locals`, see `as_step`."""

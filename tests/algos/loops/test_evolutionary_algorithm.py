@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import functools
 import random
+import weakref
 from inspect import signature
 
 import gymnasium as gym
@@ -639,6 +640,24 @@ class TestCallbacks:
         make_model(algorithm, make_maze()).learn(5 * GENERATION, callback=callback)
         names = [f"rl_model_{n * GENERATION}_steps.zip" for n in (2, 4)]
         assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+
+
+def test_trajectories_are_freed_before_others_come(algorithm, make_model, make_maze):
+    class Freed(BaseCallback):
+        seen = None
+
+        def _on_rollout_start(self):
+            assert self.seen is None or self.seen() is None
+            assert self.n_calls == 0 or self.locals["rollouts"].observations is None
+
+        def _on_step(self):
+            self.seen = weakref.ref(self.locals["rollouts"].observations)
+            return True
+
+    callback = Freed()
+    make_model(algorithm, make_maze()).learn(3 * GENERATION, callback=callback)
+    assert callback.n_calls == 3
+    assert callback.seen() is None
 
 
 class Halved:

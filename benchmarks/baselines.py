@@ -1,4 +1,4 @@
-"""Who solves the control tasks without learning: `python -m benchmarks.baselines` prints a table.
+"""Who solves the control tasks without learning: `python -m benchmarks.baselines` counts.
 
 Every episode begins at the task's fixed start or, with `random_start`, at one of its own.
 """
@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import islice, repeat
+from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import typer
 from gymnasium.utils import seeding
 
+from benchmarks.results import FOLDER
 from curiosity_algos import make_evaluator
 from curiosity_gym.control.simulation import Simulation
 
@@ -41,18 +44,23 @@ N_HELD = 10
 
 
 def main(
+    only: Annotated[str, typer.Option(help="One of the rows; none: all.")] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of actions and policies.")] = 0,
     quick: Annotated[bool, typer.Option("--quick", help="Few episodes, and short.")] = False,
+    out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
-    """Count the episodes that succeed, and print a table."""
+    """Count the episodes that succeed, and put each row into a CSV file once it is counted."""
     n_episodes, horizon = (3, 20) if quick else (200, 1000)
-    print(f"Solved of {n_episodes} episodes of {horizon} steps each, seed {seed}:\n")
-    policies = " | ".join(f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS)
-    print(f"| Task | No actions | Uniform actions | +-1, held {N_HELD} steps | {policies} |")
-    print("|---|--:|--:|--:|--:|--:|")
-    for label, (name, keywords) in ROWS.items():
+    policies = [f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS]
+    columns = ["Task", "No actions", "Uniform actions", f"+-1, held {N_HELD} steps", *policies]
+    path = out / "control_baselines.csv"
+    table = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=columns)
+    table = table.set_index("Task")
+    for label in [only] if only else list(ROWS):
+        name, keywords = ROWS[label]
         env = gym.make(f"CuriosityControl-{name}-v0", horizon=horizon, **keywords)
-        print(f"| {label} | {' | '.join(map(str, solved(env, n_episodes, seed)))} |", flush=True)
+        table.loc[label] = solved(env, n_episodes, seed)
+        table.loc[[each for each in ROWS if each in table.index]].to_csv(path)
 
 
 def solved(env: gym.Env[Any, Any], n_episodes: int, seed: int) -> list[int]:

@@ -145,6 +145,11 @@ def unseen(values: pd.DataFrame) -> str:
     return markdown([f"Of {values['starts'].iloc[0]} starts", *map(short_name, envs)], rows)
 
 
+def counts(values: pd.DataFrame) -> str:
+    """The rows as they are."""
+    return markdown(list(values), values.astype(str).to_numpy().tolist())
+
+
 def processors(runs: pd.DataFrame) -> str:
     """What the runs were trained on, in a line."""
     return f"Trained on {', '.join(sorted(set(runs['machine.processor'])))}."
@@ -185,6 +190,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
 TABLES: dict[str, Callable[[], str]] = {
     **{name: partial(make_table, read_runs, *each) for name, each in OF_RUNS.items()},
     "tries": partial(make_table, read_rows, "tries", tries),
+    "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
     **{f"speed-{name}": partial(section, name) for name in SECTIONS},

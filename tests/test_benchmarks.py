@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -126,13 +127,21 @@ def test_a_stream_repeats_the_episode_after_a_reset():
 
 
 @pytest.mark.extra("control")
-def test_baselines_count_successes(capsys):
-    baselines.main(quick=True)
-    printed = capsys.readouterr().out
-    rows = [line.strip("| ").split(" | ") for line in printed.splitlines() if "|" in line]
-    assert [row[0] for row in rows[2:]] == list(baselines.ROWS)
-    assert {len(row) for row in rows[2:]} == {len(rows[0])}
-    assert all(0 <= int(count) <= 3 for row in rows[2:] for count in row[1:])
+def test_baselines_count_successes(tmp_path):
+    baselines.main(quick=True, out=tmp_path)
+    (file,) = tmp_path.iterdir()
+    table = pd.read_csv(file, index_col="Task")
+    assert list(table.index) == list(baselines.ROWS)
+    assert table.shape[1] == 5
+    assert ((table >= 0) & (table <= 3)).all(axis=None)
+
+
+@pytest.mark.extra("control")
+def test_a_row_of_baselines_joins_those_that_are_there(tmp_path):
+    for label in ("Finger", "BallInCup", "Finger"):
+        baselines.main(only=label, quick=True, out=tmp_path)
+    table = pd.read_csv(tmp_path / "control_baselines.csv")
+    assert list(table["Task"]) == ["BallInCup", "Finger"]
 
 
 @pytest.mark.extra("control")

@@ -15,6 +15,7 @@ from benchmarks.record import write_section
 SECTIONS = {
     "roofline": "benchmarks.roofline",
     "population": "benchmarks.population",
+    "scaling": "benchmarks.scaling",
     "python_loop": "benchmarks.python_loop",
     "vector": "benchmarks.vector",
     "control": "benchmarks.control",

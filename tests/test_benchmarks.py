@@ -25,6 +25,7 @@ CONTROL = ["BallInCup", "Finger", "Stacker"]
 TITLES = {
     "roofline": ["roofline: this machine"],
     "population": ["population: CuriosityMaze-Snake-v0", "population: every maze"],
+    "scaling": ["scaling: threads", "scaling: sizes"],
     "python_loop": ["python_loop: one environment"],
     "vector": ["vector: CuriosityMaze-Hard-v0"],
     "control": [f"control: CuriosityControl-{name}-v0" for name in CONTROL],
@@ -53,7 +54,7 @@ def medians(printed):
 @pytest.mark.parametrize(
     "names",
     [
-        ["roofline", "population", "python_loop"],
+        ["roofline", "population", "scaling", "python_loop"],
         ["vector"],
         pytest.param(["control"], marks=pytest.mark.extra("control")),
         ["learn"],

@@ -60,7 +60,8 @@ SWEEPS: dict[str, dict[str, Any]] = {
 """What is trained for each name, in the words of `curiosity sweep`.
 
 "rounding" is for other vector instructions, whose sums are rounded otherwise:
-`ATEN_CPU_CAPABILITY=default MKL_ENABLE_INSTRUCTIONS=SSE4_2 python -m benchmarks.learning rounding`.
+`ATEN_CPU_CAPABILITY=default MKL_ENABLE_INSTRUCTIONS=SSE4_2 OPENBLAS_CORETYPE=Nehalem python -m
+benchmarks.learning rounding`.
 """
 
 

@@ -36,13 +36,17 @@ def run(plan: Plan) -> list[Table]:
     """Seconds of each algorithm, PPO's rate, and the stages of the same runs."""
     timesteps, ppo_timesteps = plan.size(1e6, 1.0), plan.size(4096, 64)
     stages: dict[str, list[dict[str, float]]] = {name: [] for name in TARGETS}
-    models: dict[str, list[Any]] = {name: [] for name in TARGETS}
+    steps: list[int] = []
+    products: dict[str, list[float]] = {DEFAULT: [], PAPER: []}
     seeds = {name: count() for name in TARGETS}
 
     def learn(name: str) -> float:
         model, by_stage = timed_run(name, timesteps, next(seeds[name]))
         stages[name].append(by_stage)
-        models[name].append(model)
+        if name == DEFAULT:
+            steps.append(model.num_timesteps)
+        if name in products:
+            products[name].append(products_of_updates(model))
         return sum(by_stage.values())
 
     for name in TARGETS:
@@ -56,14 +60,12 @@ def run(plan: Plan) -> list[Table]:
 
     learn_ppo()
     pool = ThreadPool()
-    products = products_task(plan, pool, pool.n_threads)
     tasks = {
         **{name: lambda name=name: learn(name) for name in TARGETS},
         "PPO": lambda: ppo_timesteps / seconds(learn_ppo),
-        "products": products,
+        "products": products_task(plan, pool, pool.n_threads),
     }
     figures = interleave(tasks, plan.repeats)
-    steps = [model.num_timesteps for model in models[DEFAULT]]
     rates = ratios(steps, figures[DEFAULT])
     times = [
         Row(f"{name}, learn({timesteps:,.0f})", figures[name], "s", target)
@@ -77,7 +79,7 @@ def run(plan: Plan) -> list[Table]:
         Row(f"matrix products, {pool.n_threads} threads", figures["products"], "GFLOP/s"),
     ]
     for name, target in {DEFAULT: "", PAPER: "<= 2.5"}.items():
-        floors = ratios(list(map(products_of_updates, models[name])), figures["products"])
+        floors = ratios(products[name], figures["products"])
         updates = [by_stage["bonus updates"] for by_stage in stages[name]]
         rows.append(
             Row(f"{name}, gradient steps over their products", ratios(updates, floors), "x", target)

@@ -6,6 +6,7 @@ import hashlib
 import importlib.resources
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
@@ -114,10 +115,16 @@ class ThreadPool:
         n_slices = max(1, min(n_slices, n_items))
         bounds = [n_items * i // n_slices for i in range(n_slices + 1)]
         left = iter(list(pairwise(bounds)))  # each thread takes the next: `next` holds the GIL
+        failed = threading.Event()
 
         def work() -> None:
-            for begin, end in left:
-                function(begin, end)
+            try:
+                for begin, end in left:
+                    if not failed.is_set():  # after an error nothing more begins
+                        function(begin, end)
+            except BaseException:
+                failed.set()
+                raise
 
         # The caller's own thread is one of them, which saves a hand-over.
         others = min(self.n_threads, n_slices) - 1
@@ -125,9 +132,9 @@ class ThreadPool:
         try:
             work()
         finally:
-            left = iter(())  # after an error nothing more begins
-            wait(futures)
-        for future in futures:
+            begun = [each for each in futures if not each.cancel()]  # those had nothing to do
+            wait(begun)
+        for future in begun:
             future.result()
 
     def _pool(self) -> ThreadPoolExecutor:

@@ -116,10 +116,11 @@ class APT(NetworkBonus):
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, float]:
         """The loss of a batch, and its gradient: by autograd, or a compiled encoder."""
-        if not self._is_compiled(APT, self.encoder):
+        encoder = Layers.of(self.encoder) if type(self) is APT else None
+        if encoder is None:
             return super().differentiate(observations, actions, next_observations)
-        states = self.inputs(th.cat([observations, next_observations])).numpy()
-        encoder = Layers.of(self.encoder)
+        states = self.inputs(th.cat([observations, next_observations])).detach().numpy()
+        states = np.ascontiguousarray(states)
         held = Pass.of(encoder, len(states))
         by_parameters = np.empty(encoder.n_parameters, dtype=np.float32)
         with single_blas_thread():
@@ -127,7 +128,8 @@ class APT(NetworkBonus):
             loss, *slopes = info_nce(*th.from_numpy(held.outputs[-1]).chunk(2))
             th.cat(slopes, out=th.from_numpy(held.slopes[-1]))
             backward(encoder, states, held, by_parameters, states[:0])
-        set_gradients(self.optimizer, by_parameters)
+        self.optimizer.zero_grad(set_to_none=True)
+        set_gradients([self.encoder], by_parameters)
         return {"loss": loss.item()}
 
     def observe(self, observations: th.Tensor) -> None:

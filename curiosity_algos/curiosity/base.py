@@ -17,7 +17,6 @@ from stable_baselines3.common.utils import get_device
 
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.curiosity.encoders import ImageInputs
-from curiosity_algos.curiosity.perceptron import is_perceptron
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_positive
 
@@ -125,13 +124,6 @@ class NetworkBonus(th.nn.Module):
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, th.Tensor]:
         """Mean losses of a batch; "loss" is what is minimized."""
-
-    def _is_compiled(self, equations: type[NetworkBonus], *networks: th.nn.Module) -> bool:
-        """Whether compiled equations of a class hold for this bonus and serve its networks."""
-        is_as_written = type(self) is equations  # a subclass may have overridden any of them
-        is_all_trained = all(each.requires_grad for each in self.parameters())
-        is_compiled = is_as_written and is_all_trained and self.device.type == "cpu"
-        return is_compiled and all(map(is_perceptron, networks))
 
     def inputs(self, observations: th.Tensor) -> th.Tensor:
         """Observations (n, ...) as the networks take them: flat, or images with channels first."""

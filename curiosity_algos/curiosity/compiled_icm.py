@@ -168,6 +168,7 @@ def differentiate(
         is_discrete: Whether actions are one-hot.
         pool: Threads.
     """
+    states, actions = _checked(states, actions, stride=2)
     n = len(actions)
     n_chunks = -(-n // N_ROWS)
     weights = beta / n, (1.0 - beta) / n
@@ -177,11 +178,12 @@ def differentiate(
 
     def some(begin: int, end: int) -> None:
         held = Held.of(icm, min(N_ROWS, n))
-        for i in range(begin, end):
-            first, last = i * N_ROWS, min((i + 1) * N_ROWS, n)
-            rows = states[2 * first : 2 * last], actions[first:last]
-            parts = slopes[i, : ends[0]], slopes[i, ends[0] : ends[1]], slopes[i, ends[1] :]
-            differentiate_rows(icm, held, parts, losses[i], *rows, weights, is_discrete)
+        with single_blas_thread():
+            for i in range(begin, end):
+                first, last = i * N_ROWS, min((i + 1) * N_ROWS, n)
+                rows = states[2 * first : 2 * last], actions[first:last]
+                parts = slopes[i, : ends[0]], slopes[i, ends[0] : ends[1]], slopes[i, ends[1] :]
+                differentiate_rows(icm, held, parts, losses[i], *rows, weights, is_discrete)
 
     with single_blas_thread():
         pool.run(some, n_chunks, pool.n_threads)
@@ -223,7 +225,24 @@ def prediction_errors(
         actions: Encoded, (n, A).
         stride: States from a transition's first to that of the next: 1, or 2.
     """
+    states, actions = _checked(states, actions, stride)
     errors = np.empty(len(actions), dtype=np.float32)
     with single_blas_thread():
         write_errors(icm, Held.of(icm, N_ROWS), states, actions, stride, errors)
     return errors
+
+
+def _checked(
+    states: Float32Array, actions: Float32Array, stride: int
+) -> tuple[Float32Array, Float32Array]:
+    """Both in C order, as they are compiled for.
+
+    Raises:
+        ValueError: If there are not as many actions as transitions.
+    """
+    n_transitions = len(states) // 2 if stride == 2 else max(len(states) - 1, 0)
+    if len(actions) != n_transitions:
+        raise ValueError(
+            f"`actions` must be as many as transitions, {n_transitions}, got {len(actions)}."
+        )
+    return np.ascontiguousarray(states), np.ascontiguousarray(actions)

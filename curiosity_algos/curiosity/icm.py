@@ -29,6 +29,9 @@ class ICM(NetworkBonus):
     The loss is `(1 - beta) L_I + beta L_F` (section 2.3): the inverse model keeps in the features
     what the agent can influence, the forward model's error is the curiosity.
 
+    Of flat observations on the CPU the equations are compiled. A subclass, or networks of another
+    kind, frozen or with hooks, are computed by torch, from the methods below.
+
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
             (uint8, channels first or last, 36 by 36 at least).
@@ -108,18 +111,21 @@ class ICM(NetworkBonus):
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, float]:
         """The losses of a batch, and their gradient: by autograd, or compiled and on threads."""
-        if not self._is_compiled(ICM, *self._models):
+        networks = self._compiled()
+        if networks is None:
             return super().differentiate(observations, actions, next_observations)
-        states = self.inputs(th.stack([observations, next_observations], dim=1).flatten(0, 1))
-        (forward_loss, inverse_loss), slopes = compiled_icm.differentiate(
-            self._networks(),
-            states.numpy(),
-            self.encode_actions(actions).numpy(),
+        states = th.stack([observations, next_observations], dim=1).flatten(0, 1)
+        losses, slopes = compiled_icm.differentiate(
+            networks,
+            self.inputs(states).detach().numpy(),
+            self.encode_actions(actions).detach().numpy(),
             beta=self.beta,
             is_discrete=self.encode_actions.is_discrete,
             pool=self.pool,
         )
-        set_gradients(self.optimizer, slopes)
+        self.optimizer.zero_grad(set_to_none=True)
+        set_gradients(self._models, slopes)
+        forward_loss, inverse_loss = losses.tolist()
         loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss
         return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
 
@@ -127,8 +133,14 @@ class ICM(NetworkBonus):
     def _models(self) -> tuple[th.nn.Module, th.nn.Module, th.nn.Module]:
         return self.encoder, self.forward_model, self.inverse_model
 
-    def _networks(self) -> compiled_icm.Networks:
-        return compiled_icm.Networks(*map(Layers.of, self._models))
+    def _compiled(self) -> compiled_icm.Networks | None:
+        """The networks for compiled equations; None: they do not serve, or may be overridden."""
+        if type(self) is not ICM or self.device.type != "cpu":
+            return None
+        encoder, forward_model, inverse_model = map(Layers.of, self._models)
+        if encoder is None or forward_model is None or inverse_model is None:
+            return None
+        return compiled_icm.Networks(encoder, forward_model, inverse_model)
 
     @th.no_grad()
     def score(
@@ -154,10 +166,10 @@ class ICM(NetworkBonus):
         """Curiosity of transitions that begin at every observation, or every second, (n,)."""
         states = self.inputs(self.tensor(observations))
         encoded = self.encode_actions(self.tensor(actions))
-        if self._is_compiled(ICM, *self._models):
-            return compiled_icm.prediction_errors(
-                self._networks(), states.numpy(), encoded.numpy(), stride
-            )
+        networks = self._compiled()
+        if networks is not None:
+            return compiled_icm.prediction_errors(networks, states.numpy(), encoded.numpy(), stride)
         features = self.encoder(states)
-        errors = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
-        return errors.cpu().numpy()
+        error = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
+        errors: FloatArray = error.cpu().numpy()
+        return errors

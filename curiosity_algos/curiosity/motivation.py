@@ -95,7 +95,7 @@ class CuriosityMotivation:
         n_updates: p, gradient steps a generation.
         batch_size: Transitions a gradient step.
         seed: Seed of the draws.
-        n_threads: Threads that score; the scores do not depend on it.
+        n_threads: Threads that score, and that the bonus may train on; results do not depend on it.
     """
 
     def __init__(
@@ -245,7 +245,7 @@ def make_motivation(
         buffer_size: Transitions kept in all, the newest.
         seed: Of the initial weights and all draws; None: fresh entropy.
         device: Where the networks are, as in SB3.
-        n_threads: Threads that score; None: as many as there are processors.
+        n_threads: Threads that score and train; None: as many as there are processors.
 
     Raises:
         ValueError: If an argument is out of its range, or the spaces are of another kind.

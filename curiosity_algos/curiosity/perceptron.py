@@ -6,11 +6,10 @@ Torch's own take Python's lock at every operation, which leaves threads little t
 from __future__ import annotations
 
 import importlib
-import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +21,6 @@ from curiosity_gym.compiled import compiled, compiled_product
 Float32Array = npt.NDArray[np.float32]
 
 
-def is_perceptron(network: th.nn.Module) -> bool:
-    """Whether it is linear layers with a ReLU between two, as `mlp` makes them."""
-    kinds = [type(each) for each in network.children()]
-    n_linear = len(kinds) // 2 + 1
-    return kinds == ([th.nn.Linear, th.nn.ReLU] * n_linear)[:-1]
-
-
 class Layers(NamedTuple):
     """Weights (n_out, n_in) and biases (n_out,) of linear layers; a ReLU lies between two."""
 
@@ -36,18 +28,51 @@ class Layers(NamedTuple):
     biases: tuple[Float32Array, ...]
 
     @classmethod
-    def of(cls, network: th.nn.Module) -> Layers:
-        """Those of an `mlp`; views of its parameters."""
-        linear = [each for each in network.modules() if isinstance(each, th.nn.Linear)]
+    def of(cls, network: th.nn.Module) -> Layers | None:
+        """Views of the parameters of a network on the CPU; None: it is more than these layers.
+
+        What a user has changed in it, such as hooks, frozen weights or another layer, torch alone
+        can compute.
+        """
+        modules = list(network) if type(network) is th.nn.Sequential else []
+        linear, others = modules[::2], modules[1::2]
+        if len(linear) != len(others) + 1 or {type(each) for each in others} - {th.nn.ReLU}:
+            return None
+        if not all(map(_is_plain, linear)) or any(map(_has_hooks, [network, *modules])):
+            return None
         return cls(
-            tuple(each.weight.detach().numpy() for each in linear),
-            tuple(each.bias.detach().numpy() for each in linear),
+            tuple(each.get_parameter("weight").detach().numpy() for each in linear),
+            tuple(each.get_parameter("bias").detach().numpy() for each in linear),
         )
 
     @property
     def n_parameters(self) -> int:
         """Of all layers."""
         return sum(weights.size + len(weights) for weights in self.weights)
+
+
+def _is_plain(layer: th.nn.Module) -> bool:
+    """Whether it is a linear layer with bias, both trained, contiguous float32 on the CPU."""
+    if type(layer) is not th.nn.Linear or layer.bias is None:
+        return False
+    return all(
+        type(each) is th.nn.Parameter
+        and each.requires_grad
+        and each.dtype == th.float32
+        and each.device.type == "cpu"
+        and each.is_contiguous()
+        and not each._backward_hooks
+        for each in (layer.weight, layer.bias)
+    )
+
+
+def _has_hooks(module: th.nn.Module) -> bool:
+    return bool(
+        module._forward_hooks
+        or module._forward_pre_hooks
+        or module._backward_hooks
+        or module._backward_pre_hooks
+    )
 
 
 class Pass(NamedTuple):
@@ -125,10 +150,10 @@ def backward(
                         dx[i, j] = 0.0
 
 
-def set_gradients(optimizer: th.optim.Optimizer, slopes: Float32Array) -> None:
-    """Give an optimizer the slopes by its parameters, (n_parameters,) in their order; views."""
+def set_gradients(networks: Iterable[th.nn.Module], slopes: Float32Array) -> None:
+    """Give parameters, network by network in torch's order, their slopes (n_parameters,); views."""
     begin, flat = 0, th.from_numpy(slopes)
-    for parameter in optimizer.param_groups[0]["params"]:
+    for parameter in (each for network in networks for each in network.parameters()):
         end = begin + parameter.numel()
         parameter.grad = flat[begin:end].view_as(parameter)
         begin = end
@@ -138,21 +163,11 @@ def set_gradients(optimizer: th.optim.Optimizer, slopes: Float32Array) -> None:
 def single_blas_thread() -> Iterator[None]:
     """Leave the threads to us: a product of matrices runs on the thread that asks for it.
 
-    It may be entered again, by other threads too: the last to leave gives the setting back.
+    Some libraries keep the setting by thread, others have one for all, which belongs to the first
+    thread that enters: so each thread enters, within the time of the one that waits for them.
     """
-    with _LOCK:
-        _ENTERED.append(_libraries().limit(limits=1, user_api="blas") if not _ENTERED else None)
-    try:
+    with _libraries().limit(limits=1, user_api="blas"):
         yield
-    finally:
-        with _LOCK:
-            if len(_ENTERED) == 1:
-                _ENTERED[0].restore_original_limits()
-            _ENTERED.pop()
-
-
-_LOCK = threading.Lock()
-_ENTERED: list[Any] = []
 
 
 @cache

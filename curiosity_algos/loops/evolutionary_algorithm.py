@@ -368,8 +368,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             callback.init_callback(self)
         arguments = {"log_interval": log_interval, "tb_log_name": name}
         callback.on_training_start({"self": self, "total_timesteps": total, **arguments}, {})
-        goes_on = True
-        while goes_on and self.num_timesteps < total:
+        goes_on = self.num_timesteps < total
+        while goes_on:
             with deferred_interrupt("the generation"):
                 goes_on = self._learn_generation(callback, total, log_interval)
         callback.on_training_end()
@@ -378,7 +378,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     def _learn_generation(
         self, callback: BaseCallback, total_timesteps: int, log_interval: int | None
     ) -> bool:
-        """Run a generation, show it to the callbacks and log it; whether they want another."""
+        """Run a generation, show it to the callbacks and log it; whether there is another."""
         callback.on_rollout_start()
         step = self._run_generation()
         progress = min(self.num_timesteps, total_timesteps)
@@ -389,8 +389,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         callback.on_rollout_end()
         if log_interval is not None and self.generation % log_interval == 0:
             self.dump_logs()
-        # The trajectories make room before the next come: those of large populations are gigabytes.
-        callback.update_locals({"rollouts": step["rollouts"].without_trajectories()})
+        goes_on = goes_on and self.num_timesteps < total_timesteps
+        if goes_on:  # those of large populations are gigabytes: they make room before the next come
+            callback.update_locals({"rollouts": step["rollouts"].without_trajectories()})
         return goes_on
 
     def _run_generation(self) -> dict[str, Any]:

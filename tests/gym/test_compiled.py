@@ -4,6 +4,7 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -53,16 +54,30 @@ class TestThreadPool:
         with pytest.raises(RuntimeError, match="slice"):
             ThreadPool(n_threads).run(fail, 4, 4)
 
-    def test_after_an_error_no_slice_begins(self):
-        begun = []
+    @pytest.mark.parametrize("fails_in_the_caller", [True, False])
+    def test_after_an_error_no_slice_begins(self, fails_in_the_caller):
+        begun, failed, caller = [], threading.Event(), threading.current_thread()
 
-        def fail(begin, end):
+        def work(begin, end):
             begun.append(begin)
-            raise RuntimeError
+            if (threading.current_thread() is caller) == fails_in_the_caller:
+                failed.set()
+                raise RuntimeError
+            assert failed.wait(60)
+            time.sleep(0.01)
 
         with pytest.raises(RuntimeError):
-            ThreadPool(2).run(fail, 100, 100)
+            ThreadPool(2).run(work, 100, 100)
         assert len(begun) <= 2
+
+    def test_runs_within_runs_end(self):
+        pool, n_done = ThreadPool(2), []
+
+        def outer(begin, end):
+            pool.run(lambda *_: n_done.append(1), 2, 2)
+
+        pool.run(outer, 2, 2)
+        assert len(n_done) == 4
 
     def test_the_callers_thread_takes_part(self):
         barrier, seen = threading.Barrier(3), set()

@@ -8,13 +8,14 @@ from scipy.spatial.distance import cdist
 from scipy.special import log_softmax
 
 from curiosity_algos.curiosity.apt import APT, N_PARTS, lowest
+from curiosity_algos.curiosity.base import NetworkBonus
 
 BOX = spaces.Box(-1, 1, (6,)), spaces.Box(-2, 2, (2,))
 
 
 def make_apt(space=BOX, **changes):
-    settings = {"n_features": 4, "hidden": 8, "n_neighbors": 3, "seed": 0, "device": "cpu"}
-    return APT(*space, **(settings | changes))
+    chosen = {"n_features": 4, "hidden": 8, "n_neighbors": 3, "seed": 0, "device": "cpu"}
+    return APT(*space, **(chosen | changes))
 
 
 def make_observations(n=20, seed=0):
@@ -57,6 +58,20 @@ def test_the_loss_is_that_of_telling_pairs_apart(numpy_network):
     ahead, back = (-np.diag(log_softmax(logits, axis=axis)).mean() for axis in (1, 0))
     loss = apt.losses(*map(th.from_numpy, (before, np.zeros((20, 2)), after)))["loss"]
     assert loss.item() == pytest.approx((ahead + back) / 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("n", [1, 2, 33, 256])
+def test_compiled_slopes_are_those_of_autograd(n, seed):
+    # Wide enough that features lie apart: slopes by distances near 0 are mostly rounding.
+    apt = make_apt(n_features=16, hidden=64, seed=seed)
+    before, after = th.randn(2, n, 6, generator=th.Generator().manual_seed(seed))
+    apt.observe(before)
+    expected = NetworkBonus.differentiate(apt, before, None, after)
+    slopes = th.cat([each.grad.flatten() for each in apt.encoder.parameters()])
+    assert apt.differentiate(before, None, after) == pytest.approx(expected, rel=1e-4, abs=1e-6)
+    compiled = th.cat([each.grad.flatten() for each in apt.encoder.parameters()])
+    np.testing.assert_allclose(compiled, slopes, rtol=1e-3, atol=1e-5 * slopes.abs().max() + 1e-9)
 
 
 def walk(n, n_entries=6):

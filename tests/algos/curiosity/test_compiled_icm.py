@@ -130,3 +130,34 @@ def test_a_network_of_a_users_own_is_used():
     predicted = icm.forward_model(th.cat([features, actions / 2.0], dim=1))
     expected = th.linalg.vector_norm(predicted - target, dim=1).detach().numpy()
     np.testing.assert_allclose(errors, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("n", "n_actions"), [(10, 7), (7, 10)])
+def test_as_many_actions_as_transitions_are_asked_for(n, n_actions):
+    icm, (before, _, after) = make_icm(), make_batch(BOX, n)
+    actions = make_batch(BOX, n_actions)[1]
+    with pytest.raises(ValueError, match="`actions` must be as many"):
+        icm.update(before, actions, after)
+    with pytest.raises(ValueError, match="`actions` must be as many"):
+        icm.score(before.numpy(), actions.numpy(), after.numpy())
+    with pytest.raises(ValueError, match="`actions` must be as many"):
+        icm.score_trajectory(before.numpy(), actions.numpy())
+
+
+def test_the_order_of_an_array_in_memory_does_not_matter():
+    icm, batch = make_icm(normalize=False), make_batch(BOX, 20)
+    other = [each.T.contiguous().T for each in batch]
+    assert icm.differentiate(*batch) == icm.differentiate(*other)
+    scores = icm.score(*(each.numpy() for each in batch))
+    np.testing.assert_array_equal(scores, icm.score(*(each.numpy() for each in other)))
+
+
+def test_an_optimizer_of_a_users_own_gets_the_gradients():
+    icm, batch = make_icm(), make_batch(BOX, 20)
+    NetworkBonus.differentiate(icm, *batch)
+    expected = [each.grad.clone() for each in icm.parameters()]
+    groups = [{"params": list(model.parameters())} for model in reversed(icm._models)]
+    icm.optimizer = th.optim.SGD(groups, lr=0.1)
+    icm.differentiate(*batch)
+    for parameter, slopes in zip(icm.parameters(), expected, strict=True):
+        np.testing.assert_allclose(parameter.grad, slopes, rtol=1e-4, atol=1e-6)

@@ -382,3 +382,9 @@ def test_a_state_without_the_buffer_leaves_it_empty():
     assert len(other.buffer) == 0
     other.update(make_rollouts(seed=1))
     assert len(other.buffer) == 6 * len(LENGTHS)
+
+
+def test_the_bonus_trains_on_the_motivations_threads():
+    motivation = make_motivation(n_threads=3)
+    assert motivation.bonus.pool is motivation._pool
+    assert motivation.bonus.pool.n_threads == 3

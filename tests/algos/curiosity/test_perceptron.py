@@ -5,7 +5,7 @@ import pytest
 import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.curiosity.perceptron import (
@@ -13,7 +13,6 @@ from curiosity_algos.curiosity.perceptron import (
     Pass,
     backward,
     forward,
-    is_perceptron,
     set_gradients,
     single_blas_thread,
 )
@@ -61,54 +60,93 @@ def test_layers_are_the_networks_own():
     assert layers.n_parameters == sum(each.numel() for each in network.parameters())
 
 
-def test_slopes_become_the_gradients_of_an_optimizer():
-    network = mlp(3, 4, 2, generator=th.Generator().manual_seed(0))
-    slopes = np.arange(26, dtype=np.float32)
-    set_gradients(th.optim.SGD(network.parameters()), slopes)
-    np.testing.assert_array_equal(network[0].weight.grad.ravel(), slopes[:12])
-    np.testing.assert_array_equal(network[2].bias.grad, slopes[24:])
+def test_slopes_become_the_gradients_of_networks():
+    networks = [mlp(3, 4, 2, generator=th.Generator().manual_seed(0)) for _ in range(2)]
+    slopes = np.arange(52, dtype=np.float32)
+    set_gradients(networks, slopes)
+    np.testing.assert_array_equal(networks[0][0].weight.grad.ravel(), slopes[:12])
+    np.testing.assert_array_equal(networks[1][2].bias.grad, slopes[50:])
 
 
-def linear(n_in, n_out):
-    return th.nn.Linear(n_in, n_out)
+def linear(n_in, n_out, **settings):
+    return th.nn.Linear(n_in, n_out, **settings)
+
+
+class Bent(th.nn.Sequential):
+    def forward(self, x):
+        return super().forward(x).tanh()
+
+
+def changed(change):
+    network = th.nn.Sequential(linear(2, 3), th.nn.ReLU(), linear(3, 1))
+    change(network)
+    return network
+
+
+def strided(network):
+    network[0].weight = th.nn.Parameter(th.randn(2, 3).T)
+
+
+RELU = th.nn.ReLU()
 
 
 @pytest.mark.parametrize(
     ("network", "expected"),
     [
-        (th.nn.Sequential(linear(2, 3)), True),
-        (th.nn.Sequential(linear(2, 3), th.nn.ReLU(), linear(3, 1)), True),
-        (th.nn.Sequential(linear(2, 3), th.nn.Tanh(), linear(3, 1)), False),
-        (th.nn.Sequential(linear(2, 3), th.nn.ReLU()), False),
-        (th.nn.Sequential(linear(2, 3), linear(3, 1)), False),
-        (th.nn.Sequential(th.nn.Sequential(linear(2, 3)), th.nn.ReLU(), linear(3, 1)), False),
-        (th.nn.Identity(), False),
+        (th.nn.Sequential(linear(2, 3)), 1),
+        (th.nn.Sequential(linear(2, 3), RELU, linear(3, 1)), 2),
+        (th.nn.Sequential(linear(2, 3), RELU, linear(3, 4), RELU, linear(4, 1)), 3),
+        (th.nn.Sequential(linear(2, 3), th.nn.Tanh(), linear(3, 1)), None),
+        (th.nn.Sequential(linear(2, 3), RELU), None),
+        (th.nn.Sequential(linear(2, 3), RELU, linear(3, 1), RELU), None),
+        (th.nn.Sequential(linear(2, 3), linear(3, 1)), None),
+        (th.nn.Sequential(th.nn.Sequential(linear(2, 3)), RELU, linear(3, 1)), None),
+        (th.nn.Sequential(), None),
+        (th.nn.Identity(), None),
+        (Bent(linear(2, 3), RELU, linear(3, 1)), None),
+        (th.nn.Sequential(linear(2, 3, bias=False)), None),
+        (th.nn.Sequential(linear(2, 3, dtype=th.float64)), None),
+        (th.nn.Sequential(linear(2, 3, device="meta")), None),
+        (changed(lambda network: network[0].requires_grad_(False)), None),
+        (changed(lambda network: network.register_forward_hook(lambda *_: None)), None),
+        (changed(lambda network: network[1].register_forward_pre_hook(lambda *_: None)), None),
+        (changed(lambda network: network[0].register_full_backward_hook(lambda *_: None)), None),
+        (changed(lambda network: network[0].weight.register_hook(lambda grad: grad)), None),
+        (changed(lambda network: th.nn.utils.parametrizations.weight_norm(network[0])), None),
+        (changed(strided), None),
     ],
 )
-def test_what_is_a_perceptron(network, expected):
-    assert is_perceptron(network) is expected
+def test_what_is_nothing_but_layers(network, expected):
+    layers = Layers.of(network)
+    assert (None if layers is None else len(layers.weights)) == expected
 
 
-def test_products_take_one_thread_until_the_last_has_left():
+@pytest.fixture
+def _two_threads():
+    with threadpool_limits(2, user_api="blas"):
+        yield
+
+
+@pytest.mark.usefixtures("_two_threads")
+def test_products_take_one_thread_whatever_other_threads_enter():
     before = blas_threads()
-    assert before
-    entered, leave = threading.Event(), threading.Event()
+    assert set(before) == {2}
 
     def enter():
         with single_blas_thread():
-            entered.set()
-            assert leave.wait(60)
+            pass
 
     with single_blas_thread():
+        assert set(blas_threads()) == {1}
         other = threading.Thread(target=enter)
         other.start()
-        assert entered.wait(60)
-    assert set(blas_threads()) == {1}
-    leave.set()
-    other.join(60)
+        other.join(60)
+        enter()
+        assert set(blas_threads()) == {1}
     assert blas_threads() == before
 
 
+@pytest.mark.usefixtures("_two_threads")
 def test_an_error_gives_the_threads_back():
     before = blas_threads()
     with pytest.raises(RuntimeError), single_blas_thread():

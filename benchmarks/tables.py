@@ -17,9 +17,9 @@ import pandas as pd
 import typer
 
 from benchmarks.markdown import markdown
+from benchmarks.record import read_sections
 from benchmarks.results import read_rows, read_runs
-from benchmarks.run import SECTIONS
-from benchmarks.speed_tables import HEADLINES, section, summary_of
+from benchmarks.speed_tables import HEADLINES, SPEED_FILE, section, summary_of
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
     Interval,
@@ -193,7 +193,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
-    **{f"speed-{name}": partial(section, name) for name in SECTIONS},
+    **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }
 """What makes the table that stands under each name in a page."""
 

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.curiosity.perceptron import (
-    Float32Array,
     Layers,
     Pass,
     backward,
@@ -17,6 +16,7 @@ from curiosity_algos.curiosity.perceptron import (
     single_blas_thread,
 )
 from curiosity_gym.compiled import ThreadPool, compiled
+from curiosity_gym.core import Float32Array
 
 N_ROWS = 128
 """Transitions of a batch that are computed at once: fewer cost more calls, more leave the cache."""

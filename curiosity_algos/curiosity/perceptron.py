@@ -12,13 +12,11 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from threadpoolctl import ThreadpoolController
 
 from curiosity_gym.compiled import compiled, compiled_product
-
-Float32Array = npt.NDArray[np.float32]
+from curiosity_gym.core import Float32Array
 
 
 class Layers(NamedTuple):

@@ -11,6 +11,8 @@ import numpy as np
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios
 from benchmarks.population import DEVIATION, HIDDEN, N_BEAMS, POPULATION_SIZE, UNIT
 from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.blocks import play
+from curiosity_algos.evaluation.rollouts import no_reads
 from curiosity_gym import MazeLayout
 from curiosity_gym.processors import available_cpus
 
@@ -106,7 +108,9 @@ def _task(
 
     def rate() -> float:
         began = time.perf_counter()
-        steps = sum(evaluator.evaluate(parameters).timesteps for _ in range(n_evaluations))
+        steps = sum(
+            play(evaluator, parameters, 0, no_reads).timesteps for _ in range(n_evaluations)
+        )
         return 1e-6 * steps / (time.perf_counter() - began)
 
     return rate

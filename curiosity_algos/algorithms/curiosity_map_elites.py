@@ -19,7 +19,7 @@ from curiosity_algos.curiosity.make import check_bonus_choice, stored_action_siz
 from curiosity_algos.curiosity.motivation import make_motivation
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
 from curiosity_algos.search.emitters import TournamentEmitter
 from curiosity_gym.validation import check_at_least_one
@@ -125,6 +125,9 @@ class CuriosityMAPElites(MAPElites):
             batch_size=self.population_size,
             seed=seed,
         )
+
+    def _reads(self) -> MakeReads | None:
+        return lambda n: self._motivation.learning(n) | self._curiosity.reads(n)
 
     def _fields(self, rollouts: Rollouts) -> Fields:
         kept = self._curiosity.fields(rollouts)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,21 +18,29 @@ import torch as th
 
 from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
+from curiosity_algos.evaluation.rollouts import Excerpt, Read, Rollouts, check_observations
 
 Float32Array = npt.NDArray[np.float32]
 
+STATES = "states"
+"""Name of what is read of trajectories."""
 HIDDEN = (32, 16)
 """Widths of the encoder's hidden layers; the decoder's are the same in reverse."""
 
 
-def sample_states(rollouts: Rollouts, n: int) -> Float32Array:
-    """States (P, n, O) of each trajectory, n of them, evenly spaced from first to last."""
-    observations, _ = rollouts.trajectories
-    times = np.round(np.linspace(0.0, rollouts.lengths, n)).astype(np.int64).T
-    states = observations[np.arange(len(rollouts))[:, None], times]
-    check_observations(states)
-    return states
+@dataclass(frozen=True)
+class EvenStates:
+    """N states of each trajectory, evenly spaced from first to last; a `Read`."""
+
+    n: int
+
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Excerpt:
+        """One array, (P, n, O)."""
+        observations, _ = rollouts.trajectories
+        times = np.round(np.linspace(0.0, rollouts.lengths, self.n)).astype(np.int64).T
+        states = observations[np.arange(len(rollouts))[:, None], times]
+        check_observations(states)
+        return (states,)
 
 
 def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:
@@ -99,7 +108,12 @@ class TrajectoryEncoder:
     def states(self, rollouts: Rollouts) -> Float32Array:
         """What the encoder sees of each trajectory, (P, n_states, O)."""
         assert self.shape is not None
-        return sample_states(rollouts, self.shape[0])
+        return rollouts.excerpt(STATES, self.reads)[0]
+
+    def reads(self, n_individuals: int) -> dict[str, Read]:
+        """What `states` needs of trajectories."""
+        assert self.shape is not None
+        return {STATES: EvenStates(self.shape[0])}
 
     def train(self, states: Float32Array) -> None:
         """Learn to reconstruct trajectories (n, n_states, O).

@@ -9,6 +9,9 @@ from itertools import pairwise
 
 import torch as th
 
+N_OBSERVED = 65_536
+"""Feature vectors in float64 at once: all that large populations saw would be gigabytes."""
+
 
 @contextmanager
 def single_torch_thread() -> Iterator[None]:
@@ -65,8 +68,11 @@ class RunningNormalizer(th.nn.Module):
 
     @th.no_grad()
     def observe(self, features: th.Tensor) -> None:
-        """Merge a batch (n, n_features) into the statistics (Chan et al. 1983)."""
-        batch = features.to(th.float64)
+        """Merge observed features (n, n_features) into the statistics (Chan et al. 1983)."""
+        for batch in th.split(features, N_OBSERVED):
+            self._merge(batch.to(th.float64))
+
+    def _merge(self, batch: th.Tensor) -> None:
         n = len(batch)
         total = self.count + n
         delta = batch.mean(0) - self.mean

@@ -11,8 +11,11 @@ import numpy.typing as npt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.curiosity.base import Bonus
-from curiosity_algos.curiosity.motivation import flat, sample_transitions
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.curiosity.transitions import draw_transitions, flat
+from curiosity_algos.evaluation.rollouts import Read, Rollouts
+
+KEPT = "kept"
+"""Name of what is read of trajectories."""
 
 Batch = dict[str, npt.NDArray[Any]]
 
@@ -34,9 +37,13 @@ class EliteCuriosity:
         self.n_transitions = n_transitions
         self._rng = np.random.default_rng(seed)
 
+    def reads(self, n_individuals: int) -> dict[str, Read]:
+        """What `fields` needs of the trajectories of so many individuals; it is drawn now."""
+        return {KEPT: draw_transitions(self._rng, n_individuals, self.n_transitions)}
+
     def fields(self, rollouts: Rollouts) -> Batch:
         """What is kept of each individual: observations (P, n, O), actions, ..., length (P,)."""
-        drawn = sample_transitions(rollouts, self.n_transitions, self._rng)
+        drawn = rollouts.excerpt(KEPT, self.reads)
         names = ("observations", "actions", "next_observations")
         return {**dict(zip(names, drawn, strict=True)), "length": rollouts.lengths}
 

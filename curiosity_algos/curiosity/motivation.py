@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,59 +21,58 @@ from curiosity_algos.curiosity.base import Bonus, NetworkBonus, train
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.curiosity.perceptron import single_blas_thread
-from curiosity_algos.curiosity.spans import draw_steps, horizon_of
-from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
+from curiosity_algos.curiosity.spans import horizon_of
+from curiosity_algos.curiosity.transitions import EvenlySpaced, draw_transitions, flat
+from curiosity_algos.evaluation.rollouts import Excerpt, Read, Rollouts, check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
 
 N_TOGETHER = 8
 """Individuals whose states are scored in one call: fewer, and threads wait for Python's lock."""
+SCORED, LEARNED = "scored", "learned"
+"""Names of what is read of trajectories."""
 
 
-def sample_transitions(
-    rollouts: Rollouts, n: int, rng: np.random.Generator, horizon: int = 1
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
-    """N transitions of each individual, drawn uniformly with replacement.
+@dataclass(frozen=True)
+class WeightedSum:
+    """`sum_t gamma^(T-1-t) c_t` of each trajectory (eq. 10): a `Read` that scores it.
 
-    With a `horizon` above 1 they span up to as many steps, and no more than there are until the
-    episode's end.
-
-    Returns:
-        Observations (P, n, O), actions (P, n, A) or (P, n), next observations (P, n, O).
+    Attributes:
+        bonus: Gives the curiosity `c_t` of each transition.
+        gamma: In [0, 1].
+        pool: Threads that score.
     """
-    lengths = rollouts.lengths[:, None]
-    begins = rng.integers(0, lengths, (len(rollouts), n))
-    ends = np.minimum(begins + draw_steps(rng, begins.shape, horizon), lengths)
-    return _transitions(rollouts, begins, ends)
+
+    bonus: Bonus
+    gamma: float
+    pool: ThreadPool
+
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Excerpt:
+        """One array, (P,), of some individuals."""
+        observations, actions = rollouts.trajectories
+        scores = np.empty(len(rollouts))
+
+        def score_one(i: int) -> None:
+            length = rollouts.lengths[i]
+            seen, taken = observations[i, : length + 1], actions[i, :length]
+            check_observations(seen)  # a bonus may bound what it takes, and see no infinity
+            weights = self.gamma ** np.arange(length)[::-1]
+            scores[i] = weights @ self.bonus.score_trajectory(seen, taken)
+
+        on_threads(self.pool, score_one, len(rollouts))
+        return (scores,)
 
 
-def evenly_spaced(
-    rollouts: Rollouts, n: int
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
-    """N transitions of each individual, evenly over the episode, of which the last is its last.
+def on_threads(pool: ThreadPool, task: Callable[[int], None], n_tasks: int) -> None:
+    """Call the task with each number; what it does must not depend on the threads."""
 
-    Returns:
-        As `sample_transitions`.
-    """
-    ends = -(-np.arange(1, n + 1) * rollouts.lengths[:, None] // n)  # rounded up
-    return _transitions(rollouts, ends - 1, ends)
+    def do(begin: int, end: int) -> None:
+        th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
+        for number in range(begin, end):
+            task(number)
 
-
-def _transitions(
-    rollouts: Rollouts, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]:
-    """Those between steps (P, n) of each individual, with the action that each begins with."""
-    observations, actions = rollouts.trajectories
-    individuals = np.arange(len(rollouts))[:, None]
-    before, after = observations[individuals, begins], observations[individuals, ends]
-    check_observations(before)
-    check_observations(after)
-    return before, actions[individuals, begins], after
-
-
-def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """(P, n, ...) to (P n, ...)."""
-    return array.reshape(-1, *array.shape[2:])
+    with single_torch_thread(), single_blas_thread():
+        pool.run(do, n_tasks, n_tasks)
 
 
 class CuriosityMotivation:
@@ -123,54 +123,45 @@ class CuriosityMotivation:
         if isinstance(bonus, NetworkBonus):
             bonus.pool = self._pool
 
+    def scoring(self, n_individuals: int) -> dict[str, Read]:
+        """What `score` needs of trajectories: it may be read where and when they are played."""
+        if self.n_states is None:
+            return {SCORED: WeightedSum(self.bonus, self.gamma, self._pool)}
+        return {SCORED: EvenlySpaced(self.n_states)}
+
+    def learning(self, n_individuals: int) -> dict[str, Read]:
+        """What `update` needs of the trajectories of so many individuals; it is drawn now."""
+        horizon = horizon_of(self.bonus)
+        return {LEARNED: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)}
+
+    def reads(self, n_individuals: int) -> dict[str, Read]:
+        """All that is needed of the trajectories of a generation."""
+        return self.scoring(n_individuals) | self.learning(n_individuals)
+
     def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """Curiosity of each individual's trajectory, shape (P,)."""
-        scores = self._of_all(rollouts) if self.n_states is None else self._of_some(rollouts)
+        excerpt = rollouts.excerpt(SCORED, self.scoring)
+        scores = excerpt[0] if self.n_states is None else self._of_some(*excerpt)
         check_observations(scores)  # they are finite where all that they come from is
         return scores
 
-    def _of_all(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
-        """The weighted sum over each trajectory, (P,)."""
-        observations, actions = rollouts.trajectories
-        scores = np.empty(len(rollouts))
-
-        def score_one(i: int) -> None:
-            length = rollouts.lengths[i]
-            seen, taken = observations[i, : length + 1], actions[i, :length]
-            check_observations(seen)  # a bonus may bound what it takes, and see no infinity
-            weights = self.gamma ** np.arange(length)[::-1]
-            scores[i] = weights @ self.bonus.score_trajectory(seen, taken)
-
-        self._on_threads(score_one, len(rollouts))
-        return scores
-
-    def _of_some(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
-        """The mean of the highest quarter of `n_states` of each trajectory, (P,)."""
-        assert self.n_states is not None
-        begins, actions, ends = evenly_spaced(rollouts, self.n_states)
-        curiosity = np.empty((len(rollouts), self.n_states), dtype=np.float32)
+    def _of_some(
+        self, begins: npt.NDArray[Any], actions: npt.NDArray[Any], ends: npt.NDArray[Any]
+    ) -> npt.NDArray[np.float64]:
+        """The mean of the highest quarter of the transitions (P, n, ...) of each, (P,)."""
+        n_individuals, n_states = begins.shape[:2]
+        curiosity = np.empty((n_individuals, n_states), dtype=np.float32)
 
         def score_some(part: int) -> None:
             some = slice(part * N_TOGETHER, (part + 1) * N_TOGETHER)
             scored = self.bonus.score(flat(begins[some]), flat(actions[some]), flat(ends[some]))
-            curiosity[some] = scored.reshape(-1, curiosity.shape[1])
+            curiosity[some] = scored.reshape(-1, n_states)
 
-        self._on_threads(score_some, -(-len(rollouts) // N_TOGETHER))
-        n_highest = max(1, self.n_states // 4)
+        on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
+        n_highest = max(1, n_states // 4)
         highest = np.sort(curiosity, axis=1)[:, -n_highest:]
         scores: npt.NDArray[np.float64] = highest.mean(axis=1, dtype=np.float64)
         return scores
-
-    def _on_threads(self, task: Callable[[int], None], n_tasks: int) -> None:
-        """Call the task with each number; what it does must not depend on the threads."""
-
-        def do(begin: int, end: int) -> None:
-            th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
-            for number in range(begin, end):
-                task(number)
-
-        with single_torch_thread(), single_blas_thread():
-            self._pool.run(do, n_tasks, n_tasks)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
@@ -181,12 +172,10 @@ class CuriosityMotivation:
             )
 
     def _remember(self, rollouts: Rollouts) -> None:
-        observations, actions, next_observations = sample_transitions(
-            rollouts, self.n_transitions, self._rng, horizon_of(self.bonus)
-        )
-        seen = th.from_numpy(flat(observations))
+        excerpt = rollouts.excerpt(LEARNED, self.learning)
+        seen, actions, next_seen = (th.from_numpy(flat(each)) for each in excerpt)
         self.bonus.observe(seen)
-        self.buffer.add(seen, th.from_numpy(flat(actions)), th.from_numpy(flat(next_observations)))
+        self.buffer.add(seen, actions, next_seen)
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs."""

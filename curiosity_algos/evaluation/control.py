@@ -49,6 +49,7 @@ class ControlEvaluator:
         self.max_steps = horizon if max_steps is None else max_steps
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
+        self.block_size = MAX_SIMULATIONS
         self._n_threads = n_threads
         self._simulation: Simulation | None = None
 

@@ -26,6 +26,9 @@ AnyEnv = MadeEnv | str
 class Evaluator(Protocol):
     """Plays one episode with each policy of a population.
 
+    One that has a `block_size`, a whole number, is given no more policies at once by algorithms
+    that can do without whole trajectories.
+
     Attributes:
         n_parameters: Length of a policy's parameter vector.
     """

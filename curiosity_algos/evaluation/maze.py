@@ -16,6 +16,8 @@ from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
 SLICES_PER_THREAD = 4
 """More slices than threads, as episodes differ in length."""
+BLOCK_SIZE = 128
+"""Individuals whose trajectories malloc gives the same memory again: more come from the system."""
 
 
 @compiled
@@ -102,6 +104,7 @@ class MazeEvaluator:
         self.max_steps = maze.horizon if max_steps is None else max_steps
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
+        self.block_size = BLOCK_SIZE
         self._grid = compiled_grid(grid)
         self._n_cells = math.prod(grid.shape)
         self._pool = ThreadPool(n_threads)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,12 @@ import numpy.typing as npt
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
+Excerpt = tuple[npt.NDArray[Any], ...]
+"""What is kept of the trajectories of P individuals: arrays (P, ...)."""
+Read = Callable[["Rollouts", slice], Excerpt]
+"""`read(rollouts, individuals)`: the excerpt of rollouts of those individuals of a population."""
+MakeReads = Callable[[int], Mapping[str, Read]]
+"""`make_reads(P)`: what is to be read of the trajectories of so many individuals, by name."""
 
 
 def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32Array:
@@ -76,6 +82,11 @@ def check_same_shape(behaviors: Sequence[Float64Array]) -> None:
         )
 
 
+def no_reads(n_individuals: int) -> dict[str, Read]:
+    """`MakeReads` of a search that needs nothing of trajectories."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
@@ -96,6 +107,8 @@ class Rollouts:
             of any individual ended (`curiosity_algos.evaluation.cells`). None: not counted; then
             the cells of `behaviors` are all that is known to have been visited, as observations and
             actions do not tell behaviors.
+        excerpts: What was read of the trajectories where they were played, by name; trajectories
+            may be None then.
     """
 
     returns: Float64Array
@@ -106,6 +119,7 @@ class Rollouts:
     observations: Float32Array | None = None
     actions: npt.NDArray[np.float32] | npt.NDArray[np.int64] | None = None
     visited: npt.NDArray[np.int64] | None = None
+    excerpts: Mapping[str, Excerpt] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of individuals."""
@@ -126,9 +140,29 @@ class Rollouts:
             )
         return self.observations, self.actions
 
+    def excerpt(self, name: str, make_reads: MakeReads) -> Excerpt:
+        """What was read of the trajectories under a name; what was not is read now.
+
+        Raises:
+            ValueError: If it was not, and there are no trajectories.
+        """
+        if name in self.excerpts:
+            return self.excerpts[name]
+        return make_reads(len(self))[name](self, slice(0, len(self)))
+
+    def read(self, reads: Mapping[str, Read], individuals: slice) -> Rollouts:
+        """The same with an excerpt of each name in the place of trajectories.
+
+        Args:
+            reads: What is read, by name.
+            individuals: Which ones of a population these are.
+        """
+        excerpts = {name: read(self, individuals) for name, read in reads.items()}
+        return replace(self.without_trajectories(), excerpts=excerpts)
+
     def without_trajectories(self) -> Rollouts:
-        """The same, but for observations and actions."""
-        return replace(self, observations=None, actions=None)
+        """The same, but for observations, actions and what was read of them."""
+        return replace(self, observations=None, actions=None, excerpts={})
 
     @property
     def timesteps(self) -> int:
@@ -165,7 +199,7 @@ def sparse_rollouts(
 
 
 def concatenate(waves: list[Rollouts]) -> Rollouts:
-    """Join waves into one record, padded to the longest episode.
+    """Join waves without excerpts into one record, padded to the longest episode.
 
     Raises:
         ValueError: If the behaviors of one wave have another shape than those of another.
@@ -175,9 +209,8 @@ def concatenate(waves: list[Rollouts]) -> Rollouts:
     check_same_shape([wave.behaviors[0] for wave in waves])
     longest = max(wave.lengths.max() for wave in waves)
 
-    def join(name: str, length: int | None = None) -> npt.NDArray[Any]:
-        arrays = [getattr(wave, name) for wave in waves]
-        return np.concatenate([_pad(a, length) if length else a for a in arrays])
+    def join(name: str) -> npt.NDArray[Any]:
+        return np.concatenate([getattr(wave, name) for wave in waves])
 
     return Rollouts(
         returns=join("returns"),
@@ -185,8 +218,8 @@ def concatenate(waves: list[Rollouts]) -> Rollouts:
         success=join("success"),
         behaviors=join("behaviors"),
         final_observations=join("final_observations"),
-        observations=join("observations", longest + 1),
-        actions=join("actions", longest),
+        observations=_join_padded([wave.observations for wave in waves], longest + 1),
+        actions=_join_padded([wave.actions for wave in waves], longest),
         visited=_union([wave.visited for wave in waves]),
     )
 
@@ -195,6 +228,13 @@ def _union(visited: list[npt.NDArray[np.int64] | None]) -> npt.NDArray[np.int64]
     """The cells of all waves; None where no wave counted any."""
     counted = [cells for cells in visited if cells is not None]
     return np.unique(np.concatenate(counted)) if counted else None
+
+
+def _join_padded(arrays: list[Any], length: int) -> Any:
+    """Parts of trajectories in one array, or None where there are none."""
+    if arrays[0] is None:
+        return None
+    return np.concatenate([_pad(array, length) for array in arrays])
 
 
 def _pad(array: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:

@@ -23,6 +23,8 @@ from curiosity_algos.evaluation.rollouts import (
     stack_behaviors,
 )
 
+BLOCK_SIZE = 128
+"""Individuals whose trajectories are there at once, or as many as the batch's envs make whole."""
 MAX_EPISODE_STEPS = 10_000
 """Steps of an episode, if no limit of the env allows more, after which it is taken for endless."""
 
@@ -55,6 +57,7 @@ class VectorEvaluator:
             self._batch = self._untried = SingleEnvBatch(env_and_copies(env, mlp))
         else:
             self._batch = _as_batch(env)
+        self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         self._max_steps = max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:

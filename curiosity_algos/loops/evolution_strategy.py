@@ -17,7 +17,7 @@ from curiosity_algos.common.plain_files import check_plain
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
 from curiosity_algos.loops.arguments import check_parents
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.phi import Phi, check_phi, make_phi
@@ -32,7 +32,11 @@ NO_REWARD = ("ignore", "random")
 
 
 class Motivation(Protocol):
-    """What makes an individual interesting, beside reward."""
+    """What makes an individual interesting, beside reward.
+
+    One that also has `reads`, a `MakeReads`, says what it needs of trajectories: it gets rollouts
+    that hold excerpts alone where populations are large.
+    """
 
     def score(self, rollouts: Rollouts) -> Float64Array:
         """Intrinsic fitness of each individual, shape (P,)."""
@@ -197,6 +201,9 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         """Fitness of each individual, shape (P,), and metrics to log."""
         return standardize(rollouts.returns), {}
 
+    def _reads(self) -> MakeReads | None:
+        return no_reads
+
     def _ask(self) -> Float32Array:
         return self._search.ask()
 
@@ -260,6 +267,9 @@ class MotivatedStrategy(EvolutionStrategy):
     ) -> None:
         self._fitness = Fitness(make_phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
+
+    def _reads(self) -> MakeReads | None:
+        return getattr(self._motivation, "reads", None)
 
     def _forget_behaviors(self) -> None:
         self._fitness.phi.forget()

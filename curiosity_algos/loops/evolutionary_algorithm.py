@@ -28,6 +28,7 @@ from curiosity_algos.common.checkpoint import (
     save_model,
 )
 from curiosity_algos.common.randomness import AnyGenerator, EpisodeSeeds, reseed
+from curiosity_algos.evaluation.blocks import play
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
@@ -37,7 +38,7 @@ from curiosity_algos.evaluation.evaluator import (
     make_evaluator,
 )
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
 from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
 from curiosity_algos.loops.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.loops.generation import as_step
@@ -159,6 +160,13 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     @abstractmethod
     def _center(self) -> Float32Array:
         """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
+
+    def _reads(self) -> MakeReads | None:
+        """What `_tell` needs of trajectories; None: all of them.
+
+        Where it is said, large populations are played in blocks, and rollouts hold excerpts alone.
+        """
+        return None
 
     def _begin_at(self, parameters: Float32Array) -> None:
         """Search on from these parameters, shape (n_parameters,), where an algorithm can.
@@ -398,7 +406,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         """What callbacks find in their `locals`, see `as_step`."""
         assert self.evaluator is not None
         parameters = self._ask()
-        rollouts = self.evaluator.evaluate(parameters, self._episodes.draw())
+        rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._reads())
         if len(rollouts) != len(parameters):
             raise ValueError(
                 f"`evaluator` must give one episode of each of {len(parameters)} policies, got "

@@ -24,7 +24,7 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters
@@ -43,7 +43,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). Where they
     are not the environment's behaviors, it also says what places a policy in the archive
-    (`_measures`, `_measure_dim`); and what is kept of each elite (`_fields`, `_field_types`).
+    (`_measures`, `_measure_dim`); what is kept of each elite (`_fields`, `_field_types`); and what
+    these need of trajectories (`_reads`).
 
     Args:
         population_size: Policies a generation. With `emitters` it is the sum of their batch sizes,
@@ -138,6 +139,9 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "extra_fields": self._field_types(),
             "net_arch": self.policy.net_arch,
         }
+
+    def _reads(self) -> MakeReads | None:
+        return no_reads
 
     # -- the search -----------------------------------------------------------------------------
 

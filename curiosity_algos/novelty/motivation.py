@@ -14,7 +14,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
+from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_reads
 from curiosity_algos.novelty.archive import NoveltyArchive
 from curiosity_gym.validation import check_choice
 
@@ -65,6 +65,9 @@ class NoveltyMotivation:
         self.k = k
         self.behavior = behavior
         self.archive = NoveltyArchive(n_dimensions)
+
+    reads = staticmethod(no_reads)
+    """Behaviors are no part of trajectories."""
 
     def score(self, rollouts: Rollouts) -> Float64Array:
         """Novelty of each individual, shape (P,)."""

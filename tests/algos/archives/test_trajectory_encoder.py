@@ -8,7 +8,7 @@ import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder, sample_states
+from curiosity_algos.archives.trajectory_encoder import EvenStates, TrajectoryEncoder
 from curiosity_algos.evaluation.rollouts import sparse_rollouts
 
 N_OBSERVATIONS = 3
@@ -55,7 +55,12 @@ def make_encoder(*, states=None, seed=0, **changes):
     return encoder
 
 
-class TestSampleStates:
+def sample_states(rollouts, n):
+    (states,) = EvenStates(n)(rollouts, slice(0, len(rollouts)))
+    return states
+
+
+class TestEvenStates:
     @settings(deadline=None)
     @given(st.lists(st.integers(1, 30), min_size=1, max_size=6), st.integers(2, 40))
     def test_they_are_evenly_spaced_in_the_own_episode(self, lengths, n):

@@ -32,6 +32,16 @@ def test_statistics_equal_numpys_over_all_batches(sizes, seed, shift, scale):
     )
 
 
+def test_many_are_observed_in_parts(monkeypatch):
+    monkeypatch.setattr("curiosity_algos.common.networks.N_OBSERVED", 4)
+    seen = np.random.default_rng(0).normal(3, 2, (11, 2))
+    normalizer = RunningNormalizer(2)
+    normalizer.observe(th.from_numpy(seen))
+    assert normalizer.count == 11
+    np.testing.assert_allclose(normalizer.mean, seen.mean(0), rtol=1e-12)
+    np.testing.assert_allclose(normalizer.variance, seen.var(0), rtol=1e-12)
+
+
 def test_nothing_changes_before_anything_was_observed():
     features = th.tensor([[1e3, -2.0]])
     assert th.equal(RunningNormalizer(2)(features), features)

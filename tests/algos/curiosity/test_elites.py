@@ -2,37 +2,15 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts
 
 from curiosity_algos.curiosity.elites import EliteCuriosity
 from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.evaluation.rollouts import sparse_rollouts
 
-N_OBSERVATIONS, N_KEPT = 3, 16
-LENGTHS = np.array([12, 1, 5, 9, 2])
+N_KEPT = 16
 OBSERVATIONS = spaces.Box(-1, 1, (N_OBSERVATIONS,))
 ACTIONS = {"box": spaces.Box(-1, 1, (2,)), "discrete": spaces.Discrete(3)}
 KINDS = pytest.mark.parametrize("kind", ACTIONS)
-
-
-def make_rollouts(kind="box", seed=0):
-    """Rollouts whose padding is NaN, or no action there is."""
-    rng = np.random.default_rng(seed)
-    n, longest = len(LENGTHS), LENGTHS.max()
-    observations = rng.normal(0, 1, (n, longest + 1, N_OBSERVATIONS)).astype(np.float32)
-    actions = rng.uniform(-1, 1, (n, longest, 2)).astype(np.float32)
-    if kind == "discrete":
-        actions = rng.integers(0, 3, (n, longest))
-    for i, length in enumerate(LENGTHS):
-        observations[i, length + 1 :] = np.nan
-        actions[i, length:] = -99 if kind == "discrete" else np.nan
-    return sparse_rollouts(
-        100,
-        lengths=LENGTHS,
-        success=np.zeros(n, dtype=bool),
-        behaviors=np.zeros((n, 0)),
-        observations=observations,
-        actions=actions,
-    )
 
 
 def make_curiosity(kind="box", n_kept=N_KEPT, seed=0):
@@ -48,7 +26,7 @@ def as_stored(fields):
 
 @KINDS
 def test_fields_are_transitions_of_each_episode(kind):
-    rollouts = make_rollouts(kind)
+    rollouts = make_rollouts(kind == "discrete")
     fields = as_stored(make_curiosity(kind, n_kept=60).fields(rollouts))
     assert fields["observations"].shape == fields["next_observations"].shape == (5, 60, 3)
     assert fields["actions"].dtype == rollouts.actions.dtype
@@ -68,7 +46,7 @@ def test_fields_are_transitions_of_each_episode(kind):
 @KINDS
 def test_a_score_is_the_length_times_the_mean_of_what_is_kept(kind):
     curiosity = make_curiosity(kind)
-    elites = as_stored(curiosity.fields(make_rollouts(kind)))
+    elites = as_stored(curiosity.fields(make_rollouts(kind == "discrete")))
     expected = []
     for i, length in enumerate(LENGTHS):
         total = 0.0
@@ -96,7 +74,9 @@ def test_it_estimates_the_sum_over_the_trajectory():
 @KINDS
 def test_a_score_follows_what_the_bonus_learned(kind):
     curiosity = make_curiosity(kind)
-    known, unknown = (as_stored(curiosity.fields(make_rollouts(kind, seed))) for seed in (0, 1))
+    known, unknown = (
+        as_stored(curiosity.fields(make_rollouts(kind == "discrete", seed))) for seed in (0, 1)
+    )
     before = [curiosity.score(elites) for elites in (known, unknown)]
     names = ("observations", "actions", "next_observations")
     batch = [

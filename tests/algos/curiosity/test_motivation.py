@@ -4,22 +4,17 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
 
 from curiosity_algos.curiosity.buffer import TransitionBuffer
 from curiosity_algos.curiosity.icm import ICM
 from curiosity_algos.curiosity.make import stored_action_size
-from curiosity_algos.curiosity.motivation import (
-    CuriosityMotivation,
-    flat,
-    sample_transitions,
-)
+from curiosity_algos.curiosity.motivation import CuriosityMotivation
 from curiosity_algos.curiosity.motivation import (
     make_motivation as make_from_spaces,
 )
 from curiosity_algos.evaluation.rollouts import Rollouts
 
-N_OBSERVATIONS, HORIZON = 3, 12
-LENGTHS = np.array([12, 1, 5, 9, 2])
 GIVEN = {
     "n_states": None,
     "gamma": 0.9,
@@ -60,28 +55,6 @@ class Recorder:
         pass
 
 
-def make_rollouts(is_discrete=False, seed=0):
-    """Rollouts whose padding is NaN, so that no use of it goes unseen."""
-    rng = np.random.default_rng(seed)
-    n = len(LENGTHS)
-    observations = rng.normal(0, 1, (n, HORIZON + 1, N_OBSERVATIONS)).astype(np.float32)
-    actions = rng.uniform(-1, 1, (n, HORIZON, 2)).astype(np.float32)
-    if is_discrete:
-        actions = rng.integers(0, 3, (n, HORIZON))
-    for i, length in enumerate(LENGTHS):
-        observations[i, length + 1 :] = np.nan
-        actions[i, length:] = -99 if is_discrete else np.nan
-    return Rollouts(
-        returns=np.zeros(n),
-        lengths=LENGTHS,
-        success=np.zeros(n, dtype=bool),
-        behaviors=np.zeros((n, 0)),
-        final_observations=observations[np.arange(n), LENGTHS],
-        observations=observations,
-        actions=actions,
-    )
-
-
 def make_motivation(bonus=None, *, action_space=None, **changes):
     action_space = action_space or spaces.Box(-1, 1, (2,))
     observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
@@ -93,70 +66,6 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
         **(settings | changes),
         seed=np.random.SeedSequence(0),
     )
-
-
-class TestSampleTransitions:
-    @pytest.mark.parametrize("is_discrete", [False, True])
-    def test_they_are_consecutive_states_of_the_own_episode(self, is_discrete):
-        rollouts = make_rollouts(is_discrete)
-        drawn = sample_transitions(rollouts, 60, np.random.default_rng(0))
-        n = len(LENGTHS)
-        assert [part.shape for part in drawn] == [
-            (n, 60, N_OBSERVATIONS),
-            (n, 60) if is_discrete else (n, 60, 2),
-            (n, 60, N_OBSERVATIONS),
-        ]
-        assert [part.dtype for part in drawn] == [
-            np.float32,
-            rollouts.actions.dtype,
-            np.float32,
-        ]
-        for i, length in enumerate(LENGTHS):
-            times = []
-            for observation, action, following in zip(*(part[i] for part in drawn), strict=True):
-                is_here = (rollouts.observations[i, :length] == observation).all(axis=1)
-                times.append(np.flatnonzero(is_here).item())
-                np.testing.assert_array_equal(action, rollouts.actions[i, times[-1]])
-                np.testing.assert_array_equal(following, rollouts.observations[i, times[-1] + 1])
-            assert set(times) == set(range(length))
-
-    @pytest.mark.parametrize("is_discrete", [False, True])
-    def test_spans_end_with_their_episode(self, is_discrete):
-        rollouts, horizon = make_rollouts(is_discrete), 4
-        drawn = sample_transitions(rollouts, 2000, np.random.default_rng(0), horizon)
-        for i, length in enumerate(LENGTHS):
-            spans = set()
-            for before, action, after in zip(*(part[i] for part in drawn), strict=True):
-                begin, end = (
-                    np.flatnonzero((rollouts.observations[i] == each).all(axis=1)).item()
-                    for each in (before, after)
-                )
-                np.testing.assert_array_equal(action, rollouts.actions[i, begin])
-                spans.add((begin, end))
-            assert spans == {
-                (begin, end)
-                for begin in range(length)
-                for end in range(begin + 1, min(begin + horizon, length) + 1)
-            }
-
-    def test_every_transition_is_as_likely(self):
-        rollouts = make_rollouts()
-        observations, _, _ = sample_transitions(rollouts, 12_000, np.random.default_rng(0))
-        _, counts = np.unique(observations[0], axis=0, return_counts=True)
-        assert len(counts) == LENGTHS[0]
-        assert np.abs(counts - 1000).max() < 5 * np.sqrt(1000)
-
-    def test_seeds_decide(self):
-        one, same, other = (
-            sample_transitions(make_rollouts(), 9, np.random.default_rng(seed))
-            for seed in (0, 0, 1)
-        )
-        np.testing.assert_equal(one, same)
-        assert not np.array_equal(one[0], other[0])
-
-    def test_flat_puts_individuals_one_after_another(self):
-        assert flat(np.arange(12).reshape(2, 3, 2)).tolist() == np.arange(12).reshape(6, 2).tolist()
-        assert flat(np.arange(6).reshape(2, 3)).tolist() == list(range(6))
 
 
 class TestScore:
@@ -223,11 +132,7 @@ class TestScore:
     def test_an_individual_scores_the_same_in_any_company(self):
         rollouts = make_rollouts()
         motivation = make_motivation()
-        alone = []
-        for i in range(len(LENGTHS)):
-            given = {name: part for name, part in vars(rollouts).items() if part is not None}
-            one = {name: part[i : i + 1] for name, part in given.items()}
-            alone.append(motivation.score(Rollouts(**one))[0])
+        alone = [motivation.score(only(rollouts, slice(i, i + 1)))[0] for i in range(len(LENGTHS))]
         np.testing.assert_array_equal(motivation.score(rollouts), alone)
 
     def test_needs_trajectories(self):

@@ -1,0 +1,136 @@
+"""What is read of trajectories block by block is what is read of the whole."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from curiosity_algos import CuriosityES, make_evaluator
+from curiosity_algos.evaluation.blocks import play
+from curiosity_algos.evaluation.rollouts import no_reads
+from curiosity_gym import MazeLayout
+
+LAYOUT = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
+
+
+def make_maze():
+    return gym.make("CuriosityMaze-v0", layout=LAYOUT, horizon=12)
+
+
+def make_population(evaluator, n):
+    rng = np.random.default_rng(0)
+    return rng.normal(0, 1, (n, evaluator.n_parameters)).astype(np.float32)
+
+
+class Counting:
+    """An evaluator that remembers how many policies it was given at once."""
+
+    def __init__(self, block_size=None):
+        self._evaluator = make_evaluator(make_maze())
+        self.n_parameters = self._evaluator.n_parameters
+        self.sizes = []
+        if block_size is not None:
+            self.block_size = block_size
+
+    def evaluate(self, parameters, seed=None):
+        self.sizes.append(len(parameters))
+        return self._evaluator.evaluate(parameters, seed)
+
+
+def lengths_of(n):
+    """A `MakeReads` of how long each trajectory is, and which individual's it is."""
+    places = np.arange(n)
+    return {"lengths": lambda rollouts, some: (rollouts.lengths, places[some])}
+
+
+@pytest.mark.parametrize(("n", "sizes"), [(3, [3]), (4, [4]), (5, [4, 1]), (9, [4, 4, 1])])
+def test_more_than_a_block_are_cut(n, sizes):
+    evaluator = Counting(block_size=4)
+    rollouts = play(evaluator, make_population(evaluator, n), 0, lengths_of)
+    assert evaluator.sizes == sizes
+    assert (rollouts.observations is None) == (n > 4)
+    lengths, places = rollouts.excerpt("lengths", lengths_of)
+    np.testing.assert_array_equal(lengths, rollouts.lengths)
+    np.testing.assert_array_equal(places, np.arange(n))
+    whole = make_evaluator(make_maze()).evaluate(make_population(evaluator, n), 0)
+    for name in ("returns", "lengths", "success", "behaviors", "final_observations", "visited"):
+        np.testing.assert_array_equal(getattr(rollouts, name), getattr(whole, name))
+
+
+@pytest.mark.parametrize(("block_size", "reads"), [(4, None), (None, no_reads)])
+def test_some_are_given_whole(block_size, reads):
+    evaluator = Counting(block_size)
+    rollouts = play(evaluator, make_population(evaluator, 9), 0, reads)
+    assert evaluator.sizes == [9]
+    assert rollouts.trajectories[0].shape[:2] == (9, 13)
+
+
+def test_what_was_not_read_is_no_excerpt():
+    evaluator = Counting(block_size=4)
+    rollouts = play(evaluator, make_population(evaluator, 9), 0, no_reads)
+    with pytest.raises(ValueError, match="hold no trajectories"):
+        rollouts.excerpt("observations", lambda n: {"observations": lambda r, _: r.trajectories})
+
+
+@pytest.mark.parametrize("n_envs", [1, 3, 128, 300])
+def test_blocks_of_vector_environments_are_whole_batches(n_envs):
+    venv = gym.make_vec("CartPole-v1", n_envs, vectorization_mode="sync")
+    block_size = make_evaluator(venv).block_size
+    assert block_size % n_envs == 0
+    assert 128 <= block_size < 128 + n_envs
+
+
+@pytest.mark.parametrize("block_size", [1, 4])
+def test_they_change_no_bit_of_a_search(
+    algorithm, block_size, make_model, make_easy_maze, assert_same_run
+):
+    whole, cut = (make_model(algorithm, make_easy_maze()) for _ in range(2))
+    cut.evaluator.block_size = block_size
+    for model in (whole, cut):
+        model.learn(1500)
+    assert whole.generation > 3
+    assert_same_run(whole, cut)
+
+
+@pytest.mark.parametrize("changes", [{"n_states": None}, {"bonus": "icm", "n_states": None}])
+def test_nor_do_they_where_whole_trajectories_are_scored(
+    changes, make_model, make_easy_maze, assert_same_run
+):
+    whole, cut = (make_model(CuriosityES, make_easy_maze(), **changes) for _ in range(2))
+    cut.evaluator.block_size = 4
+    for model in (whole, cut):
+        model.learn(1500)
+    assert_same_run(whole, cut)
+
+
+def test_callbacks_see_trajectories_of_one_block_alone(algorithm, make_model, make_easy_maze):
+    seen = []
+    model = make_model(algorithm, make_easy_maze())
+    look = lambda found, _: seen.append(found["rollouts"].observations is not None)  # noqa: E731
+    model.learn(1, callback=look)
+    model.evaluator.block_size = 4
+    # The first generation of AURORA's trajectories tells how long they are.
+    model.learn(1, callback=look)
+    assert seen == [True, False]
+
+
+def test_a_motivation_that_reads_nothing_gets_whole_trajectories(make_model, make_easy_maze):
+    model = make_model(CuriosityES, make_easy_maze())
+    model.evaluator.block_size = 4
+    model._motivation = WholeMotivation(model._motivation)
+    model.learn(1)
+    assert model._motivation.sizes == [6]
+
+
+class WholeMotivation:
+    """A motivation with nothing but what the protocol asks for."""
+
+    def __init__(self, motivation):
+        self._motivation = motivation
+        self.sizes = []
+
+    def score(self, rollouts):
+        self.sizes.append(len(rollouts.trajectories[0]))
+        return self._motivation.score(rollouts)
+
+    def update(self, rollouts):
+        return self._motivation.update(rollouts)

@@ -23,6 +23,7 @@ SECTIONS = {
     "td3": "benchmarks.off_policy",
     "novelty": "benchmarks.novelty",
     "diversity": "benchmarks.diversity",
+    "cluster": "benchmarks.cluster",
     "cold_start": "benchmarks.cold_start",
     "whole_run": "benchmarks.whole_run",
 }

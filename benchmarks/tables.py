@@ -30,7 +30,7 @@ from curiosity_algos.experiments.statistics import (
 )
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/results.md", "docs/bonuses.md")
+PAGES = ("README.md", "docs/results.md", "docs/bonuses.md", "docs/clusters.md")
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 
 

@@ -14,6 +14,7 @@ ARGUMENTS = {
     "control_task.py": ["--timesteps", "1e4"],
     "custom_maze.py": ["--timesteps", "1e4"],
     "plain_gymnasium_loop.py": [],
+    "ray_cluster.py": ["--timesteps", "1e4", "--workers", "1"],
     "quality_diversity.py": ["--timesteps", "2e5", "--target", "60", "40"],
 }
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

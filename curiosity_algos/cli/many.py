@@ -10,6 +10,7 @@ from curiosity_algos.cli import options
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 if TYPE_CHECKING:
+    from curiosity_algos.experiments.sweep import Backend
     from curiosity_algos.experiments.tracking import Project
     from curiosity_algos.experiments.training import Run
 
@@ -18,7 +19,8 @@ def train_all(
     runs: Sequence[Run],
     folder: Path,
     *,
-    jobs: int | None,
+    jobs: int | None = None,
+    backend: Backend | None = None,
     interval: float = 60.0,
     track: Project | None = None,
 ) -> None:
@@ -28,6 +30,7 @@ def train_all(
         runs: What is trained.
         folder: That holds a folder for each.
         jobs: Runs at a time; None: one a processor.
+        backend: Trains them elsewhere; None: on this machine.
         interval: Seconds between two checkpoints of a run.
         track: Where Weights & Biases keeps the runs; None: nowhere.
 
@@ -35,7 +38,7 @@ def train_all(
         ValueError: If an argument is out of its range; if runs failed.
     """
     from curiosity_algos.cli.bars import SweepBars
-    from curiosity_algos.experiments.sweep import sweep
+    from curiosity_algos.experiments.sweep import Processes, sweep
     from curiosity_gym.processors import available_cpus
 
     jobs = available_cpus() if jobs is None else jobs
@@ -54,7 +57,7 @@ def train_all(
         sweep(
             runs,
             folder,
-            jobs=jobs,
+            backend=backend or Processes(jobs),
             interval=interval,
             track=track,
             report=report,

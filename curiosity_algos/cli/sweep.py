@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +20,10 @@ from curiosity_algos.cli.options import (
     Timesteps,
     Track,
 )
+from curiosity_gym.validation import check_choice
+
+if TYPE_CHECKING:
+    from curiosity_algos.experiments.sweep import Backend
 
 
 def sweep(
@@ -34,6 +38,13 @@ def sweep(
     conf_file: ConfFile = None,
     device: Device = None,
     jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
+    backend: Annotated[str, typer.Option(help="local, or ray: on a cluster.")] = "local",
+    address: Annotated[
+        str | None, typer.Option(help="Of a Ray cluster, or auto; None: started on this machine.")
+    ] = None,
+    num_cpus: Annotated[
+        float | None, typer.Option(help="Processors of a run on a cluster; None: one.")
+    ] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
     track: Track = False,
     wandb_project_name: ProjectName = "curiosity",
@@ -53,4 +64,29 @@ def sweep(
         conf_file=conf_file,
     )
     project = options.find_project(track, wandb_project_name, wandb_entity)
-    train_all(runs, log_folder, jobs=jobs, interval=interval, track=project)
+    train_all(
+        runs,
+        log_folder,
+        jobs=jobs,
+        backend=_make_backend(backend, jobs, address, num_cpus),
+        interval=interval,
+        track=project,
+    )
+
+
+def _make_backend(
+    name: str, jobs: int | None, address: str | None, num_cpus: float | None
+) -> Backend | None:
+    check_choice(("local", "ray"), backend=name)
+    if name == "local":
+        for option, value in {"address": address, "num_cpus": num_cpus}.items():
+            if value is not None:
+                raise ValueError(f"`{option}` must be left out unless `backend` is ray.")
+        return None
+    if jobs is not None:
+        raise ValueError(
+            "`jobs` must be left out with ray: it begins what `num_cpus` leave room for."
+        )
+    from curiosity_algos.experiments.ray_sweep import RayBackend
+
+    return RayBackend(address=address, num_cpus=1.0 if num_cpus is None else num_cpus)

@@ -29,8 +29,6 @@ from curiosity_gym.validation import check_at_least_one, check_seed, check_share
 
 N_TOGETHER = 8
 """Individuals whose states are scored in one call: fewer, and threads wait for Python's lock."""
-SCORED, LEARNED = "scored", "learned"
-"""Names of what is read of trajectories."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,10 @@ class WeightedSum:
     bonus: Bonus
     gamma: float
     pool: ThreadPool
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle for a worker elsewhere, which scores on a thread of its own."""
+        return WeightedSum, (self.bonus, self.gamma, ThreadPool(1))
 
     def __call__(self, rollouts: Rollouts, individuals: slice) -> Excerpt:
         """One array, (P,), of some individuals."""
@@ -120,19 +122,23 @@ class CuriosityMotivation:
         self.batch_size = batch_size
         self._rng = np.random.default_rng(seed)
         self._pool = ThreadPool(n_threads)
+        # Its own names of what it reads: rollouts may be read by another motivation, too.
+        self._scored, self._learned = f"{id(self)} scored", f"{id(self)} learned"
         if isinstance(bonus, NetworkBonus):
             bonus.pool = self._pool
 
     def scoring(self, n_individuals: int) -> dict[str, Read]:
         """What `score` needs of trajectories: it may be read where and when they are played."""
         if self.n_states is None:
-            return {SCORED: WeightedSum(self.bonus, self.gamma, self._pool)}
-        return {SCORED: EvenlySpaced(self.n_states)}
+            return {self._scored: WeightedSum(self.bonus, self.gamma, self._pool)}
+        return {self._scored: EvenlySpaced(self.n_states)}
 
     def learning(self, n_individuals: int) -> dict[str, Read]:
         """What `update` needs of the trajectories of so many individuals; it is drawn now."""
         horizon = horizon_of(self.bonus)
-        return {LEARNED: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)}
+        return {
+            self._learned: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)
+        }
 
     def reads(self, n_individuals: int) -> dict[str, Read]:
         """All that is needed of the trajectories of a generation."""
@@ -140,7 +146,7 @@ class CuriosityMotivation:
 
     def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """Curiosity of each individual's trajectory, shape (P,)."""
-        excerpt = rollouts.excerpt(SCORED, self.scoring)
+        excerpt = rollouts.excerpt(self._scored, self.scoring)
         scores = excerpt[0] if self.n_states is None else self._of_some(*excerpt)
         check_observations(scores)  # they are finite where all that they come from is
         return scores
@@ -172,7 +178,7 @@ class CuriosityMotivation:
             )
 
     def _remember(self, rollouts: Rollouts) -> None:
-        excerpt = rollouts.excerpt(LEARNED, self.learning)
+        excerpt = rollouts.excerpt(self._learned, self.learning)
         seen, actions, next_seen = (th.from_numpy(flat(each)) for each in excerpt)
         self.bonus.observe(seen)
         self.buffer.add(seen, actions, next_seen)

@@ -6,13 +6,26 @@ tenth of one. Blocks are also faster: their memory is used again, and stays in p
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
-from curiosity_algos.evaluation.rollouts import Excerpt, MakeReads, Rollouts, concatenate
+from curiosity_algos.evaluation.rollouts import Excerpt, MakeReads, Read, Rollouts, concatenate
+
+
+@runtime_checkable
+class ReadingEvaluator(Protocol):
+    """An evaluator that reads trajectories where it plays them, and returns no more of them."""
+
+    def evaluate_and_read(
+        self, parameters: Float32Array, seed: int | None, reads: Mapping[str, Read] | None
+    ) -> Rollouts:
+        """One episode of each policy (P, n_parameters), and what is read of its trajectory."""
+        ...
 
 
 def play(
@@ -31,15 +44,44 @@ def play(
             needed whole.
     """
     n = len(parameters)
-    block_size = getattr(evaluator, "block_size", None) or n
-    if n <= block_size or make_reads is None:
+    if make_reads is None:
         return evaluator.evaluate(parameters, seed)
-    reads = make_reads(n)
+    if isinstance(evaluator, ReadingEvaluator):
+        return evaluator.evaluate_and_read(parameters, seed, make_reads(n))
+    if n <= _block_size(evaluator, n):
+        return evaluator.evaluate(parameters, seed)
+    return read_in_blocks(evaluator, parameters, seed, make_reads(n))
+
+
+def read_in_blocks(
+    evaluator: Evaluator,
+    parameters: Float32Array,
+    seed: int | None,
+    reads: Mapping[str, Read],
+    first: int = 0,
+) -> Rollouts:
+    """Play policies in blocks, and read what is needed of the trajectories of each.
+
+    Args:
+        evaluator: Plays them.
+        parameters: (P, n_parameters).
+        seed: Of every episode's reset.
+        reads: What is read, by name.
+        first: Number of the first policy in the population that these are a part of.
+    """
+    n = len(parameters)
+    size = _block_size(evaluator, n)
     gathered = Gathered(n)
-    for begin in range(0, n, block_size):
-        block = slice(begin, begin + block_size)
-        gathered.put(block, evaluator.evaluate(parameters[block], seed).read(reads, block))
+    for begin in range(0, n, size):
+        block = slice(begin, min(begin + size, n))
+        rollouts = evaluator.evaluate(parameters[block], seed)
+        gathered.put(block, rollouts.read(reads, slice(first + begin, first + block.stop)))
     return gathered.rollouts()
+
+
+def _block_size(evaluator: Evaluator, n: int) -> int:
+    size: int = getattr(evaluator, "block_size", None) or n
+    return size
 
 
 class Gathered:

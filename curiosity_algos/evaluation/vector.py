@@ -58,6 +58,8 @@ class VectorEvaluator:
         else:
             self._batch = _as_batch(env)
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
+        # A vector env may have one generator: who plays beside whom then says where one starts.
+        self.batch_size = 1 if isinstance(env, gym.Env) else self._batch.n
         self._max_steps = max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:

@@ -124,7 +124,10 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
 
 def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
     """Every keyword of the constructor that a model keeps, defaults included; objects by class."""
-    own = {"device": str(model.device), "policy": model.policy_class}
+    own: dict[str, Any] = {"device": str(model.device), "policy": model.policy_class}
+    local = getattr(getattr(model, "evaluator", None), "local", None)
+    if local is not None:  # that of a cluster gives the same results
+        own["evaluator"] = local
     return _arguments(model, vars(model) | own)
 
 

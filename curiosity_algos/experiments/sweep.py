@@ -29,6 +29,8 @@ Advance: TypeAlias = Callable[[Run, int], None]
 """Is told now and then of a run under way how many timesteps it has."""
 Make: TypeAlias = Callable[[Run, Callable[[int], None]], bool]
 """Trains a run that tells its timesteps: whether there was anything to do."""
+Backend: TypeAlias = Callable[[Sequence[Run], Make, Report, Advance], None]
+"""Trains runs, wherever that is."""
 SECONDS = 0.5
 """Between two messages of how far a run is."""
 _messages: SimpleQueue[tuple[int, int]]
@@ -48,20 +50,18 @@ def sweep(
     runs: Sequence[Run],
     folder: Path,
     *,
-    jobs: int,
+    backend: Backend,
     interval: float = 60.0,
     track: Project | None = None,
     report: Report,
     advance: Advance = lambda run, timesteps: None,
 ) -> None:
-    """Train every run in its folder, `jobs` at a time; one that fails does not stop the others.
-
-    Each has a process of its own; one at a time, they are trained in this one.
+    """Train every run in its folder; one that fails does not stop the others.
 
     Args:
         runs: What is trained.
         folder: That holds a folder for each.
-        jobs: Runs at a time.
+        backend: Trains those that are not finished: `Processes`, or `RayBackend`.
         interval: Seconds between two checkpoints of a run.
         track: Where Weights & Biases keeps the runs; None: nowhere.
         report: Is told of each run.
@@ -76,11 +76,27 @@ def sweep(
                 left.append(run)
         except (OSError, ValueError) as error:  # another run is there, or other files
             report(run, error)
-    make = partial(_train_alone, folder=folder, interval=interval, track=track)
-    if jobs == 1:
-        _train_here(left, make, report, advance)
-    else:
-        _train_in_processes(left, make, jobs, report, advance)
+    # Processes of other machines have another working directory.
+    make = partial(_train_alone, folder=folder.absolute(), interval=interval, track=track)
+    backend(left, make, report, advance)
+
+
+class Processes:
+    """A backend: each run has a process of its own; one at a time, they are trained in this one.
+
+    Args:
+        jobs: Runs at a time.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+
+    def __call__(self, runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
+        """Train the runs, and tell how far they are and how they ended."""
+        if self.jobs == 1:
+            _train_here(runs, make, report, advance)
+        else:
+            _train_in_processes(runs, make, self.jobs, report, advance)
 
 
 def _train_here(runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:

@@ -92,7 +92,8 @@ class Run:
 
     def load(self, checkpoint: Path) -> BaseAlgorithm:
         """The model as it was at a checkpoint."""
-        free = {name: value for name, value in self.settings.items() if name in MAY_DIFFER}
+        passed_again = MAY_DIFFER | {"evaluator"}
+        free = {name: value for name, value in self.settings.items() if name in passed_again}
         cls = find_algorithm(self.algorithm)
         model: BaseAlgorithm = cls.load(checkpoint / "model", env=self._make_env(), **free)
         return model

@@ -71,9 +71,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
         preset: "paper" or "tuned": settings that replace the defaults of what is not given here,
             see `load_preset`; None: none.
-        evaluator: What evaluates populations: "auto", the fastest that fits `env`, or an
-            `Evaluator` for as many parameters as the policy has. `set_env` keeps one that was
-            given, where it fits; `load` takes it again.
+        evaluator: What evaluates populations: "auto", the fastest that fits `env`; "ray", the same
+            on every processor of a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many
+            parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
+            takes it again.
         n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
             not depend on it.
         seed: Seed of everything random; None: fresh entropy.
@@ -220,14 +221,18 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
     def _choose_evaluator(self, env: VecEnv, choice: Evaluator | str) -> Evaluator:
         """What evaluates populations on `env`: what the user gave, or the fastest that fits."""
         if isinstance(choice, str):
-            check_choice(("auto",), evaluator=choice)
+            check_choice(("auto", "ray"), evaluator=choice)
             self._given["evaluator"] = []
+            if choice == "ray":
+                from curiosity_algos.evaluation.ray import RayEvaluator  # few have it
+
+                return RayEvaluator(env, self.policy_kwargs)
             return make_evaluator(env, self.policy_kwargs, self.n_threads)
         wanted, own = self.policy.mlp.n_parameters, getattr(choice, "n_parameters", None)
         if own != wanted or not hasattr(choice, "evaluate"):
             raise ValueError(
-                f'`evaluator` must be "auto" or an Evaluator of the policy\'s {wanted} parameters, '
-                f"got {choice!r} of {own}."
+                '`evaluator` must be "auto", "ray" or an Evaluator of the policy\'s '
+                f"{wanted} parameters, got {choice!r} of {own}."
             )
         self._given["evaluator"] = [type(choice).__name__]
         return choice
@@ -336,6 +341,12 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         Rounded to 6 digits, as SB3's Monitor rounds: `evaluate_policy` of a monitored env says it.
         """
         return round(self._best_return, 6)
+
+    @property
+    def n_workers(self) -> int | None:
+        """Workers of a Ray cluster that evaluate at present; None: the evaluator has none."""
+        n_live: int | None = getattr(self.evaluator, "n_live", None)
+        return n_live
 
     # -- the loop -------------------------------------------------------------------------------
 
@@ -474,6 +485,8 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             "time/total_timesteps": self.num_timesteps,
         }
         values |= {f"coverage/{name}": share for name, share in self.coverage_shares.items()}
+        if self.n_workers is not None:
+            values["time/workers"] = self.n_workers
         for key, value in values.items():
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)

@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 
 class ProgressBar(BaseCallback):
-    """Shows timesteps done, coverage and the best return."""
+    """Shows timesteps done, coverage and the best return, and the workers of a cluster."""
 
     def _on_training_start(self) -> None:
         total = self.locals["total_timesteps"]
@@ -21,6 +21,8 @@ class ProgressBar(BaseCallback):
         self._bar.update(min(self.model.num_timesteps, self._bar.total) - self._bar.n)
         coverage, best = self.model.coverage, self.model.best_return  # type: ignore[attr-defined]
         shown = {} if coverage is None else {"coverage": f"{coverage:.1%}"}
+        n_workers = self.model.n_workers  # type: ignore[attr-defined]
+        shown |= {} if n_workers is None else {"workers": str(n_workers)}
         self._bar.set_postfix({**shown, "best return": f"{best:.3f}"})
         return True
 

@@ -4,7 +4,7 @@ import pytest
 import torch as th
 
 from curiosity_algos.experiments import load_runs
-from curiosity_algos.experiments.sweep import grid, sweep
+from curiosity_algos.experiments.sweep import Processes, grid, sweep
 from curiosity_algos.experiments.training import Run, train
 
 SETTINGS = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
@@ -30,7 +30,7 @@ def test_it_tells_how_far_runs_are_and_how_they_ended(jobs, tmp_path):
     sweep(
         runs,
         tmp_path,
-        jobs=jobs,
+        backend=Processes(jobs),
         report=lambda run, outcome: ended.update({run.seed: outcome}),
         advance=lambda run, timesteps: told.append((run.seed, timesteps, set(ended))),
     )
@@ -55,7 +55,12 @@ def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
     blocked = runs[2].folder(tmp_path)
     blocked.mkdir(parents=True)
     (blocked / "notes").write_text("mine")
-    sweep(runs, tmp_path, jobs=1, report=lambda run, outcome: outcomes.update({run.seed: outcome}))
+    sweep(
+        runs,
+        tmp_path,
+        backend=Processes(1),
+        report=lambda run, outcome: outcomes.update({run.seed: outcome}),
+    )
     assert outcomes[0] is True
     assert isinstance(outcomes[1], ValueError)
     assert isinstance(outcomes[2], OSError)

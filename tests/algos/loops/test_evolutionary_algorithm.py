@@ -755,5 +755,5 @@ class TestEvaluator:
 
     def test_one_of_other_policies_is_refused(self, make_model, make_easy_maze):
         other = make_model(CanonicalES, make_easy_maze(), policy_kwargs={"net_arch": [5]})
-        with pytest.raises(ValueError, match=r'`evaluator` must be "auto" or an Evaluator of the'):
+        with pytest.raises(ValueError, match=r'`evaluator` must be "auto", "ray" or an Evaluator'):
             make_model(CanonicalES, make_easy_maze(), evaluator=other.evaluator)

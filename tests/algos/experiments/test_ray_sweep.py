@@ -1,0 +1,119 @@
+"""A sweep on a Ray cluster comes to what one on this machine comes to."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments.sweep import Processes, grid, sweep
+from curiosity_algos.experiments.training import train
+
+pytestmark = pytest.mark.extra("ray")
+ray = pytest.importorskip("ray")
+
+from curiosity_algos.experiments.ray_sweep import RayBackend  # noqa: E402
+
+SETTINGS = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
+RESULTS = ["algorithm", "env", "seed", "timesteps", "best_return", "coverage.all"]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cluster():
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    yield
+    ray.shutdown()
+
+
+def make_runs(n_timesteps=1200, **settings):
+    return grid(
+        ["map_elites"],
+        ["CuriosityMaze-US-v0"],
+        [0, 1, 2],
+        timesteps=n_timesteps,
+        env_kwargs={"horizon": 50},
+        settings=SETTINGS | settings,
+    )
+
+
+def results(folder):
+    return load_runs(folder).sort_values("seed")[RESULTS].to_numpy().tolist()
+
+
+def test_it_tells_how_far_runs_are_and_how_they_ended(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    here, there = tmp_path / "here", tmp_path / "there"
+    sweep(make_runs(), here, backend=Processes(1), report=lambda run, outcome: None)
+    train(make_runs()[2], make_runs()[2].folder(there))
+    told, ended = [], {}
+    sweep(
+        make_runs(),
+        there.relative_to(tmp_path),
+        backend=RayBackend(),
+        report=lambda run, outcome: ended.update({run.seed: outcome}),
+        advance=lambda run, timesteps: told.append((run.seed, timesteps)),
+    )
+    assert ended == {0: True, 1: True, 2: False}
+    assert {seed for seed, _ in told} == {0, 1}
+    assert results(there) == results(here)
+
+
+def test_one_that_fails_does_not_stop_the_others(tmp_path):
+    runs = [*make_runs()[:2], *make_runs(population_size="many")[2:]]
+    ended = {}
+    sweep(
+        runs,
+        tmp_path,
+        backend=RayBackend(),
+        report=lambda run, outcome: ended.update({run.seed: outcome}),
+    )
+    assert (ended[0], ended[1]) == (True, True)
+    assert isinstance(ended[2], ValueError)
+    assert "`population_size`" in str(ended[2])
+
+
+def test_a_run_whose_process_is_killed_goes_on(tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    runs = make_runs(60_000)[:1]
+    sweep(runs, here, backend=Processes(1), report=lambda run, outcome: None)
+    pids, ended = set(), {}
+
+    def kill():
+        """Kill the process that holds the run's folder, once it has saved a checkpoint."""
+        folder = runs[0].folder(there)
+        while not list(folder.glob("checkpoints/*")) and not ended:
+            time.sleep(0.01)
+        for process in os.listdir("/proc"):
+            if process.isdigit() and "_in_a_task" in command_of(process):
+                pids.add(process)
+                os.kill(int(process), signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    sweep(
+        runs,
+        there,
+        backend=RayBackend(),
+        interval=0.05,
+        report=lambda run, outcome: ended.update({run.seed: outcome}),
+    )
+    killer.join()
+    assert len(pids) == 1
+    assert ended == {0: True}
+    assert results(there) == results(here)
+
+
+def command_of(process):
+    try:
+        with open(f"/proc/{process}/cmdline") as file:
+            return file.read()
+    except OSError:  # it has ended
+        return ""
+
+
+@pytest.mark.parametrize("num_cpus", [0, -1.0])
+def test_errors_name_the_argument(num_cpus):
+    with pytest.raises(ValueError, match="`num_cpus` must be"):
+        RayBackend(num_cpus=num_cpus)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,6 +45,12 @@ def sweep(
     num_cpus: Annotated[
         float | None, typer.Option(help="Processors of a run on a cluster; None: one.")
     ] = None,
+    resources: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME:VALUE, others that a run needs on a cluster.", metavar="NAME:VALUE"
+        ),
+    ] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
     track: Track = False,
     wandb_project_name: ProjectName = "curiosity",
@@ -68,18 +74,28 @@ def sweep(
         runs,
         log_folder,
         jobs=jobs,
-        backend=_make_backend(backend, jobs, address, num_cpus),
+        backend=_make_backend(
+            backend, jobs, address, num_cpus, options.keywords("resources", resources)
+        ),
         interval=interval,
         track=project,
     )
 
 
 def _make_backend(
-    name: str, jobs: int | None, address: str | None, num_cpus: float | None
+    name: str,
+    jobs: int | None,
+    address: str | None,
+    num_cpus: float | None,
+    resources: dict[str, Any],
 ) -> Backend | None:
     check_choice(("local", "ray"), backend=name)
     if name == "local":
-        for option, value in {"address": address, "num_cpus": num_cpus}.items():
+        for option, value in {
+            "address": address,
+            "num_cpus": num_cpus,
+            "resources": resources or None,
+        }.items():
             if value is not None:
                 raise ValueError(f"`{option}` must be left out unless `backend` is ray.")
         return None
@@ -89,4 +105,5 @@ def _make_backend(
         )
     from curiosity_algos.experiments.ray_sweep import RayBackend
 
-    return RayBackend(address=address, num_cpus=1.0 if num_cpus is None else num_cpus)
+    n_cpus = 1.0 if num_cpus is None else num_cpus
+    return RayBackend(address=address, num_cpus=n_cpus, resources=resources)

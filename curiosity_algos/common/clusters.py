@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Any
 
 from curiosity_gym.extras import import_extra
 from curiosity_gym.processors import available_cpus
 
 ray, exceptions = import_extra("ray", "ray", "ray.exceptions")
+
+RESERVED = ("CPU", "GPU", "memory", "object_store_memory")
+"""Resources that Ray itself counts."""
+
+
+def check_resources(resources: Mapping[str, float] | None) -> dict[str, float]:
+    """Resources of a worker by the names that a cluster has given them.
+
+    Raises:
+        ValueError: If Ray has another argument for one, or an amount is not above 0.
+    """
+    checked = dict(resources or {})
+    for name, amount in checked.items():
+        is_number = isinstance(amount, int | float) and not isinstance(amount, bool)
+        if name in RESERVED or not is_number or not amount > 0:
+            raise ValueError(
+                "`resources` must be amounts above 0 of what the cluster calls by names of its "
+                f"own, not {', '.join(RESERVED)}, got {amount!r} of {name!r}."
+            )
+    return checked
 
 
 def connect(

@@ -16,7 +16,7 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from curiosity_algos.common.clusters import connect, exceptions, ray
+from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
 from curiosity_algos.evaluation.blocks import Gathered
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
 from curiosity_algos.evaluation.policies import Float32Array
@@ -125,7 +125,7 @@ class RayEvaluator:
         self.n_parameters = self.local.n_parameters
         self.n_workers = n_workers
         self.num_cpus = num_cpus
-        self.resources = dict(resources or {})
+        self.resources = check_resources(resources)
         self.shard_size = shard_size
         self.timeout = timeout
         self.start_timeout = start_timeout

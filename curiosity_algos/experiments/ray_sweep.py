@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from curiosity_algos.common.clusters import connect, exceptions, ray
+from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
 from curiosity_algos.experiments.sweep import SECONDS, Advance, Make, Report
 from curiosity_algos.experiments.training import Run
 from curiosity_gym.validation import check_positive
@@ -42,7 +42,7 @@ class RayBackend:
         check_positive(num_cpus=num_cpus)
         self.address = address
         self.num_cpus = num_cpus
-        self.resources = dict(resources or {})
+        self.resources = check_resources(resources)
 
     def __call__(self, runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
         """Train the runs, and tell how far they are and how they ended."""

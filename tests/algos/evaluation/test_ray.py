@@ -357,6 +357,9 @@ class TestBits:
         ("num_cpus", 0, "`num_cpus` must be"),
         ("timeout", 0.0, "`timeout` must be"),
         ("start_timeout", -1, "`start_timeout` must be"),
+        ("resources", {"GPU": 1}, "`resources` must be amounts above 0 .* not CPU, GPU"),
+        ("resources", {"simulator": 0}, "`resources` must be amounts above 0"),
+        ("resources", {"simulator": "two"}, "`resources` must be amounts above 0"),
     ],
 )
 def test_errors_name_the_argument(name, value, message):

@@ -78,7 +78,7 @@ def test_a_run_whose_process_is_killed_goes_on(tmp_path):
     here, there = tmp_path / "here", tmp_path / "there"
     runs = make_runs(60_000)[:1]
     sweep(runs, here, backend=Processes(1), report=lambda run, outcome: None)
-    pids, ended = set(), {}
+    pids, ended, told = set(), {}, []
 
     def kill():
         """Kill the process that holds the run's folder, once it has saved a checkpoint."""
@@ -98,9 +98,11 @@ def test_a_run_whose_process_is_killed_goes_on(tmp_path):
         backend=RayBackend(),
         interval=0.05,
         report=lambda run, outcome: ended.update({run.seed: outcome}),
+        advance=lambda run, timesteps: told.append(timesteps),
     )
     killer.join()
     assert len(pids) == 1
+    assert told == sorted(told)  # it never began anew
     assert ended == {0: True}
     assert results(there) == results(here)
 

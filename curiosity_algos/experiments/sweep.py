@@ -78,7 +78,8 @@ def sweep(
             report(run, error)
     # Processes of other machines have another working directory.
     make = partial(_train_alone, folder=folder.absolute(), interval=interval, track=track)
-    backend(left, make, report, advance)
+    if left:
+        backend(left, make, report, advance)
 
 
 class Processes:

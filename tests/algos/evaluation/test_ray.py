@@ -402,7 +402,7 @@ class TestFaults:
         assert (tmp_path / "done").exists()
 
     def test_a_worker_hangs(self, tmp_path, evaluator_of):
-        self.assert_is_right(evaluator_of(eventful(Once(tmp_path, hang)), timeout=3.0))
+        self.assert_is_right(evaluator_of(eventful(Once(tmp_path, hang)), timeout=20.0))
         assert (tmp_path / "done").exists()
 
     def test_a_node_goes(self, nodes, cluster, tmp_path, evaluator_of):

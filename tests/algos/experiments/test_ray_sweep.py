@@ -22,7 +22,7 @@ RESULTS = ["algorithm", "env", "seed", "timesteps", "best_return", "coverage.all
 
 @pytest.fixture(autouse=True, scope="module")
 def _cluster():
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False)
     yield
     ray.shutdown()
 

@@ -75,29 +75,24 @@ def sweep(
         log_folder,
         jobs=jobs,
         backend=_make_backend(
-            backend, jobs, address, num_cpus, options.keywords("resources", resources)
+            backend,
+            jobs,
+            address=address,
+            num_cpus=num_cpus,
+            resources=options.keywords("resources", resources) or None,
         ),
         interval=interval,
         track=project,
     )
 
 
-def _make_backend(
-    name: str,
-    jobs: int | None,
-    address: str | None,
-    num_cpus: float | None,
-    resources: dict[str, Any],
-) -> Backend | None:
+def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend | None:
+    """What trains on a cluster, with those of its settings that are given; None: this machine."""
     check_choice(("local", "ray"), backend=name)
+    given = {option: value for option, value in settings.items() if value is not None}
     if name == "local":
-        for option, value in {
-            "address": address,
-            "num_cpus": num_cpus,
-            "resources": resources or None,
-        }.items():
-            if value is not None:
-                raise ValueError(f"`{option}` must be left out unless `backend` is ray.")
+        if given:
+            raise ValueError(f"`{next(iter(given))}` must be left out unless `backend` is ray.")
         return None
     if jobs is not None:
         raise ValueError(
@@ -105,5 +100,4 @@ def _make_backend(
         )
     from curiosity_algos.experiments.ray_sweep import RayBackend
 
-    n_cpus = 1.0 if num_cpus is None else num_cpus
-    return RayBackend(address=address, num_cpus=n_cpus, resources=resources)
+    return RayBackend(**given)

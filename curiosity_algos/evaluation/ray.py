@@ -115,6 +115,7 @@ class RayEvaluator:
         check_positive(num_cpus=num_cpus, start_timeout=start_timeout)
         if timeout is not None:
             check_positive(timeout=timeout)
+        self.resources = check_resources(resources)
         if callable(env):
             self.local: Evaluator = env()
             self._packed = _pickled(env)
@@ -125,7 +126,6 @@ class RayEvaluator:
         self.n_parameters = self.local.n_parameters
         self.n_workers = n_workers
         self.num_cpus = num_cpus
-        self.resources = check_resources(resources)
         self.shard_size = shard_size
         self.timeout = timeout
         self.start_timeout = start_timeout

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
@@ -19,9 +21,9 @@ class ProgressBar(BaseCallback):
         # The last generation goes over the budget; the bar ends at the budget.
         assert self._bar.total is not None
         self._bar.update(min(self.model.num_timesteps, self._bar.total) - self._bar.n)
-        coverage, best = self.model.coverage, self.model.best_return  # type: ignore[attr-defined]
+        model: Any = self.model  # SB3's hint is its base class, which has none of these
+        coverage, best, n_workers = model.coverage, model.best_return, model.n_workers
         shown = {} if coverage is None else {"coverage": f"{coverage:.1%}"}
-        n_workers = self.model.n_workers  # type: ignore[attr-defined]
         shown |= {} if n_workers is None else {"workers": str(n_workers)}
         self._bar.set_postfix({**shown, "best return": f"{best:.3f}"})
         return True

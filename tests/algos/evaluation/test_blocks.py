@@ -105,7 +105,10 @@ def test_nor_do_they_where_whole_trajectories_are_scored(
 def test_callbacks_see_trajectories_of_one_block_alone(algorithm, make_model, make_easy_maze):
     seen = []
     model = make_model(algorithm, make_easy_maze())
-    look = lambda found, _: seen.append(found["rollouts"].observations is not None)  # noqa: E731
+
+    def look(found, _):
+        seen.append(found["rollouts"].observations is not None)
+
     model.learn(1, callback=look)
     model.evaluator.block_size = 4
     # The first generation of AURORA's trajectories tells how long they are.

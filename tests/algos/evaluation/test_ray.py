@@ -16,6 +16,7 @@ from curiosity_gym import MazeLayout
 
 pytestmark = pytest.mark.extra("ray")
 ray = pytest.importorskip("ray")
+# What follows cannot be imported without it: hence the E402.
 
 from ray.cluster_utils import Cluster  # noqa: E402
 

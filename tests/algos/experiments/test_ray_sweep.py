@@ -13,6 +13,7 @@ from curiosity_algos.experiments.training import train
 
 pytestmark = pytest.mark.extra("ray")
 ray = pytest.importorskip("ray")
+# What follows cannot be imported without it: hence the E402.
 
 from curiosity_algos.experiments.ray_sweep import RayBackend  # noqa: E402
 

@@ -128,7 +128,6 @@ class APT(NetworkBonus):
             loss, *slopes = info_nce(*th.from_numpy(held.outputs[-1]).chunk(2))
             th.cat(slopes, out=th.from_numpy(held.slopes[-1]))
             backward(encoder, states, held, by_parameters, states[:0])
-        self.optimizer.zero_grad(set_to_none=True)
         set_gradients([self.encoder], by_parameters)
         return {"loss": loss.item()}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import torch as th
 from gymnasium import spaces
 
@@ -28,11 +29,12 @@ class TransitionBuffer:
         self.size = 0
         self._next = 0
         shape = observation_space.shape
-        dtype = th.float32 if ImageInputs.of(observation_space) is None else th.uint8
+        dtype = np.float32 if ImageInputs.of(observation_space) is None else np.uint8
+        # NumPy's zeros, unlike torch's, take memory and time only once they are written.
         self._columns = {
-            "observations": th.zeros(capacity, *shape, dtype=dtype),
-            "actions": th.zeros(capacity, n_actions),
-            "next_observations": th.zeros(capacity, *shape, dtype=dtype),
+            "observations": th.from_numpy(np.zeros((capacity, *shape), dtype)),
+            "actions": th.from_numpy(np.zeros((capacity, n_actions), np.float32)),
+            "next_observations": th.from_numpy(np.zeros((capacity, *shape), dtype)),
         }
         self._generator = th.Generator().manual_seed(seed)
 

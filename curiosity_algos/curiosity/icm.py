@@ -123,7 +123,6 @@ class ICM(NetworkBonus):
             is_discrete=self.encode_actions.is_discrete,
             pool=self.pool,
         )
-        self.optimizer.zero_grad(set_to_none=True)
         set_gradients(self._models, slopes)
         forward_loss, inverse_loss = losses.tolist()
         loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss

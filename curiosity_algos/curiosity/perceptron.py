@@ -9,7 +9,7 @@ import importlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 import torch as th
@@ -36,12 +36,14 @@ class Layers(NamedTuple):
         linear, others = modules[::2], modules[1::2]
         if len(linear) != len(others) + 1 or {type(each) for each in others} - {th.nn.ReLU}:
             return None
-        if not all(map(_is_plain, linear)) or any(map(_has_hooks, [network, *modules])):
+        if {type(each) for each in linear} - {th.nn.Linear}:
             return None
-        return cls(
-            tuple(each.get_parameter("weight").detach().numpy() for each in linear),
-            tuple(each.get_parameter("bias").detach().numpy() for each in linear),
-        )
+        # By their dictionary, as this is asked at every gradient step, and attributes are slower.
+        parameters = [each._parameters[name] for name in ("weight", "bias") for each in linear]
+        arrays = [each.detach().numpy() for each in parameters if _is_plain(each)]
+        if len(arrays) < len(parameters) or any(map(_has_hooks, [network, *modules])):
+            return None
+        return cls(tuple(arrays[: len(linear)]), tuple(arrays[len(linear) :]))
 
     @property
     def n_parameters(self) -> int:
@@ -49,18 +51,15 @@ class Layers(NamedTuple):
         return sum(weights.size + len(weights) for weights in self.weights)
 
 
-def _is_plain(layer: th.nn.Module) -> bool:
-    """Whether it is a linear layer with bias, both trained, contiguous float32 on the CPU."""
-    if type(layer) is not th.nn.Linear or layer.bias is None:
-        return False
-    return all(
-        type(each) is th.nn.Parameter
-        and each.requires_grad
-        and each.dtype == th.float32
-        and each.device.type == "cpu"
-        and each.is_contiguous()
-        and not each._backward_hooks
-        for each in (layer.weight, layer.bias)
+def _is_plain(parameter: th.Tensor | None) -> TypeGuard[th.nn.Parameter]:
+    """Whether it is there, trained, contiguous float32 on the CPU, and has no hook."""
+    return (
+        type(parameter) is th.nn.Parameter
+        and parameter.requires_grad
+        and parameter.dtype == th.float32
+        and parameter.device.type == "cpu"
+        and parameter.is_contiguous()
+        and not parameter._backward_hooks
     )
 
 

@@ -19,6 +19,7 @@ from gymnasium import spaces
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.floating[Any]]
 Mask = npt.NDArray[np.bool_]
 Frame = npt.NDArray[np.uint8]
 
@@ -97,8 +98,8 @@ class EnvConfig(Protocol):
     """The checked keywords of an environment, and the spaces that follow from them."""
 
     @property
-    def observation_space(self) -> spaces.Box[np.float32]:
-        """Of a single env, (O,)."""
+    def observation_space(self) -> spaces.Box[Any]:
+        """Of a single env, (O,), of float32 or float64."""
         ...
 
     @property

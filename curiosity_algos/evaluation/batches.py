@@ -17,7 +17,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_gym.sparse_vector_env import SparseVectorEnv
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
@@ -123,7 +123,7 @@ class GymnasiumBatch:
         """See `Batch`."""
         # An env with one generator for all its episodes takes one seed: their starts may differ.
         env = self._env.unwrapped
-        has_a_generator_each = hasattr(env, "env_fns") or isinstance(env, SparseVectorEnv)
+        has_a_generator_each = hasattr(env, "env_fns") or isinstance(env, EpisodicVectorEnv)
         seeds = [seed] * self.n if has_a_generator_each and seed is not None else seed
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         return np.array(observations)

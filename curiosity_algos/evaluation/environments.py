@@ -12,7 +12,7 @@ from gymnasium.vector import AsyncVectorEnv, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
-from curiosity_gym.sparse_vector_env import SparseVectorEnv
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 VECTOR_KEYWORDS = {
     "autoreset_mode",
@@ -47,7 +47,7 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any
     if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator
         maker: Callable[[], gym.Env[Any, Any]] = makers[0]
         return maker
-    if isinstance(inner, SparseVectorEnv):
+    if isinstance(inner, EpisodicVectorEnv):
         return inner.make_single_env
     spec = inner.spec
     if spec is None:

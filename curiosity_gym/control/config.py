@@ -8,8 +8,8 @@ import numpy as np
 from gymnasium import spaces
 
 from curiosity_gym.control.tasks import TASKS, ControlTask
-from curiosity_gym.control.viewer import ControlViewer
 from curiosity_gym.core import CoverageGrid
+from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 
@@ -47,9 +47,9 @@ class ControlConfig:
         """Control steps a second."""
         return round(1.0 / float(self.task.model.opt.timestep * self.task.n_substeps))
 
-    def make_viewer(self) -> ControlViewer:
+    def make_viewer(self) -> MujocoViewer:
         """A new viewer of the task."""
-        return ControlViewer(self.task.model, width=self.width, height=self.height)
+        return MujocoViewer(self.task.model, width=self.width, height=self.height)
 
 
 def configure_control(

@@ -8,11 +8,11 @@ import numpy as np
 
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.core import Float32Array, Float64Array, Frame
-from curiosity_gym.sparse_env import SparseSingleEnv
+from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
+from curiosity_gym.episodic_env import EpisodicEnv
 
 
-class ControlEnv(SparseSingleEnv):
+class ControlEnv(EpisodicEnv):
     """A task of the DeepMind Control Suite, rewarded only when it is solved.
 
     Description:
@@ -105,10 +105,10 @@ class ControlEnv(SparseSingleEnv):
         self._simulation.reset(rngs=self._generators())
         self._observation[:] = self._simulation.observations[0]
 
-    def _advance(self, action: Float32Array) -> bool:
-        terminated = bool(self._simulation.step(action[None])[0])
+    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
+        is_solved = bool(self._simulation.step(action[None])[0])
         self._observation[:] = self._simulation.observations[0]
-        return terminated
+        return is_solved, is_solved
 
     def _generators(self) -> list[np.random.Generator]:
         return [self.np_random] if self.task.random_start else []
@@ -120,7 +120,7 @@ class ControlEnv(SparseSingleEnv):
         physics: Float64Array = self._simulation.state[0]
         return physics
 
-    def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
+    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
         self._simulation.restore(physics[None])
 
     def _frame(self) -> Frame:

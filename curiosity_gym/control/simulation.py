@@ -29,6 +29,7 @@ class Simulation:
 
     Attributes:
         observations: (n, O) float32, overwritten by each step.
+        success: (n,) whether the last step of each solved the task.
 
     Raises:
         ValueError: If `n_threads` is less than 1.
@@ -41,6 +42,7 @@ class Simulation:
         self.n = n
         self.n_threads = min(n, n_threads or available_cpus())
         self.observations: Float32Array = np.zeros((n, task.n_observations), dtype=np.float32)
+        self.success: Mask = np.zeros(n, dtype=np.bool_)
         self._open()
 
     def _open(self) -> None:
@@ -118,7 +120,8 @@ class Simulation:
         self._batch.step(ids, self.task.n_substeps, stage)
         if self._warnings.any():
             self._raise_warning()
-        return self.task.success(self._observe(rows))
+        self.success[rows] = solved = self.task.success(self._observe(rows))
+        return solved
 
     def _select(
         self, ids: npt.NDArray[np.int64] | None
@@ -189,7 +192,7 @@ class Simulation:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the state of the physics; the batch itself owns threads and does not pickle."""
-        kept = ("task", "n", "n_threads", "observations")
+        kept = ("task", "n", "n_threads", "observations", "success")
         return {**{name: getattr(self, name) for name in kept}, "state": self.state}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

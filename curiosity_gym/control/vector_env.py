@@ -10,11 +10,11 @@ from gymnasium.vector import AutoresetMode
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
-from curiosity_gym.sparse_vector_env import SparseVectorEnv
+from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame, Mask
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 
-class ControlVectorEnv(SparseVectorEnv):
+class ControlVectorEnv(EpisodicVectorEnv):
     """`num_envs` episodes; step for step what a `SyncVectorEnv` of `ControlEnv` gives.
 
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. There
@@ -93,13 +93,13 @@ class ControlVectorEnv(SparseVectorEnv):
         ids = np.flatnonzero(mask)
         self._simulation.reset(ids, [self._rngs[i] for i in ids] if self._rngs else ())
 
-    def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
+    def _advance(self, actions: Float32Array, resets: Mask) -> tuple[Mask, Mask]:
         success = np.zeros(self.num_envs, dtype=np.bool_)
         going = np.flatnonzero(~resets)
         success[going] = self._simulation.step(actions[going], going)
         if resets.any():
             self._reset_simulations(resets)
-        return success
+        return success, success
 
     def _info_arrays(self) -> dict[str, Float64Array]:
         return {"behavior": self._simulation.behaviors}
@@ -107,7 +107,7 @@ class ControlVectorEnv(SparseVectorEnv):
     def _physics(self) -> Float64Array:
         return self._simulation.state
 
-    def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
+    def _set_physics(self, physics: Float64Array, observations: FloatArray) -> None:
         self._simulation.restore(physics)
 
     def _frames(self) -> tuple[Frame, ...]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from curiosity_gym.core import Float32Array, Float64Array, Frame
+from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
+from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
 from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout
-from curiosity_gym.sparse_env import SparseSingleEnv
 
 
-class MazeEnv(SparseSingleEnv):
+class MazeEnv(EpisodicEnv):
     """A point robot with a ring of LIDAR beams looks for the goal of a maze, rewarded only there.
 
     Description:
@@ -114,8 +114,9 @@ class MazeEnv(SparseSingleEnv):
         self._state = start_state(self.layout, self.maze, options)
         observe(self.maze, self._state, self._observation)
 
-    def _advance(self, action: Float32Array) -> bool:
-        return step(self.maze, self._state, action, self._observation)
+    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
+        is_at_goal = step(self.maze, self._state, action, self._observation)
+        return is_at_goal, is_at_goal
 
     def _info_arrays(self) -> dict[str, Float64Array]:
         behavior = self._state.copy()
@@ -128,7 +129,7 @@ class MazeEnv(SparseSingleEnv):
     def _physics(self) -> Float64Array:
         return self._state.copy()
 
-    def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
+    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
         check_states(self.layout, self.maze, physics[None], observation[None])
         self._state = physics
 

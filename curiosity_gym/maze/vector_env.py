@@ -9,12 +9,12 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.core import Float32Array, Float64Array, Frame, Mask
+from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame, Mask
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
 from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.sparse_vector_env import SparseVectorEnv
 
 ENVS_PER_THREAD = 128
 """Least number of envs a thread: handing fewer over costs more than stepping them."""
@@ -49,7 +49,7 @@ def _observe_masked(
             observe(maze, states[i], observations[i])
 
 
-class MazeVectorEnv(SparseVectorEnv):
+class MazeVectorEnv(EpisodicVectorEnv):
     """`num_envs` robots in the same maze; step for step what a `SyncVectorEnv` of `MazeEnv` gives.
 
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it.
@@ -130,16 +130,16 @@ class MazeVectorEnv(SparseVectorEnv):
         self._states[mask] = start_state(self.layout, self.maze, options)
         _observe_masked(self.maze, self._states, mask, self._observations)
 
-    def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
-        terminated = np.empty(self.num_envs, dtype=np.bool_)
+    def _advance(self, actions: Float32Array, resets: Mask) -> tuple[Mask, Mask]:
+        at_goal = np.empty(self.num_envs, dtype=np.bool_)
 
         def run(begin: int, end: int) -> None:
-            arrays = (self._states, resets, actions, self._observations, terminated)
+            arrays = (self._states, resets, actions, self._observations, at_goal)
             _step_slice(self.maze, begin, end, *arrays)
 
         n_slices = min(self._pool.n_threads, self.num_envs // ENVS_PER_THREAD)
         self._pool.run(run, self.num_envs, n_slices)
-        return terminated
+        return at_goal, at_goal
 
     def _info_arrays(self) -> dict[str, Float64Array]:
         return {
@@ -151,7 +151,7 @@ class MazeVectorEnv(SparseVectorEnv):
     def _physics(self) -> Float64Array:
         return self._states.copy()
 
-    def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
+    def _set_physics(self, physics: Float64Array, observations: FloatArray) -> None:
         check_states(self.layout, self.maze, physics, observations)
         self._states = physics
 

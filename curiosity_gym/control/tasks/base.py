@@ -119,6 +119,11 @@ class ControlTask:
         return np.append(state, getattr(model, self.moving_target)("target").pos)
 
     @property
+    def draws(self) -> bool:
+        """Whether episodes begin at random."""
+        return self.random_start
+
+    @property
     def moving_target(self) -> str | None:
         """`target`; None where every episode has it in the same place."""
         return self.target if self.random_start else None

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
-from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame, Mask
+from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episode_state import (
     check_generators,
     check_steps,
@@ -24,17 +24,17 @@ from curiosity_gym.episode_state import (
     generator_states,
     load_generator_states,
 )
+from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.lazy_viewer import LazyViewer
-from curiosity_gym.sparse_env import SparseSingleEnv
 from curiosity_gym.validation import check_at_least_one
 
 
-class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
+class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     """n episodes side by side, each rewarded `1 - t / horizon` when it succeeds in its step t.
 
     Step for step what a `SyncVectorEnv` of the single envs gives, in every autoreset mode. A
     subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_physics`,
-    `_set_physics`, `_frames`.
+    `_set_physics`, `_frames`; it may reward in another way: `_rewards`.
 
     Args:
         config: Spaces, horizon and frame rate of a single env.
@@ -92,7 +92,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         self.copy = copy
         self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
         shape = (num_envs, *config.observation_space.shape)
-        self._observations: Float32Array = np.zeros(shape, dtype=np.float32)
+        self._observations: FloatArray = np.zeros(shape, dtype=config.observation_space.dtype)
         self._steps = self._no_episodes()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._rngs = [seeding.np_random()[0] for _ in range(num_envs)] if draws else []
@@ -109,7 +109,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     def _longest_episode(self) -> int:
         return min(self.horizon, self.max_episode_steps or self.horizon)
 
-    def make_single_env(self) -> gym.Env[Float32Array, Float32Array]:
+    def make_single_env(self) -> gym.Env[FloatArray, Float32Array]:
         """A single env that gives, step for step, what each of these gives."""
         env = self._make_bare_env()
         return env if self.max_episode_steps is None else TimeLimit(env, self.max_episode_steps)
@@ -117,7 +117,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     # -- what a subclass implements ---------------------------------------------------------------
 
     @abstractmethod
-    def _make_bare_env(self) -> SparseSingleEnv:
+    def _make_bare_env(self) -> EpisodicEnv:
         """A single env of the same keywords."""
 
     @abstractmethod
@@ -129,11 +129,12 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """
 
     @abstractmethod
-    def _advance(self, actions: Float32Array, resets: Mask) -> Mask:
+    def _advance(self, actions: Float32Array, resets: Mask) -> tuple[Mask, Mask]:
         """Step the envs, but begin an episode in those of `resets`; write all `_observations`.
 
         Returns:
-            Which envs are at the goal, (num_envs,), False where an episode began.
+            Where episodes have come to an end, (num_envs,), and where that is the goal; False where
+            one began.
         """
 
     @abstractmethod
@@ -145,7 +146,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         """All that the next step depends on, a new array (num_envs, S), finite."""
 
     @abstractmethod
-    def _set_physics(self, physics: Float64Array, observations: Float32Array) -> None:
+    def _set_physics(self, physics: Float64Array, observations: FloatArray) -> None:
         """Go on from a result of `_physics`.
 
         Args:
@@ -160,6 +161,15 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     def _frames(self) -> tuple[Frame, ...]:
         """A picture of each env."""
 
+    def _rewards(self, success: Mask) -> Float64Array:
+        """Of the steps just taken, (num_envs,), 0 where an episode began."""
+        rewards: Float64Array = np.where(success, 1.0 - self._steps / self.horizon, 0.0)
+        return rewards
+
+    def _outcome_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """What the infos tell of a step beside `_info_arrays`, and a reset does not."""
+        return {}
+
     # -- episodes ---------------------------------------------------------------------------------
 
     def reset(
@@ -167,7 +177,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Float32Array, dict[str, Any]]:
+    ) -> tuple[FloatArray, dict[str, Any]]:
         """Begin episodes.
 
         Args:
@@ -219,7 +229,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
 
     def step(  # type: ignore[override]
         self, actions: Float32Array
-    ) -> tuple[Float32Array, Float64Array, Mask, Mask, dict[str, Any]]:
+    ) -> tuple[FloatArray, Float64Array, Mask, Mask, dict[str, Any]]:
         """Step every env once.
 
         Args:
@@ -242,12 +252,12 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
             raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
         resets, steps = self._ended, self._steps
         self._steps = self._no_episodes()  # all need a reset, should the physics fail midway
-        terminated = self._advance(actions, resets)
+        terminated, success = self._advance(actions, resets)
         self._steps = np.where(resets, 0, steps + 1)
         truncated = self._truncated(terminated)
-        rewards = np.where(terminated, 1.0 - self._steps / self.horizon, 0.0)
+        rewards = self._rewards(success)
         self._ended = terminated | truncated
-        infos = self._infos(np.ones(self.num_envs, dtype=np.bool_), terminated)
+        infos = self._infos(np.ones(self.num_envs, dtype=np.bool_), ~resets, success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos = self._reset_ended(infos)
         return self._handed_out(), rewards, terminated, truncated, infos
@@ -262,7 +272,7 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
             truncated |= self._steps >= self.max_episode_steps
         return truncated
 
-    def _handed_out(self) -> Float32Array:
+    def _handed_out(self) -> FloatArray:
         return self._observations.copy() if self.copy else self._observations
 
     def _reset_ended(self, infos: dict[str, Any]) -> dict[str, Any]:
@@ -271,7 +281,8 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
             final_obs[i] = self._observations[i].copy()
-        final_info = self._infos(ended, infos["is_success"])
+        everywhere, success = np.ones(self.num_envs, dtype=np.bool_), infos["is_success"]
+        final_info = self._infos(ended, ended, success)
         self._begin(ended, None)
         self._count_begin(ended)
         return {
@@ -279,20 +290,33 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
             "_final_obs": ended.copy(),
             "final_info": final_info,
             "_final_info": ended.copy(),
-            **self._infos(np.ones(self.num_envs, dtype=np.bool_), infos["is_success"] & ~ended),
+            **self._infos(everywhere, ~ended, success & ~ended),
         }
 
-    def _infos(self, mask: Mask, is_success: Mask | None = None) -> dict[str, Any]:
-        """Infos of the envs of `mask`, in the form that Gymnasium's vector environments give."""
-        values: dict[str, npt.NDArray[Any]] = dict(self._info_arrays())
-        if not mask.all():
-            for array in values.values():
-                array[~mask] = 0.0
+    def _infos(
+        self, mask: Mask, stepped: Mask | None = None, success: Mask | None = None
+    ) -> dict[str, Any]:
+        """Infos in the form that Gymnasium's vector environments give.
+
+        Args:
+            mask: The envs to tell of.
+            stepped: Those that have taken a step, rather than begun an episode; None: none.
+            success: Those at the goal; None: none.
+        """
         none = np.zeros(self.num_envs, dtype=np.bool_)
-        values["is_success"] = none if is_success is None else is_success & mask
+        stepped = none if stepped is None else stepped & mask
+        told = [
+            (
+                {**self._info_arrays(), "is_success": none if success is None else success.copy()},
+                mask,
+            )
+        ]
+        if stepped.any():
+            told.append((self._outcome_arrays(), stepped))
         infos: dict[str, Any] = {}
-        for key, value in values.items():
-            infos[key], infos[f"_{key}"] = value, mask.copy()
+        for values, has in told:
+            for key, value in values.items():
+                infos[key], infos[f"_{key}"] = _where(has, value), has.copy()
         return infos
 
     # -- exact resume -----------------------------------------------------------------------------
@@ -357,6 +381,13 @@ class SparseVectorEnv(VectorEnv[Float32Array, Float32Array, Mask]):
     def close_extras(self, **kwargs: Any) -> None:
         """Close the viewer, if there is one."""
         self._viewer.close()
+
+
+def _where(mask: Mask, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Values (n, ...), which may become zeros where the mask (n,) is not set."""
+    if not mask.all():
+        values[~mask] = np.zeros((), values.dtype)
+    return values
 
 
 def _autoreset_mode(value: AutoresetMode | str) -> AutoresetMode:

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, Frame
+from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, FloatArray, Frame
 from curiosity_gym.episode_state import (
     check_generators,
     check_steps,
@@ -22,11 +22,12 @@ from curiosity_gym.episode_state import (
 from curiosity_gym.lazy_viewer import LazyViewer
 
 
-class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
+class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
     """Episodes that are rewarded `1 - t / horizon` when they succeed in their step t.
 
     A subclass says how an episode begins and advances: `_begin`, `_advance`, `_info_arrays`,
-    `_physics`, `_set_physics`, `_frame`, for "human" `_show`, and `_generators` if it draws.
+    `_physics`, `_set_physics`, `_frame`, for "human" `_show`, and `_generators` if it draws; it may
+    reward in another way: `_reward`.
 
     Args:
         config: Spaces, horizon and frame rate.
@@ -51,7 +52,8 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         self.render_mode = render_mode
         self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
         self._action_shape = config.action_space.shape
-        self._observation: Float32Array = np.zeros(config.observation_space.shape, np.float32)
+        space = config.observation_space
+        self._observation: FloatArray = np.zeros(space.shape, space.dtype)
         self._t = -1  # no episode yet
         self._ended = False
 
@@ -66,8 +68,12 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         """
 
     @abstractmethod
-    def _advance(self, action: Float32Array) -> bool:
-        """Act for one step and write `_observation`; whether the goal is reached."""
+    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
+        """Act for one step and write `_observation`.
+
+        Returns:
+            Whether the episode has come to an end, and whether that is the goal.
+        """
 
     @abstractmethod
     def _info_arrays(self) -> dict[str, Float64Array]:
@@ -78,7 +84,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         """All that the next step depends on, a new array (S,), finite."""
 
     @abstractmethod
-    def _set_physics(self, physics: Float64Array, observation: Float32Array) -> None:
+    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
         """Go on from a result of `_physics`.
 
         Args:
@@ -97,11 +103,19 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         """What is drawn from: part of the episode's state."""
         return []
 
+    def _reward(self, success: bool, t: int) -> float:
+        """Of step t, the first being 1, that has just been taken."""
+        return 1.0 - t / self.horizon if success else 0.0
+
+    def _outcome_arrays(self) -> dict[str, Any]:
+        """What the info tells of a step beside `_info_arrays`, and a reset does not."""
+        return {}
+
     # -- episodes ---------------------------------------------------------------------------------
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float32Array, dict[str, Any]]:
+    ) -> tuple[FloatArray, dict[str, Any]]:
         """Begin an episode.
 
         Args:
@@ -118,7 +132,7 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
             self.render()
         return self._observation.copy(), {**self._info_arrays(), "is_success": False}
 
-    def step(self, action: Float32Array) -> tuple[Float32Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Float32Array) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
         """Act for one step.
 
         Args:
@@ -138,13 +152,13 @@ class SparseSingleEnv(gym.Env[Float32Array, Float32Array]):
         if self._t < 0 or self._ended:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
         t, self._t = self._t + 1, -1  # no episode is under way, should the physics fail
-        terminated = self._advance(action)
-        reward = 1.0 - t / self.horizon if terminated else 0.0
+        terminated, success = self._advance(action)
+        reward = self._reward(success, t)
         truncated = not terminated and t == self.horizon
         self._t, self._ended = t, terminated or truncated
         if self.render_mode == "human":
             self.render()
-        info = {**self._info_arrays(), "is_success": terminated}
+        info = {**self._info_arrays(), **self._outcome_arrays(), "is_success": success}
         return self._observation.copy(), reward, terminated, truncated, info
 
     # -- exact resume -----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Pictures of a control task, without a window and without a display."""
+"""Pictures of MuJoCo's simulations, without a window and without a display."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ import importlib
 import os
 import sys
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.error import DependencyNotInstalled, Error
 
-from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
 
@@ -23,8 +22,16 @@ if TYPE_CHECKING:
 MAX_GEOMS = 1000
 
 
-class ControlViewer:
-    """Draws simulations of one model, from its first camera.
+class Drawn(Protocol):
+    """Simulations that can be drawn."""
+
+    def write_data(self, simulation: int, data: Any) -> None:
+        """Write one simulation's state and derived fields into an `MjData`."""
+        ...
+
+
+class MujocoViewer:
+    """Draws simulations of one model, from its first camera, or one of its own.
 
     Args:
         model: The model; its buffer for pictures grows to their size.
@@ -40,15 +47,16 @@ class ControlViewer:
     """
 
     def __init__(self, model: mujoco.MjModel, *, width: int, height: int) -> None:
-        (self._mujoco,) = import_extra("control", "mujoco")
+        (self._mujoco,) = import_extra("locomotion", "mujoco")
         self._model = model
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
         self._data = self._mujoco.MjData(model)
         self._option = self._mujoco.MjvOption()
         self._camera = self._mujoco.MjvCamera()
-        self._camera.type = self._mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = 0
+        if model.ncam:
+            self._camera.type = self._mujoco.mjtCamera.mjCAMERA_FIXED
+            self._camera.fixedcamid = 0
         self._viewport = self._mujoco.MjrRect(0, 0, width, height)
         self._scene = self._mujoco.MjvScene(model, MAX_GEOMS)
         self._gl = _gl_context(width, height)
@@ -62,7 +70,7 @@ class ControlViewer:
         # Registered after EGL's own farewell, and so called before it.
         atexit.register(self.close)
 
-    def draw(self, simulation: Simulation, index: int = 0) -> npt.NDArray[np.uint8]:
+    def draw(self, simulation: Drawn, index: int = 0) -> npt.NDArray[np.uint8]:
         """A frame (height, width, 3) of simulation `index`.
 
         Raises:

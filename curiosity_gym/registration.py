@@ -8,6 +8,7 @@ import gymnasium as gym
 
 _MAZES = {"Snake": "snake", "US": "us", "Hard": "hard", "Labyrinth": "labyrinth"}
 _CONTROL = {"BallInCup": "ball_in_cup", "Finger": "finger", "Stacker": "stacker"}
+_LOCOMOTION = ("Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d")
 _SPARSE = {
     "PointMaze_UMaze": "PointMaze_UMaze-v3",
     "PointMaze_Large": "PointMaze_Large-v3",
@@ -33,6 +34,14 @@ def _control(task: str) -> dict[str, Any]:
     }
 
 
+def _locomotion(robot: str) -> dict[str, Any]:
+    return {
+        "entry_point": "curiosity_gym.locomotion.locomotion_env:LocomotionEnv",
+        "vector_entry_point": "curiosity_gym.locomotion.vector_env:LocomotionVectorEnv",
+        "kwargs": {"env_id": f"{robot}-v5"},
+    }
+
+
 def _sparse(env_id: str) -> dict[str, Any]:
     return {
         "entry_point": "curiosity_gym.wrappers.ready_made:SparseEnv",
@@ -45,6 +54,7 @@ SPECS: dict[str, dict[str, Any]] = {
     **{f"Maze-{name}-v0": _maze(layout=layout) for name, layout in _MAZES.items()},
     "CuriosityMaze-v0": _maze(),
     **{f"CuriosityControl-{name}-v0": _control(task) for name, task in _CONTROL.items()},
+    **{f"CuriosityLocomotion-{robot}-v0": _locomotion(robot) for robot in _LOCOMOTION},
     **{f"CuriositySparse-{name}-v0": _sparse(env_id) for name, env_id in _SPARSE.items()},
 }
 """The arguments of `gymnasium.register`, by id."""

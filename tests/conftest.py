@@ -15,6 +15,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 MODULES = {
     "control": "dm_control",
+    "locomotion": "mujoco",
     "ray": "ray",
     "render": "pygame",
     "report": "plotly",
@@ -25,6 +26,7 @@ MODULES = {
 """Extra: the module without which it is not installed."""
 PARAMETERS = {
     "control": re.compile("CuriosityControl-|SwingUp|dm_control|^control"),
+    "locomotion": re.compile("CuriosityLocomotion-"),
     "report": re.compile("write_report"),
     "robotics": re.compile("CuriositySparse-.*Maze|gymnasium_robotics"),
 }

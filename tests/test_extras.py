@@ -22,6 +22,7 @@ ANOTHER_DISTRIBUTION = re.compile(
 FOLDERS = ["benchmarks", "curiosity_algos", "curiosity_gym", "docs", "examples", "tests"]
 MODULES = {
     "control": ["dm_control.suite", "imageio", "mujoco.batch", "packaging", "shimmy"],
+    "locomotion": ["imageio", "mujoco"],
     "robotics": ["gymnasium_robotics", "mujoco"],
     "render": ["moviepy", "pygame"],
     "ray": ["ray"],
@@ -31,6 +32,7 @@ MODULES = {
 }
 ENVS = {
     "control": ["CuriosityControl-Stacker-v0", "CuriositySparse-CartPoleSwingUp-v0"],
+    "locomotion": ["CuriosityLocomotion-Ant-v0", "CuriosityLocomotion-Humanoid-v0"],
     "robotics": ["CuriositySparse-PointMaze_UMaze-v0", "CuriositySparse-AntMaze_UMaze-v0"],
     "render": ["CuriosityMaze-Hard-v0"],
 }

@@ -7,15 +7,25 @@ from typing import Any, Protocol
 
 import gymnasium as gym
 
-from curiosity_algos.evaluation.control import ControlEvaluator
 from curiosity_algos.evaluation.environments import MadeEnv, describe
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.evaluation.transparent import bare, max_steps, without_monitors
+from curiosity_algos.evaluation.simulation import SimulationEvaluator
+from curiosity_algos.evaluation.transparent import (
+    bare,
+    max_steps,
+    time_limit,
+    without_monitors,
+)
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.locomotion.tasks import task_class
+from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
@@ -155,7 +165,41 @@ def _is_control(env: Any) -> bool:
 
 def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
     inner = bare(env)
-    return ControlEvaluator(inner.task, inner.horizon, mlp, n_threads, max_steps(env))
+    return SimulationEvaluator(
+        inner.task,
+        Simulation,
+        mlp,
+        max_steps=max_steps(env),
+        horizon=inner.horizon,
+        n_threads=n_threads,
+    )
+
+
+def _is_locomotion(env: Any) -> bool:
+    return type(bare(env)) in (LocomotionEnv, LocomotionVectorEnv) and env.render_mode is None
+
+
+def _make_locomotion(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
+    task = bare(env).task
+    return SimulationEvaluator(
+        task, LocomotionSimulation, mlp, max_steps=max_steps(env), n_threads=n_threads
+    )
+
+
+def _is_gymnasium_robot(env: Any) -> bool:
+    """Whether it is one of Gymnasium's own whose episodes end, and is not shown."""
+    is_known = isinstance(env, gym.Env) and task_class(bare(env)) is not None
+    return is_known and env.render_mode is None and time_limit(env) is not None
+
+
+def _make_gymnasium_robot(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
+    limit, make_task = time_limit(env), task_class(bare(env))
+    assert limit is not None
+    assert make_task is not None
+    task = make_task(bare(env), behavior=None)
+    return SimulationEvaluator(
+        task, LocomotionSimulation, mlp, max_steps=limit, n_threads=n_threads
+    )
 
 
 def _is_any(env: Any) -> bool:
@@ -169,6 +213,8 @@ def _make_vector(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
 EVALUATORS: list[tuple[Fits, Make]] = [
     (_is_maze, _make_maze),
     (_is_control, _make_control),
+    (_is_locomotion, _make_locomotion),
+    (_is_gymnasium_robot, _make_gymnasium_robot),
     (_is_any, _make_vector),
 ]
 """What `make_evaluator` chooses from: the first that fits makes the evaluator."""

@@ -9,7 +9,12 @@ import numpy.typing as npt
 
 from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward, scratch
-from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, sparse_rollouts
+from curiosity_algos.evaluation.rollouts import (
+    Rollouts,
+    check_parameters,
+    padded_rollouts,
+    sparse_returns,
+)
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid, Mask
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
@@ -127,8 +132,8 @@ class MazeEvaluator:
             _rollout_slice(self.maze, self._grid, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
-        return sparse_rollouts(
-            self.maze.horizon,
+        return padded_rollouts(
+            returns=sparse_returns(self.maze.horizon, lengths, success),
             lengths=lengths,
             success=success,
             behaviors=states,

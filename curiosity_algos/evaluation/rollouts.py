@@ -170,9 +170,17 @@ class Rollouts:
         return int(self.lengths.sum())
 
 
-def sparse_rollouts(
-    horizon: int,
+def sparse_returns(
+    horizon: int, lengths: npt.NDArray[np.int64], success: npt.NDArray[np.bool_]
+) -> Float64Array:
+    """Returns (P,) of an env whose only reward is `1 - t / horizon`, for a success in step t."""
+    returns: Float64Array = np.where(success, 1.0 - lengths / horizon, 0.0)
+    return returns
+
+
+def padded_rollouts(
     *,
+    returns: Float64Array,
     lengths: npt.NDArray[np.int64],
     success: npt.NDArray[np.bool_],
     behaviors: Float64Array,
@@ -180,14 +188,12 @@ def sparse_rollouts(
     actions: npt.NDArray[np.float32],
     visited: npt.NDArray[np.int64] | None = None,
 ) -> Rollouts:
-    """Rollouts of an env whose only reward is `1 - t / horizon`, for a success in step t.
+    """Rollouts of trajectories that are as long as the longest episode, or longer.
 
-    The other arguments are attributes of `Rollouts`; trajectories are as long as the longest
-    episode, or longer.
+    The arguments are attributes of `Rollouts`.
     """
-    rewards = np.where(success, 1.0 - lengths / horizon, 0.0)
     return Rollouts(
-        returns=rewards,
+        returns=returns,
         lengths=lengths,
         success=success,
         behaviors=behaviors,

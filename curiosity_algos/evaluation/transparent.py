@@ -12,6 +12,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecMoni
 
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 
@@ -54,14 +55,20 @@ def max_steps(env: Any) -> int:
 
     A limit does not change the reward, which knows the horizon alone.
     """
-    limits = []
+    inner = bare(env)
+    own = getattr(inner, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
+    limits: list[int | None] = [inner.horizon, time_limit(env), own]
+    return min(limit for limit in limits if limit is not None)
+
+
+def time_limit(env: Any) -> int | None:
+    """Steps after which the lowest TimeLimit around an environment ends episodes; None: none."""
+    limits: list[int] = []
     while isinstance(env, gym.Wrapper):
         if isinstance(env, wrappers.TimeLimit):
             limits.append(env._max_episode_steps)
         env = env.env
-    own = getattr(env, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
-    steps: list[int] = [env.horizon, *limits, *([] if own is None else [own])]
-    return min(steps)
+    return min(limits, default=None)
 
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
@@ -72,7 +79,7 @@ def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
 
 def _is_same(env: Any, other: Any) -> bool:
     one, two = bare(env), bare(other)
-    if type(one) is not type(two) or type(one) not in (MazeEnv, ControlEnv):
+    if type(one) is not type(two) or type(one) not in (MazeEnv, ControlEnv, LocomotionEnv):
         return False
     if one.horizon != two.horizon or max_steps(env) != max_steps(other):
         return False

@@ -9,6 +9,9 @@ import pytest
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.locomotion.config import configure_locomotion
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
 from curiosity_gym.maze.config import configure_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
@@ -19,10 +22,11 @@ from curiosity_gym.wrappers.sparse import SparseRewardWrapper
 KINDS = {
     "maze": (configure_maze, MazeEnv, MazeVectorEnv),
     "control": (configure_control, ControlEnv, ControlVectorEnv),
+    "locomotion": (configure_locomotion, LocomotionEnv, LocomotionVectorEnv),
 }
 OF_VECTORS = {"num_envs", "autoreset_mode", "max_episode_steps", "copy", "n_threads"}
-ALL = [MazeEnv, MazeVectorEnv, ControlEnv, ControlVectorEnv, SparseEnv]
-ALL += [BehaviorWrapper, SparseRewardWrapper]
+ALL = [MazeEnv, MazeVectorEnv, ControlEnv, ControlVectorEnv, LocomotionEnv, LocomotionVectorEnv]
+ALL += [SparseEnv, BehaviorWrapper, SparseRewardWrapper]
 
 
 def keywords(function):
@@ -59,17 +63,23 @@ def test_single_and_vector_environments_say_the_same_of_it(kind):
         assert described(single)[name] == described(vector)[name]
 
 
-def test_both_vector_environments_take_the_same_and_say_the_same():
-    maze, control = (KINDS[kind][2] for kind in KINDS)
+@pytest.mark.parametrize("kind", ["control", "locomotion"])
+def test_all_vector_environments_take_the_same_and_say_the_same(kind):
+    maze, other = KINDS["maze"][2], KINDS[kind][2]
     for name in OF_VECTORS | {"render_mode"}:
-        assert keywords(maze)[name] == keywords(control)[name]
-        assert described(maze)[name] == described(control)[name]
+        assert keywords(maze)[name] == keywords(other)[name]
+        if (name, kind) != (
+            "max_episode_steps",
+            "locomotion",
+        ):  # it has no sparse reward to tell of
+            assert described(maze)[name] == described(other)[name]
 
 
 PAGES = {
     **{name: {MazeEnv} for name in ["snake", "us", "hard", "labyrinth", "custom"]},
     **{name: {ControlEnv} for name in ["ball_in_cup", "finger", "stacker"]},
     "control": {ControlEnv, ControlVectorEnv},
+    "locomotion": {LocomotionEnv, LocomotionVectorEnv},
     "sparse": {SparseEnv, SparseRewardWrapper, BehaviorWrapper},
     "vector": {MazeVectorEnv, ControlVectorEnv},
 }

@@ -15,6 +15,7 @@ from curiosity_gym.registration import SPECS
 
 NAMES = ["Snake", "US", "Hard", "Labyrinth"]
 TASKS = ["BallInCup", "Finger", "Stacker"]
+ROBOTS = ["Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d"]
 READY_MADE = [
     "PointMaze_UMaze",
     "PointMaze_Large",
@@ -54,8 +55,9 @@ def test_every_id_makes_its_maze_without_a_time_limit(name, prefix):
 def test_the_ids_are_those_of_the_documentation_and_no_others():
     mazes = {f"{prefix}-{name}-v0" for prefix in ("CuriosityMaze", "Maze") for name in NAMES}
     control = {f"CuriosityControl-{name}-v0" for name in TASKS}
+    robots = {f"CuriosityLocomotion-{name}-v0" for name in ROBOTS}
     sparse = {f"CuriositySparse-{name}-v0" for name in READY_MADE}
-    assert set(SPECS) == mazes | {"CuriosityMaze-v0"} | control | sparse
+    assert set(SPECS) == mazes | {"CuriosityMaze-v0"} | control | robots | sparse
 
 
 def test_registering_again_neither_warns_nor_replaces():

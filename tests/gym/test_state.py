@@ -27,6 +27,8 @@ IDS = [env_id for env_id, spec in SPECS.items() if "vector_entry_point" in spec]
 NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])
 RANDOM = [f"{env_id}, random" for env_id in IDS if "Control" in env_id]
 """Control tasks from random starts."""
+DRAWING = [*RANDOM, *(env_id for env_id in IDS if "Locomotion" in env_id)]
+"""Those that draw their starts."""
 KEYWORDS = {
     "CuriosityMaze-v0": {"layout": NEAR_GOAL, "horizon": 14, "max_acceleration": 20.0},
     "CuriosityControl-Stacker-v0": {"success_threshold": 1e-45, "horizon": 38},
@@ -137,7 +139,7 @@ class TestEveryEnvironment:
         observation = env.reset(seed=3)[0]
         twin.reset(seed=3)
         state = env.state_dict()
-        drawn = ["generators"] if env_id in RANDOM else []
+        drawn = ["generators"] if env_id in DRAWING else []
         assert list(state) == ["steps", "ended", "observation", "physics", *drawn]
         assert (type(state["steps"]), type(state["ended"])) == (int, bool)
         assert_identical(state["observation"], observation)
@@ -154,7 +156,7 @@ class TestEveryEnvironment:
         observations = envs.reset(seed=3)[0]
         twins.reset(seed=3)
         state = envs.state_dict()
-        drawn = ["generators"] if env_id in RANDOM else []
+        drawn = ["generators"] if env_id in DRAWING else []
         assert list(state) == ["steps", "ended", "observations", "physics", *drawn]
         assert (state["steps"].dtype, state["ended"].dtype) == (np.int64, np.bool_)
         assert_identical(state["observations"], observations)

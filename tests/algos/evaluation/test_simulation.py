@@ -6,14 +6,15 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import CanonicalES, MAPElites, make_evaluator
-from curiosity_algos.evaluation import control
-from curiosity_algos.evaluation.control import ControlEvaluator
+from curiosity_algos.evaluation import simulation
 from curiosity_algos.evaluation.policies import build_mlp
+from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import Stacker
 from curiosity_gym.core import SimulationError
 
-pytestmark = pytest.mark.extra("control")
+pytestmark = pytest.mark.extra("control", "locomotion")
 
 NAMES = {"BallInCup": 0.5, "Finger": 1.0, "Stacker": 0.3}
 """A task, and a deviation of policies of which some succeed within `HORIZON` steps."""
@@ -31,7 +32,10 @@ def make(name, n_individuals=24, net_arch=(8,), **kwargs):
 
 def evaluate(env, mlp, parameters, n_threads=None, seed=None):
     task = env.unwrapped.task
-    evaluator = ControlEvaluator(task, env.unwrapped.horizon, mlp, n_threads)
+    horizon = env.unwrapped.horizon
+    evaluator = SimulationEvaluator(
+        task, Simulation, mlp, max_steps=horizon, horizon=horizon, n_threads=n_threads
+    )
     return evaluator.evaluate(parameters, seed)
 
 
@@ -61,7 +65,7 @@ class TestEveryTask:
         vector = gym.make_vec(env.spec.id, num_envs=2, vectorization_mode="vector_entry_point")
         copies = DummyVecEnv([lambda: Monitor(make(name)[0])] * 2)
         for each in (env.spec.id, env, env.unwrapped, Monitor(env), vector, copies):
-            assert isinstance(make_evaluator(each), ControlEvaluator)
+            assert isinstance(make_evaluator(each), SimulationEvaluator)
         changed = gym.wrappers.TransformReward(env, lambda reward: 2.0 * reward)
         assert isinstance(make_evaluator(changed), VectorEvaluator)
 
@@ -80,13 +84,13 @@ class TestRandomStarts:
         env, mlp, parameters = make(name, 7, horizon=40, random_start=True)
         whole = evaluate(env, mlp, parameters, seed=5)
         assert len(np.unique(whole.observations[:, 0], axis=0)) == 1
-        monkeypatch.setattr(control, "MAX_SIMULATIONS", 3)
+        monkeypatch.setattr(simulation, "MAX_SIMULATIONS", 3)
         for threads in (1, 2):
             assert_same_rollouts(whole, evaluate(env, mlp, parameters, threads, seed=5))
 
     def test_without_a_seed_are_new_and_still_the_same_for_all(self, name, monkeypatch):
         env, mlp, parameters = make(name, 4, horizon=5, random_start=True)
-        monkeypatch.setattr(control, "MAX_SIMULATIONS", 2)
+        monkeypatch.setattr(simulation, "MAX_SIMULATIONS", 2)
         one, other = (evaluate(env, mlp, parameters).observations[:, 0] for _ in range(2))
         assert len(np.unique(one, axis=0)) == len(np.unique(other, axis=0)) == 1
         assert (one != other).any()
@@ -104,7 +108,7 @@ class TestRandomStarts:
         envs = DummyVecEnv([lambda r=r: make(name, random_start=r)[0] for r in (True, False)])
         assert isinstance(make_evaluator(envs), VectorEvaluator)
         alike = DummyVecEnv([lambda: make(name, random_start=True)[0]] * 2)
-        assert isinstance(make_evaluator(alike), ControlEvaluator)
+        assert isinstance(make_evaluator(alike), SimulationEvaluator)
 
     def test_give_elites_their_returns_again(self, name, make_model):
         env = make(name, horizon=40, random_start=True)[0]
@@ -117,7 +121,7 @@ def test_a_time_limit_ends_episodes_and_leaves_rewards(play, assert_equal_episod
     env, mlp, parameters = make("Stacker", 16, success_threshold=1e-45)
     limited = gym.wrappers.TimeLimit(env, 150)
     evaluator = make_evaluator(limited, {"net_arch": [8]})
-    assert isinstance(evaluator, ControlEvaluator)
+    assert isinstance(evaluator, SimulationEvaluator)
     rollouts = evaluator.evaluate(parameters)
     assert_equal_episodes(rollouts, play(limited, mlp, parameters))
     assert rollouts.lengths.max() == 150
@@ -127,13 +131,13 @@ def test_a_time_limit_ends_episodes_and_leaves_rewards(play, assert_equal_episod
 def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
     env, mlp, parameters = make("Stacker", 16, success_threshold=1e-45)
     stepped = []
-    step = control.Simulation.step
+    step = Simulation.step
 
     def count(self, actions, ids=None):
         stepped.append(len(actions))
         return step(self, actions, ids)
 
-    monkeypatch.setattr(control.Simulation, "step", count)
+    monkeypatch.setattr(Simulation, "step", count)
     rollouts = evaluate(env, mlp, parameters)
     assert 0 < rollouts.success.sum() < 16
     assert sum(stepped) == rollouts.timesteps < 16 * HORIZON
@@ -142,7 +146,7 @@ def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
 
 def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
     env, mlp, parameters = make("BallInCup", 6, horizon=50)
-    evaluator = ControlEvaluator(env.unwrapped.task, 50, mlp)
+    evaluator = SimulationEvaluator(env.unwrapped.task, Simulation, mlp, max_steps=50, horizon=50)
     expected = evaluator.evaluate(parameters)
     simulation = evaluator._simulation
     reset = simulation.reset
@@ -182,14 +186,14 @@ class Keep(KVWriter):
 def test_many_individuals_are_played_in_waves(monkeypatch, assert_same_rollouts):
     env, mlp, parameters = make("Stacker", 11, success_threshold=1e-45, horizon=60)
     whole = evaluate(env, mlp, parameters)
-    monkeypatch.setattr(control, "MAX_SIMULATIONS", 4)
+    monkeypatch.setattr(simulation, "MAX_SIMULATIONS", 4)
     assert_same_rollouts(whole, evaluate(env, mlp, parameters))
     assert whole.success.any()
 
 
 def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     env, mlp, parameters = make("Finger", 6, horizon=100)
-    evaluator = ControlEvaluator(env.unwrapped.task, 100, mlp)
+    evaluator = SimulationEvaluator(env.unwrapped.task, Simulation, mlp, max_steps=100, horizon=100)
     few = evaluator.evaluate(parameters[:2])
     first = evaluator.evaluate(parameters)
     np.testing.assert_array_equal(first.behaviors[:2], few.behaviors)
@@ -222,3 +226,53 @@ def test_parameters_that_overflow_give_finite_actions(value):
     rollouts = evaluator.evaluate(np.full((3, evaluator.n_parameters), value))
     assert np.isfinite(rollouts.behaviors).all()
     assert (np.abs(rollouts.actions) <= 1.0).all()
+
+
+ROBOTS = ["Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d"]
+
+
+@pytest.mark.filterwarnings("ignore:compiler attribute 'settotalmass':UserWarning")
+class TestRobots:
+    @pytest.mark.parametrize("env_id", ["{}-v5", "CuriosityLocomotion-{}-v0"])
+    @pytest.mark.parametrize("robot", ROBOTS)
+    def test_equal_gymnasiums_own_stepped_one_by_one(self, robot, env_id, assert_same_rollouts):
+        env, other = (gym.make(env_id.format(robot), max_episode_steps=60) for _ in range(2))
+        mlp = build_mlp(env.observation_space, env.action_space, [8])
+        rng = np.random.default_rng(0)
+        parameters = rng.normal(0, 1, (9, mlp.n_parameters)).astype(np.float32)
+        expected = VectorEvaluator(other, mlp).evaluate(parameters, seed=7)
+        for n_threads in (1, 2):
+            evaluator = make_evaluator(env, {"net_arch": [8]}, n_threads)
+            assert isinstance(evaluator, SimulationEvaluator)
+            assert_same_rollouts(evaluator.evaluate(parameters, seed=7), expected)
+        assert len(np.unique(expected.returns)) == len(parameters)
+
+    @pytest.mark.parametrize(
+        "make_env",
+        [
+            lambda: gym.make("Hopper-v5").unwrapped,  # endless
+            lambda: gym.make("Hopper-v5", render_mode="rgb_array"),
+            lambda: gym.wrappers.TransformReward(gym.make("Hopper-v5"), lambda reward: 2 * reward),
+            lambda: gym.make("Pendulum-v1"),
+        ],
+    )
+    def test_others_are_left_to_the_generic_one(self, make_env):
+        assert isinstance(make_evaluator(make_env()), VectorEvaluator)
+
+    def test_are_known_in_stable_baselines_and_gymnasiums_vectors(self):
+        env_id = "CuriosityLocomotion-Hopper-v0"
+        native = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
+        copies = DummyVecEnv([lambda: Monitor(gym.make(env_id))] * 2)
+        alone = DummyVecEnv([lambda: Monitor(gym.make("Hopper-v5"))])
+        for env in (env_id, "Hopper-v5", native, copies, alone):
+            assert isinstance(make_evaluator(env), SimulationEvaluator)
+        others = DummyVecEnv(
+            [lambda b=b: gym.make(env_id, behavior=b) for b in ("position", "feet")]
+        )
+        assert isinstance(make_evaluator(others), VectorEvaluator)
+
+    def test_learn_and_keep_their_elites(self, make_model):
+        env = gym.make("CuriosityLocomotion-Walker2d-v0", behavior="feet", horizon=60)
+        model = make_model(MAPElites, env).learn(2000)
+        assert len(model.archive) > 3
+        assert model.archive.verify(env).share == 1.0

@@ -1,0 +1,86 @@
+"""A four-legged robot that runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from curiosity_gym.core import Float32Array, Float64Array, Mask
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, flat
+
+
+class Ant(LocomotionTask):
+    """Gymnasium's `Ant-v5`, whose documentation says what is observed and rewarded.
+
+    Behavior:
+        "position": x and y of the torso (m), within +-30. "feet": of the four feet, in the order
+        front left, front right, back left, back right.
+    """
+
+    env_id = "Ant-v5"
+    options = (
+        *LocomotionTask.options,
+        "contact_cost_weight",
+        "healthy_reward",
+        "terminate_when_unhealthy",
+        "healthy_z_range",
+        "contact_force_range",
+        "include_cfrc_ext_in_observation",
+    )
+    fields = ("qpos", "qvel", "xpos", "cfrc_ext")
+    feet = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
+
+    contact_cost_weight: float
+    healthy_reward: float
+    terminate_when_unhealthy: bool
+    healthy_z_range: tuple[float, float]
+    contact_force_range: tuple[float, float]
+    include_cfrc_ext_in_observation: bool
+
+    def _prepare(self, env: Any) -> None:
+        self._torso = env.data.body(env._main_body).id
+
+    def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
+        drawn: Float64Array = noise * rng.standard_normal(self.model.nv)
+        return drawn
+
+    def place(self, fields: Fields) -> Float64Array:
+        """See `LocomotionTask`."""
+        place: Float64Array = fields.xpos[:, self._torso, :2].copy()
+        return place
+
+    def healthy(self, fields: Fields) -> Mask:
+        """See `LocomotionTask`."""
+        low, high = self.healthy_z_range
+        z = fields.qpos[:, 2]
+        is_finite = np.isfinite(fields.qpos).all(axis=1) & np.isfinite(fields.qvel).all(axis=1)
+        healthy: Mask = is_finite & (low <= z) & (z <= high)
+        return healthy
+
+    def observe(self, fields: Fields) -> Float64Array:
+        """See `LocomotionTask`."""
+        parts = [self.positions(fields), fields.qvel]
+        if self.include_cfrc_ext_in_observation:
+            parts.append(flat(self._contact_forces(fields)[:, 1:]))
+        return np.concatenate(parts, axis=1)
+
+    def _contact_forces(self, fields: Fields) -> Float64Array:
+        forces: Float64Array = np.clip(fields.cfrc_ext, *self.contact_force_range)
+        return forces
+
+    def reward(
+        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+    ) -> tuple[Float64Array, Values]:
+        """See `LocomotionTask`."""
+        forward = velocity[:, 0] * self.forward_reward_weight
+        survive = healthy * self.healthy_reward
+        control = self.control_cost(actions)
+        forces = flat(self._contact_forces(fields))
+        contact = self.contact_cost_weight * np.square(forces).sum(axis=1)
+        return forward + survive - (control + contact), {
+            "reward_forward": forward,
+            "reward_ctrl": -control,
+            "reward_contact": -contact,
+            "reward_survive": survive,
+        }

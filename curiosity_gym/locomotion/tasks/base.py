@@ -1,0 +1,232 @@
+"""The base of the locomotion tasks: options, starts, observation, reward and behavior.
+
+A task is written for k simulations at once: it reads their fields, arrays with k rows, and computes
+with the operations of Gymnasium's environment, in their order, so that the bits are the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+
+from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
+from curiosity_gym.extras import import_extra
+from curiosity_gym.validation import check_choice
+
+Fields = Any
+"""Namespace of MuJoCo's fields (`qpos`, `cfrc_ext`, ...), arrays (k, ...)."""
+Values = dict[str, Any]
+"""What an info tells, by its name: arrays (k, ...)."""
+
+BEHAVIORS = ("position", "feet")
+EXTENT = 30.0
+"""Bound of a position (m), as in the "omni" tasks of QDax; who comes farther counts at the edge."""
+
+
+class LocomotionTask:
+    """One of Gymnasium's MuJoCo environments, version 5, with its options.
+
+    What several of them have in common is written here.
+
+    Args:
+        env: Gymnasium's environment: its model and options are taken over.
+        behavior: "position": x, and y where the robot can leave its plane (m). "feet": the share of
+            the episode's steps at whose end each foot touched something. None: there is none.
+
+    Attributes:
+        model: The compiled MuJoCo model.
+        n_observations: Length of an observation.
+        n_actions: Number of actuators.
+        frame_skip: Physics steps in a step.
+        dt: Seconds of a step.
+        needs_forces: Whether anything asks for the forces from outside, which cost extra.
+        behavior_low: (B,) lower bounds of the behavior.
+        behavior_high: (B,) upper bounds.
+        coverage_grid: The cells of the behavior that coverage counts; None without one.
+
+    Raises:
+        ValueError: If `behavior` is none of them, or the model lacks the feet it asks for.
+    """
+
+    env_id: ClassVar[str]
+    options: ClassVar[tuple[str, ...]] = (
+        "forward_reward_weight",
+        "ctrl_cost_weight",
+        "reset_noise_scale",
+        "exclude_current_positions_from_observation",
+    )
+    """Arguments of Gymnasium's constructor that say how it computes; attributes of a task."""
+    fields: ClassVar[tuple[str, ...]] = ("qpos", "qvel")
+    """Names of the fields that the task reads."""
+    feet: ClassVar[tuple[str, ...]] = ()
+    """Geoms of the feet."""
+    n_dimensions: ClassVar[int] = 2
+    """Coordinates of a position: those that begin `qpos`."""
+
+    forward_reward_weight: float
+    ctrl_cost_weight: float
+    reset_noise_scale: float
+    exclude_current_positions_from_observation: bool
+
+    def __init__(self, env: gym.Env[Any, Any], *, behavior: str | None = "position") -> None:
+        if behavior is not None:
+            check_choice(BEHAVIORS, behavior=behavior)
+        inner: Any = env.unwrapped
+        for name in self.options:
+            setattr(self, name, getattr(inner, f"_{name}"))
+        self.behavior_name = behavior
+        self.model = inner.model
+        self.frame_skip: int = inner.frame_skip
+        self.dt: float = inner.dt
+        self.n_observations: int = inner.observation_space.shape[0]
+        self.n_actions: int = self.model.nu
+        self.observation_space = inner.observation_space
+        self.action_space = inner.action_space
+        self._start = np.append(inner.init_qpos, inner.init_qvel)
+        self.foot_bodies = self._foot_bodies() if behavior == "feet" else []
+        self.needs_forces = "cfrc_ext" in self.fields or behavior == "feet"
+        self._prepare(inner)
+        self._bound_behavior()
+
+    def _bound_behavior(self) -> None:
+        n = len(self.foot_bodies)
+        self._n_coordinates = self.n_dimensions if self.behavior_name == "position" else 0
+        self.behavior_low = np.zeros(n) if n else np.full(self._n_coordinates, -EXTENT)
+        self.behavior_high = np.ones(n) if n else np.full(self._n_coordinates, EXTENT)
+        self.coverage_grid: CoverageGrid | None = None
+        if self.behavior_name is not None:
+            entries = tuple(range(len(self.behavior_low)))
+            self.coverage_grid = CoverageGrid(entries, self.behavior_low, self.behavior_high)
+
+    def _foot_bodies(self) -> list[int]:
+        if not self.feet:
+            raise ValueError(f'`behavior` must be "position" of {self.env_id}, which has no feet.')
+        try:
+            return [int(self.model.geom(name).bodyid[0]) for name in self.feet]
+        except KeyError as error:
+            raise ValueError(
+                f'`behavior` must be "position" unless `xml_file` has the geoms of the feet: '
+                f"{', '.join(self.feet)}."
+            ) from error
+
+    def __eq__(self, other: object) -> bool:
+        """Equal tasks begin, move, observe and reward alike."""
+        if type(self) is not type(other) or not isinstance(other, LocomotionTask):
+            return False
+        names = (*self.options, "behavior_name", "frame_skip")
+        return (
+            all(_same(getattr(self, name), getattr(other, name)) for name in names)
+            and np.array_equal(self._start, other._start)
+            and np.array_equal(_bytes(self.model), _bytes(other.model))
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # models have none either
+
+    @property
+    def all_fields(self) -> tuple[str, ...]:
+        """Names of the fields that simulations keep: the task's own, and what tells of feet."""
+        return tuple(dict.fromkeys([*self.fields, *(["cfrc_ext"] if self.needs_forces else [])]))
+
+    @property
+    def draws(self) -> bool:
+        """Whether episodes begin at random: always."""
+        return True
+
+    def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Float64Array]:
+        """Positions and velocities (nq,), (nv,) of a start, drawn as Gymnasium draws them."""
+        noise, (qpos, qvel) = self.reset_noise_scale, np.split(self._start, [self.model.nq])
+        moved = qpos + rng.uniform(low=-noise, high=noise, size=self.model.nq)
+        return moved, qvel + self._draw_velocities(rng, noise)
+
+    def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
+        drawn: Float64Array = rng.uniform(low=-noise, high=noise, size=self.model.nv)
+        return drawn
+
+    def _prepare(self, env: Any) -> None:
+        """Note where things are in the model."""
+
+    def behavior(self, fields: Fields, shares: Float64Array) -> Float64Array:
+        """The behavior of each simulation, (k, B), of the shares of touching feet (k, F)."""
+        values = shares if self.foot_bodies else fields.qpos[:, : self._n_coordinates]
+        return np.clip(values, self.behavior_low, self.behavior_high)
+
+    def touches(self, fields: Fields) -> Mask:
+        """Which feet a force from outside acts on, (k, F)."""
+        touched: Mask = (fields.cfrc_ext[:, self.foot_bodies] != 0.0).any(axis=2)
+        return touched
+
+    def place(self, fields: Fields) -> Float64Array:
+        """What the velocity is the change of, (k, d)."""
+        place: Float64Array = fields.qpos[:, : self.n_dimensions].copy()
+        return place
+
+    def healthy(self, fields: Fields) -> Mask:
+        """Which simulations may go on, (k,)."""
+        return np.ones(len(fields.qpos), dtype=np.bool_)
+
+    @property
+    def ends_unhealthy(self) -> bool:
+        """Whether an episode ends where its simulation is not healthy."""
+        return bool(getattr(self, "terminate_when_unhealthy", False))
+
+    def observe(self, fields: Fields) -> Float64Array:
+        """The observations (k, n_observations)."""
+        return np.concatenate([self.positions(fields), fields.qvel], axis=1)
+
+    def reward(
+        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+    ) -> tuple[Float64Array, Values]:
+        """The rewards (k,) of a step, and what the info tells of them.
+
+        Args:
+            fields: After the step.
+            velocity: (k, d).
+            actions: (k, n_actions).
+            healthy: (k,).
+        """
+        forward = self.forward_reward_weight * velocity[:, 0]
+        control = self.control_cost(actions)
+        return forward - control, {"reward_forward": forward, "reward_ctrl": -control}
+
+    def info(self, fields: Fields) -> Values:
+        """What the info tells at any time."""
+        position = fields.qpos[:, :2].copy()
+        x, y = position.T
+        distance = np.sqrt(np.vecdot(position, position))
+        return {"x_position": x, "y_position": y, "distance_from_origin": distance}
+
+    def control_cost(self, actions: Float32Array) -> Any:
+        """Weighted squares of the actions, (k,)."""
+        return self.ctrl_cost_weight * np.square(actions).sum(axis=1)
+
+    def positions(self, fields: Fields) -> Float64Array:
+        """What an observation begins with."""
+        skipped = self.n_dimensions * self.exclude_current_positions_from_observation
+        positions: Float64Array = fields.qpos[:, skipped:]
+        return positions
+
+
+def flat(array: Float64Array) -> Float64Array:
+    """(k, ...) to (k, n)."""
+    return array.reshape(len(array), math.prod(array.shape[1:]))  # -1 is no length of no rows
+
+
+def is_inside(values: Float64Array, bounds: tuple[float, float]) -> Mask:
+    """Whether values lie between bounds, which are not part of it."""
+    low, high = bounds
+    inside: Mask = (low < values) & (values < high)
+    return inside
+
+
+def _same(one: Any, other: Any) -> bool:
+    return bool(np.array_equal(one, other))
+
+
+def _bytes(model: Any) -> Any:
+    (mujoco,) = import_extra("locomotion", "mujoco")
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer

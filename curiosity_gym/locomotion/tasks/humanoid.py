@@ -1,0 +1,100 @@
+"""A robot with two legs and two arms that runs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curiosity_gym.core import Float32Array, Float64Array, Mask
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, flat, is_inside
+
+
+class Humanoid(LocomotionTask):
+    """Gymnasium's `Humanoid-v5`, whose documentation says what is observed and rewarded.
+
+    Behavior:
+        "position": x and y of the torso (m), within +-30. "feet": of the right foot and the left
+        foot.
+    """
+
+    env_id = "Humanoid-v5"
+    options = (
+        *LocomotionTask.options,
+        "contact_cost_weight",
+        "contact_cost_range",
+        "healthy_reward",
+        "terminate_when_unhealthy",
+        "healthy_z_range",
+        "include_cinert_in_observation",
+        "include_cvel_in_observation",
+        "include_qfrc_actuator_in_observation",
+        "include_cfrc_ext_in_observation",
+    )
+    fields = (
+        "qpos",
+        "qvel",
+        "xipos",
+        "cinert",
+        "cvel",
+        "qfrc_actuator",
+        "cfrc_ext",
+        "ctrl",
+        "ten_length",
+        "ten_velocity",
+    )
+    feet = ("right_foot", "left_foot")
+
+    contact_cost_weight: float
+    contact_cost_range: tuple[float, float]
+    healthy_reward: float
+    terminate_when_unhealthy: bool
+    healthy_z_range: tuple[float, float]
+    include_cinert_in_observation: bool
+    include_cvel_in_observation: bool
+    include_qfrc_actuator_in_observation: bool
+    include_cfrc_ext_in_observation: bool
+
+    def place(self, fields: Fields) -> Float64Array:
+        """The center of mass."""
+        masses = self.model.body_mass
+        center: Float64Array = np.einsum("b,nbj->nj", masses, fields.xipos) / masses.sum()
+        return center[:, :2]
+
+    def healthy(self, fields: Fields) -> Mask:
+        """See `LocomotionTask`."""
+        return is_inside(fields.qpos[:, 2], self.healthy_z_range)
+
+    def observe(self, fields: Fields) -> Float64Array:
+        """See `LocomotionTask`."""
+        optional = (
+            (self.include_cinert_in_observation, fields.cinert[:, 1:]),
+            (self.include_cvel_in_observation, fields.cvel[:, 1:]),
+            (self.include_qfrc_actuator_in_observation, fields.qfrc_actuator[:, 6:]),
+            (self.include_cfrc_ext_in_observation, fields.cfrc_ext[:, 1:]),
+        )
+        # As Gymnasium has it: nothing but True itself is taken for it.
+        parts = [flat(values) for is_included, values in optional if is_included is True]
+        return np.concatenate([self.positions(fields), fields.qvel, *parts], axis=1)
+
+    def reward(
+        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+    ) -> tuple[Float64Array, Values]:
+        """See `LocomotionTask`."""
+        forward = self.forward_reward_weight * velocity[:, 0]
+        survive = healthy * self.healthy_reward
+        control = self.control_cost(fields.ctrl)
+        contact = self.contact_cost_weight * np.square(flat(fields.cfrc_ext)).sum(axis=1)
+        contact = np.clip(contact, *self.contact_cost_range)
+        return forward + survive - (control + contact), {
+            "reward_survive": survive,
+            "reward_forward": forward,
+            "reward_ctrl": -control,
+            "reward_contact": -contact,
+        }
+
+    def info(self, fields: Fields) -> Values:
+        """See `LocomotionTask`."""
+        tendons = {
+            "tendon_length": fields.ten_length.copy(),
+            "tendon_velocity": fields.ten_velocity.copy(),
+        }
+        return {**super().info(fields), **tendons}

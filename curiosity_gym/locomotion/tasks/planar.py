@@ -1,0 +1,105 @@
+"""Robots that cannot leave a vertical plane: HalfCheetah, Hopper and Walker2d."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from curiosity_gym.core import Float32Array, Float64Array, Mask
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, is_inside
+
+
+class HalfCheetah(LocomotionTask):
+    """Gymnasium's `HalfCheetah-v5`, whose documentation says what is observed and rewarded.
+
+    Behavior:
+        "position": x of the torso (m), within +-30. "feet": of the back foot and the front foot.
+    """
+
+    env_id = "HalfCheetah-v5"
+    feet = ("bfoot", "ffoot")
+    n_dimensions = 1
+
+    def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
+        drawn: Float64Array = noise * rng.standard_normal(self.model.nv)
+        return drawn
+
+    def info(self, fields: Fields) -> Values:
+        """See `LocomotionTask`."""
+        return {"x_position": fields.qpos[:, 0].copy()}
+
+
+class Walker2d(LocomotionTask):
+    """Gymnasium's `Walker2d-v5`, whose documentation says what is observed and rewarded.
+
+    Behavior:
+        "position": x of the torso (m), within +-30. "feet": of the right foot and the left foot.
+    """
+
+    env_id = "Walker2d-v5"
+    options = (
+        *LocomotionTask.options,
+        "healthy_reward",
+        "terminate_when_unhealthy",
+        "healthy_z_range",
+        "healthy_angle_range",
+    )
+    feet: ClassVar[tuple[str, ...]] = ("foot_geom", "foot_left_geom")
+    n_dimensions = 1
+
+    healthy_reward: float
+    terminate_when_unhealthy: bool
+    healthy_z_range: tuple[float, float]
+    healthy_angle_range: tuple[float, float]
+
+    def _prepare(self, env: Any) -> None:
+        self._height = env.init_qpos[1]
+
+    def healthy(self, fields: Fields) -> Mask:
+        """See `LocomotionTask`."""
+        return is_inside(fields.qpos[:, 1], self.healthy_z_range) & is_inside(
+            fields.qpos[:, 2], self.healthy_angle_range
+        )
+
+    def observe(self, fields: Fields) -> Float64Array:
+        """See `LocomotionTask`."""
+        velocities = np.clip(fields.qvel, -10, 10)
+        return np.concatenate([self.positions(fields), velocities], axis=1)
+
+    def reward(
+        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+    ) -> tuple[Float64Array, Values]:
+        """See `LocomotionTask`."""
+        forward = self.forward_reward_weight * velocity[:, 0]
+        survive = healthy * self.healthy_reward
+        control = self.control_cost(actions)
+        return forward + survive - control, {
+            "reward_forward": forward,
+            "reward_ctrl": -control,
+            "reward_survive": survive,
+        }
+
+    def info(self, fields: Fields) -> Values:
+        """See `LocomotionTask`."""
+        x, z = fields.qpos[:, :2].T
+        return {"x_position": x.copy(), "z_distance_from_origin": z - self._height}
+
+
+class Hopper(Walker2d):
+    """Gymnasium's `Hopper-v5`, whose documentation says what is observed and rewarded.
+
+    Behavior:
+        "position": x of the torso (m), within +-30. "feet": of its foot.
+    """
+
+    env_id = "Hopper-v5"
+    options = (*Walker2d.options, "healthy_state_range")
+    feet: ClassVar[tuple[str, ...]] = ("foot_geom",)
+
+    healthy_state_range: tuple[float, float]
+
+    def healthy(self, fields: Fields) -> Mask:
+        """See `LocomotionTask`."""
+        state = np.concatenate([fields.qpos, fields.qvel], axis=1)[:, 2:]
+        return is_inside(state, self.healthy_state_range).all(axis=1) & super().healthy(fields)

@@ -1,0 +1,140 @@
+"""One robot and many: against each other, against Gymnasium's checks, and their users' mistakes."""
+
+import re
+import warnings
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import DependencyNotInstalled
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from stable_baselines3.common import env_checker
+
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
+
+pytestmark = [
+    pytest.mark.extra("locomotion"),
+    pytest.mark.filterwarnings("ignore:compiler attribute 'settotalmass':UserWarning"),
+]
+
+ROBOTS = ["Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d"]
+MODES = list(AutoresetMode)
+KEYWORDS = {"env_id": "Hopper-v5", "horizon": 20, "behavior": "feet"}
+"""Some fall before the horizon, and some do not."""
+
+
+def make_id(robot, **keywords):
+    return gym.make(f"CuriosityLocomotion-{robot}-v0", **keywords)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+class TestEveryRobot:
+    def test_passes_the_checks_of_gymnasium_and_stable_baselines(self, robot):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*(infinity|symmetric).*")  # Gymnasium's own spaces
+            check_env(make_id(robot).unwrapped, skip_render_check=True)
+            env_checker.check_env(make_id(robot))
+
+    def test_is_gymnasiums_environment_with_a_behavior(self, robot):
+        ours, theirs = make_id(robot, horizon=30), gym.make(f"{robot}-v5", max_episode_steps=30)
+        assert ours.observation_space == theirs.observation_space
+        assert ours.action_space == theirs.action_space
+        assert ours.metadata["render_fps"] == theirs.metadata["render_fps"]
+        observation, info = ours.reset(seed=3)
+        expected, expected_info = theirs.reset(seed=3)
+        theirs.action_space.seed(0)
+        done = False
+        while not done:
+            np.testing.assert_array_equal(observation, expected)
+            assert ours.unwrapped.behavior_space.contains(info["behavior"])
+            assert info["is_success"] is False
+            assert set(info) == {*expected_info, "behavior", "is_success"}
+            action = theirs.action_space.sample()
+            observation, *ours_said, info = ours.step(action)
+            expected, *theirs_said, expected_info = theirs.step(action)
+            assert ours_said[:2] == theirs_said[:2]
+            assert any(ours_said[1:]) == any(theirs_said[1:])
+            done = any(ours_said[1:])
+
+    def test_has_a_native_vector_environment(self, robot):
+        env_id = f"CuriosityLocomotion-{robot}-v0"
+        envs = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
+        assert isinstance(envs, LocomotionVectorEnv)
+        assert isinstance(envs.make_single_env(), LocomotionEnv)
+        assert envs.make_single_env().task == envs.task
+
+
+def actions_of(space, n_steps=60, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (n_steps, *space.shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("n_threads", [1, 2])
+@pytest.mark.parametrize("behavior", ["position", "feet"])
+def test_equals_gymnasiums_sync_vector_env(mode, n_threads, behavior, run, assert_identical):
+    keywords = KEYWORDS | {"behavior": behavior}
+    native = LocomotionVectorEnv(**keywords, num_envs=4, autoreset_mode=mode, n_threads=n_threads)
+    sync = SyncVectorEnv([partial(LocomotionEnv, **keywords)] * 4, autoreset_mode=mode)
+    actions = actions_of(native.action_space)
+    ours, theirs = run(native, actions), run(sync, actions)
+    for our, their in zip(ours, theirs, strict=True):
+        assert_identical(our, their)
+    ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
+    assert ends.min() > 0
+
+
+def test_the_humanoids_tendons_come_with_the_infos_of_a_reset(run, assert_identical):
+    keywords = {"env_id": "Humanoid-v5", "horizon": 8}
+    native = LocomotionVectorEnv(**keywords, num_envs=2)
+    sync = SyncVectorEnv([partial(LocomotionEnv, **keywords)] * 2)
+    actions = actions_of(native.action_space, 20)
+    for our, their in zip(run(native, actions), run(sync, actions), strict=True):
+        assert_identical(our, their)
+
+
+class TestMistakes:
+    def test_another_robot(self):
+        with pytest.raises(ValueError, match="`env_id` must be one of Ant-v5"):
+            LocomotionEnv("Pusher-v5")
+
+    def test_an_unknown_keyword_of_gymnasiums(self):
+        with pytest.raises(TypeError, match="wings"):
+            LocomotionEnv("Ant-v5", env_kwargs={"wings": 2})
+
+    def test_a_render_mode_twice(self):
+        with pytest.raises(ValueError, match=re.escape("`env_kwargs` must not hold `render_mode`")):
+            LocomotionEnv("Ant-v5", env_kwargs={"render_mode": "human"})
+
+    @pytest.mark.parametrize("horizon", [0, -1, 2.5])
+    def test_a_horizon_that_is_none(self, horizon):
+        with pytest.raises(ValueError, match="`horizon`"):
+            LocomotionEnv("Ant-v5", horizon=horizon)
+
+
+def test_options_are_gymnasiums():
+    env = make_id("Ant", env_kwargs={"include_cfrc_ext_in_observation": False})
+    assert env.observation_space.shape == (27,)
+
+
+def test_is_drawn_where_it_is():
+    env = make_id("Hopper", render_mode="rgb_array", width=64, height=48)
+    env.reset(seed=0)
+    try:
+        first = env.render()
+    except DependencyNotInstalled:
+        pytest.skip("neither EGL nor OSMesa is here")
+    for action in actions_of(env.action_space, 12):
+        env.step(action)
+    later = env.render()
+    assert first.shape == later.shape == (48, 64, 3)
+    assert (first != later).any()
+    kind = {"num_envs": 2, "vectorization_mode": "vector_entry_point"}
+    keywords = {"render_mode": "rgb_array", "width": 64, "height": 48}
+    envs = gym.make_vec("CuriosityLocomotion-Hopper-v0", **kind, **keywords)
+    envs.reset(seed=[1, 0])
+    np.testing.assert_array_equal(envs.render()[1], first)
+    env.close()
+    envs.close()

@@ -1,6 +1,6 @@
-"""Who solves the control tasks without learning: `python -m benchmarks.baselines` counts.
+"""Who solves sparse tasks of physics without learning: `python -m benchmarks.baselines` counts.
 
-Every episode begins at the task's fixed start or, with `random_start`, at one of its own.
+Every episode begins at the task's fixed start or, where it draws them, at one of its own.
 """
 
 from __future__ import annotations
@@ -20,23 +20,36 @@ from gymnasium.utils import seeding
 from benchmarks.results import FOLDER
 from curiosity_algos import make_evaluator
 from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.tasks import ControlTask
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
 
 Actions = npt.NDArray[np.float32]
 
-ROWS: dict[str, tuple[str, dict[str, Any]]] = {
-    "BallInCup": ("BallInCup", {}),
-    "Finger": ("Finger", {}),
-    "Stacker": ("Stacker", {}),
-    "Stacker, `success_threshold=0.5`": ("Stacker", {"success_threshold": 0.5}),
-    "BallInCup, `random_start`": ("BallInCup", {"random_start": True}),
-    "Finger, `random_start`": ("Finger", {"random_start": True}),
-    "Stacker, `random_start`": ("Stacker", {"random_start": True}),
+CONTROL: dict[str, tuple[str, dict[str, Any]]] = {
+    "BallInCup": ("CuriosityControl-BallInCup-v0", {}),
+    "Finger": ("CuriosityControl-Finger-v0", {}),
+    "Stacker": ("CuriosityControl-Stacker-v0", {}),
+    "Stacker, `success_threshold=0.5`": (
+        "CuriosityControl-Stacker-v0",
+        {"success_threshold": 0.5},
+    ),
+    "BallInCup, `random_start`": ("CuriosityControl-BallInCup-v0", {"random_start": True}),
+    "Finger, `random_start`": ("CuriosityControl-Finger-v0", {"random_start": True}),
+    "Stacker, `random_start`": ("CuriosityControl-Stacker-v0", {"random_start": True}),
     "Stacker, `random_start`, `success_threshold=0.5`": (
-        "Stacker",
+        "CuriosityControl-Stacker-v0",
         {"random_start": True, "success_threshold": 0.5},
     ),
 }
-"""Label: task and its keywords."""
+UPRIGHT = {"env_kwargs": {"terminate_when_unhealthy": False}}
+LOCOMOTION: dict[str, tuple[str, dict[str, Any]]] = {
+    "AntTrap": ("CuriosityLocomotion-AntTrap-v0", {}),
+    "AntMaze": ("CuriosityLocomotion-AntMaze-v0", {}),
+    "AntTrap, falls do not end it": ("CuriosityLocomotion-AntTrap-v0", UPRIGHT),
+    "AntMaze, falls do not end it": ("CuriosityLocomotion-AntMaze-v0", UPRIGHT),
+}
+FILES = {"control_baselines": CONTROL, "locomotion_baselines": LOCOMOTION}
+"""File, and its rows. Label: environment and its keywords."""
 DEVIATIONS = (0.3, 1.0)
 """Of the random policies' weights."""
 N_HELD = 10
@@ -53,14 +66,15 @@ def main(
     n_episodes, horizon = (3, 20) if quick else (200, 1000)
     policies = [f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS]
     columns = ["Task", "No actions", "Uniform actions", f"+-1, held {N_HELD} steps", *policies]
-    path = out / "control_baselines.csv"
-    table = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=columns)
-    table = table.set_index("Task")
-    for label in [only] if only else list(ROWS):
-        name, keywords = ROWS[label]
-        env = gym.make(f"CuriosityControl-{name}-v0", horizon=horizon, **keywords)
-        table.loc[label] = solved(env, n_episodes, seed)
-        table.loc[[each for each in ROWS if each in table.index]].to_csv(path)
+    for file, rows in FILES.items():
+        path = out / f"{file}.csv"
+        table = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=columns)
+        table = table.set_index("Task")
+        for label in [each for each in rows if only in ("", each)]:
+            env_id, keywords = rows[label]
+            env = gym.make(env_id, horizon=horizon, **keywords)
+            table.loc[label] = solved(env, n_episodes, seed)
+            table.loc[[each for each in rows if each in table.index]].to_csv(path)
 
 
 def solved(env: gym.Env[Any, Any], n_episodes: int, seed: int) -> list[int]:
@@ -74,7 +88,7 @@ def solved(env: gym.Env[Any, Any], n_episodes: int, seed: int) -> list[int]:
     for rng, deviation in zip(others, DEVIATIONS, strict=True):
         parameters = rng.normal(0.0, deviation, (n_episodes, evaluator.n_parameters))
         # One by one, as policies that are evaluated together share their start.
-        parts = parameters[:, None] if env.unwrapped.task.random_start else [parameters]
+        parts = parameters[:, None] if env.unwrapped.task.draws else [parameters]
         counts.append(
             sum(int(evaluator.evaluate(each, i).success.sum()) for i, each in enumerate(parts))
         )
@@ -94,21 +108,22 @@ def bang_bang(rng: np.random.Generator, shape: tuple[int, ...]) -> Iterator[Acti
 
 
 def open_loop(env: gym.Env[Any, Any], n_episodes: int, actions: Iterator[Actions]) -> int:
-    """Episodes of a control environment that succeed; random starts are those of seeds from 0 on.
+    """Episodes that succeed; random starts are those of seeds from 0 on.
 
     Args:
-        env: The environment.
+        env: A control or locomotion environment.
         n_episodes: n.
         actions: (n, A) of each step, a row for each episode.
     """
-    simulation = Simulation(env.unwrapped.task, n_episodes)
-    simulation.reset(rngs=[seeding.np_random(seed)[0] for seed in range(n_episodes)])
-    going = np.arange(n_episodes)
+    task, going = env.unwrapped.task, np.arange(n_episodes)
+    is_control = isinstance(task, ControlTask)
+    simulation = (Simulation if is_control else LocomotionSimulation)(task, n_episodes)
+    simulation.reset(going, [seeding.np_random(seed)[0] for seed in range(n_episodes)])
     for action in islice(actions, env.unwrapped.horizon):
         going = going[~simulation.step(action[going], going)]
         if not len(going):
             break
-    return n_episodes - len(going)
+    return int(simulation.success.sum())
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ SECTIONS = {
     "python_loop": "benchmarks.python_loop",
     "vector": "benchmarks.vector",
     "control": "benchmarks.control",
+    "locomotion": "benchmarks.locomotion",
     "learn": "benchmarks.training",
     "td3": "benchmarks.off_policy",
     "novelty": "benchmarks.novelty",

@@ -34,11 +34,11 @@ def _control(task: str) -> dict[str, Any]:
     }
 
 
-def _locomotion(robot: str) -> dict[str, Any]:
+def _locomotion(robot: str, **kwargs: Any) -> dict[str, Any]:
     return {
         "entry_point": "curiosity_gym.locomotion.locomotion_env:LocomotionEnv",
         "vector_entry_point": "curiosity_gym.locomotion.vector_env:LocomotionVectorEnv",
-        "kwargs": {"env_id": f"{robot}-v5"},
+        "kwargs": {"env_id": f"{robot}-v5", **kwargs},
     }
 
 
@@ -55,6 +55,8 @@ SPECS: dict[str, dict[str, Any]] = {
     "CuriosityMaze-v0": _maze(),
     **{f"CuriosityControl-{name}-v0": _control(task) for name, task in _CONTROL.items()},
     **{f"CuriosityLocomotion-{robot}-v0": _locomotion(robot) for robot in _LOCOMOTION},
+    "CuriosityLocomotion-AntTrap-v0": _locomotion("Ant", world="trap", sparse=True),
+    "CuriosityLocomotion-AntMaze-v0": _locomotion("Ant", world="maze", sparse=True),
     **{f"CuriositySparse-{name}-v0": _sparse(env_id) for name, env_id in _SPARSE.items()},
 }
 """The arguments of `gymnasium.register`, by id."""

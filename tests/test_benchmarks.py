@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import curiosity_gym  # noqa: F401  registers the ids
 from benchmarks import baselines, population, run, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
+from curiosity_gym import MazeLayout
 
 ROOT = Path(__file__).parents[1]
 CONTROL = ["BallInCup", "Finger", "Stacker"]
@@ -29,6 +29,7 @@ TITLES = {
     "python_loop": ["python_loop: one environment"],
     "vector": ["vector: CuriosityMaze-Hard-v0"],
     "control": [f"control: CuriosityControl-{name}-v0" for name in CONTROL],
+    "locomotion": ["locomotion: Ant-v5"],
     "learn": ["learn: CuriosityMaze-Hard-v0", "learn: where the time goes"],
     "td3": ["td3: CuriosityMaze-US-v0", "td3: where TD3ICM's time goes"],
     "novelty": ["novelty: the archive"],
@@ -134,14 +135,14 @@ def test_a_stream_repeats_the_episode_after_a_reset():
     assert streams[4:, 1].tolist() == streams[:2, 1].tolist()
 
 
-@pytest.mark.extra("control")
+@pytest.mark.extra("control", "locomotion")
 def test_baselines_count_successes(tmp_path):
     baselines.main(quick=True, out=tmp_path)
-    (file,) = tmp_path.iterdir()
-    table = pd.read_csv(file, index_col="Task")
-    assert list(table.index) == list(baselines.ROWS)
-    assert table.shape[1] == 5
-    assert ((table >= 0) & (table <= 3)).all(axis=None)
+    for file, rows in baselines.FILES.items():
+        table = pd.read_csv(tmp_path / f"{file}.csv", index_col="Task")
+        assert list(table.index) == list(rows)
+        assert table.shape[1] == 5
+        assert ((table >= 0) & (table <= 3)).all(axis=None)
 
 
 @pytest.mark.extra("control")
@@ -169,6 +170,27 @@ def test_open_loop_counts_what_single_envs_succeed_in(draw, random_start):
 
     expected = sum(map(succeeds, range(n)))
     assert baselines.open_loop(env, n, draw(np.random.default_rng(0), (n, 2))) == expected
+
+
+@pytest.mark.extra("locomotion")
+def test_open_loop_counts_goals_and_not_falls():
+    near = MazeLayout("near", 30.0, 30.0, (15.0, 15.0), (17.6, 15.0), [])
+    env = gym.make("CuriosityLocomotion-AntTrap-v0", world=near, horizon=40)
+    n = 12
+
+    def succeeds(i):
+        env.reset(seed=i)
+        ended = False
+        actions = baselines.bang_bang(np.random.default_rng(0), (n, 8))
+        while not ended:
+            _, _, terminated, truncated, info = env.step(next(actions)[i])
+            ended = terminated or truncated
+        return info["is_success"]
+
+    successes = list(map(succeeds, range(n)))
+    actions = baselines.bang_bang(np.random.default_rng(0), (n, 8))
+    assert 0 < sum(successes) < n
+    assert baselines.open_loop(env, n, actions) == sum(successes)
 
 
 def test_bang_bang_actions_are_held():

@@ -180,9 +180,14 @@ def _is_locomotion(env: Any) -> bool:
 
 
 def _make_locomotion(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    task = bare(env).task
+    inner = bare(env)
     return SimulationEvaluator(
-        task, LocomotionSimulation, mlp, max_steps=max_steps(env), n_threads=n_threads
+        inner.task,
+        LocomotionSimulation,
+        mlp,
+        max_steps=max_steps(env),
+        horizon=inner.horizon if inner.sparse else None,
+        n_threads=n_threads,
     )
 
 

@@ -83,4 +83,6 @@ def _is_same(env: Any, other: Any) -> bool:
         return False
     if one.horizon != two.horizon or max_steps(env) != max_steps(other):
         return False
+    if type(one) is LocomotionEnv and one.sparse != two.sparse:
+        return False
     return same_maze(one.maze, two.maze) if type(one) is MazeEnv else bool(one.task == two.task)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +14,10 @@ from gymnasium import spaces
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.extras import import_extra
 from curiosity_gym.locomotion.tasks import TASKS, LocomotionTask
+from curiosity_gym.locomotion.worlds import World
+from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.mujoco_viewer import MujocoViewer
-from curiosity_gym.validation import check_at_least_one, check_choice
+from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
 
 
 @dataclass(frozen=True)
@@ -22,13 +25,14 @@ class LocomotionConfig:
     """A checked task, its spaces and its viewer."""
 
     task: LocomotionTask
+    sparse: bool
     horizon: int
     width: int
     height: int
 
     @property
     def observation_space(self) -> spaces.Box[np.float64]:
-        """Gymnasium's own."""
+        """Gymnasium's own, after where in its world the robot is."""
         space: spaces.Box[np.float64] = self.task.observation_space
         return space
 
@@ -63,6 +67,8 @@ def configure_locomotion(
     env_id: str | None = None,
     *,
     behavior: str = "position",
+    world: MazeLayout | str | os.PathLike[str] | None = None,
+    sparse: bool = False,
     horizon: int = 1000,
     width: int = 320,
     height: int = 240,
@@ -76,11 +82,15 @@ def configure_locomotion(
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
     """
     check_choice(tuple(TASKS), env_id=env_id)
+    check_bool(sparse=sparse)
+    if sparse and world is None:
+        raise ValueError("`sparse` must be False where there is no `world`, and so no goal.")
     check_at_least_one(horizon=horizon, width=width, height=height)
     assert env_id is not None
     if "render_mode" in (env_kwargs or {}):
         raise ValueError("`env_kwargs` must not hold `render_mode`, which is an argument itself.")
     import_extra("locomotion", "mujoco", "imageio")
     original: gym.Env[Any, Any] = gym.make(env_id, disable_env_checker=True, **(env_kwargs or {}))
-    task = TASKS[env_id](original, behavior=behavior)
-    return LocomotionConfig(task, int(horizon), int(width), int(height))
+    made = None if world is None else World(world)
+    task = TASKS[env_id](original, behavior=behavior, world=made)
+    return LocomotionConfig(task, bool(sparse), int(horizon), int(width), int(height))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,10 +12,11 @@ from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.locomotion.config import configure_locomotion
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.maze.layouts import MazeLayout
 
 
 class LocomotionEnv(EpisodicEnv):
-    """A MuJoCo environment of Gymnasium, version 5, with a behavior.
+    """A MuJoCo environment of Gymnasium, version 5, with a behavior, and with walls if asked for.
 
     Description:
         Observations, rewards, ends of episodes, infos and every option are Gymnasium's own, bit for
@@ -29,7 +31,11 @@ class LocomotionEnv(EpisodicEnv):
         `CuriosityLocomotion-Humanoid-v0`     `Humanoid-v5`      348          17
         `CuriosityLocomotion-Swimmer-v0`      `Swimmer-v5`       8            2
         `CuriosityLocomotion-Walker2d-v0`     `Walker2d-v5`      17           6
+        `CuriosityLocomotion-AntTrap-v0`      `Ant-v5`           107          8
+        `CuriosityLocomotion-AntMaze-v0`      `Ant-v5`           107          8
         ===================================== ================== ============ =======
+
+        The last two have a world around the ant and a sparse reward, see the arguments.
 
         `pip install "curiosity-search[locomotion]"` installs what they need.
 
@@ -44,23 +50,30 @@ class LocomotionEnv(EpisodicEnv):
         dimension (`coverage_grid`).
 
     Rewards:
-        Gymnasium's own.
+        Gymnasium's own, unless there is a world, see `sparse`.
 
     Starting State:
         Gymnasium's own, drawn from `np_random`.
 
     Episode End:
-        Terminated where Gymnasium's own is; truncated after `horizon` steps.
+        Terminated where Gymnasium's own is, and at the goal of a world; truncated after `horizon`
+        steps.
 
     Information:
-        Gymnasium's own, `behavior` (B,), float64, and `is_success`, which is never true: these
-        robots have no goal.
+        Gymnasium's own, `behavior` (B,), float64, and `is_success`, whether the goal of the world is
+        reached.
 
     Args:
         env_id: Gymnasium's environment. The ids give it.
         behavior: "position", where the torso is at last: x (m), and y where the robot can leave its
             plane, within +-30. "feet": the share of the episode's steps at whose end each foot was
             under a force from outside, as in QDax's "uni" tasks; Swimmer has none.
+        world: Walls and a goal around Ant or Humanoid: "trap", "maze", a `MazeLayout` in meters, or
+            what `CuriosityMaze-v0` takes for one. Observations then begin with x and y, with the
+            world's bounds at -1 and 1, and episodes end within 2 m of the goal. None: open ground.
+        sparse: Reward `1 - t / horizon` in the step t that reaches the goal, and nothing else.
+            False: as Gymnasium does, but in a world the speed along x is that towards the goal, as
+            the crow flies: deceptive where walls are between.
         horizon: Steps after which an episode is truncated.
         width: Of a frame (pixels).
         height: Of a frame (pixels).
@@ -84,6 +97,8 @@ class LocomotionEnv(EpisodicEnv):
         env_id: str | None = None,
         *,
         behavior: str = "position",
+        world: MazeLayout | str | os.PathLike[str] | None = None,
+        sparse: bool = False,
         horizon: int = 1000,
         width: int = 320,
         height: int = 240,
@@ -93,6 +108,8 @@ class LocomotionEnv(EpisodicEnv):
         config = configure_locomotion(
             env_id,
             behavior=behavior,
+            world=world,
+            sparse=sparse,
             horizon=horizon,
             width=width,
             height=height,
@@ -100,6 +117,7 @@ class LocomotionEnv(EpisodicEnv):
         )
         super().__init__(config, render_mode)
         self.task = config.task
+        self.sparse = config.sparse
         self._simulation = LocomotionSimulation(config.task, 1, n_threads=1)
 
     def _begin(self, options: dict[str, Any] | None) -> None:
@@ -109,10 +127,10 @@ class LocomotionEnv(EpisodicEnv):
     def _advance(self, action: Float32Array) -> tuple[bool, bool]:
         ended = bool(self._simulation.step(action[None])[0])
         self._observation[:] = self._simulation.observations[0]
-        return ended, False
+        return ended, bool(self._simulation.success[0])
 
     def _reward(self, success: bool, t: int) -> float:
-        return float(self._simulation.rewards[0])
+        return super()._reward(success, t) if self.sparse else float(self._simulation.rewards[0])
 
     def _generators(self) -> list[np.random.Generator]:
         return [self.np_random]

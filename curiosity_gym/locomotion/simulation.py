@@ -108,16 +108,18 @@ class LocomotionSimulation:
         rows = slice(None) if ids is None or len(ids) == self.n else ids
         fields = self._rows(rows)
         place = self.task.place(fields)
-        velocity = (place - self._places[rows]) / self.task.dt
+        before = self._places[rows].copy()
         healthy = self.task.healthy(fields)
         self._places[rows] = place
         self._steps[rows] += 1.0
         if self.task.foot_bodies:
             self._touches[rows] += self.task.touches(fields)
-        self.rewards[rows], terms = self.task.reward(fields, velocity, actions, healthy)
-        self._note(rows, {**_by_axis(velocity), **terms})
+        speed = self.task.speed(before, place)
+        self.rewards[rows], terms = self.task.reward(fields, speed, actions, healthy)
+        self._note(rows, {**_by_axis((place - before) / self.task.dt), **terms})
         self.observations[rows] = self.task.observe(fields)
-        return ~healthy & self.task.ends_unhealthy
+        self.success[rows] = success = self.task.success(fields)
+        return success | (~healthy & self.task.ends_unhealthy)
 
     def _advance(self, numbers: Sequence[int], actions: Float32Array) -> Callable[[int, int], None]:
         """What each thread does with a part of the simulations."""

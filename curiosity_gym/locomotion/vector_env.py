@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.locomotion.config import configure_locomotion
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.maze.layouts import MazeLayout
 
 
 class LocomotionVectorEnv(EpisodicVectorEnv):
@@ -26,6 +28,12 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         behavior: "position", where the torso is at last: x (m), and y where the robot can leave its
             plane, within +-30. "feet": the share of the episode's steps at whose end each foot was
             under a force from outside, as in QDax's "uni" tasks; Swimmer has none.
+        world: Walls and a goal around Ant or Humanoid: "trap", "maze", a `MazeLayout` in meters, or
+            what `CuriosityMaze-v0` takes for one. Observations then begin with x and y, with the
+            world's bounds at -1 and 1, and episodes end within 2 m of the goal. None: open ground.
+        sparse: Reward `1 - t / horizon` in the step t that reaches the goal, and nothing else.
+            False: as Gymnasium does, but in a world the speed along x is that towards the goal, as
+            the crow flies: deceptive where walls are between.
         horizon: Steps after which an episode is truncated.
         width: Of a frame (pixels).
         height: Of a frame (pixels).
@@ -51,6 +59,8 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         env_id: str | None = None,
         *,
         behavior: str = "position",
+        world: MazeLayout | str | os.PathLike[str] | None = None,
+        sparse: bool = False,
         horizon: int = 1000,
         width: int = 320,
         height: int = 240,
@@ -64,6 +74,8 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
     ) -> None:
         keywords: dict[str, Any] = {
             "behavior": behavior,
+            "world": world,
+            "sparse": sparse,
             "horizon": horizon,
             "width": width,
             "height": height,
@@ -81,6 +93,7 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         )
         self._keywords = {"env_id": env_id, **keywords}
         self.task = config.task
+        self.sparse = config.sparse
         self._simulation = LocomotionSimulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
 
@@ -100,7 +113,7 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         return ended, self._simulation.success.copy()
 
     def _rewards(self, success: Mask) -> Float64Array:
-        return self._simulation.rewards.copy()
+        return super()._rewards(success) if self.sparse else self._simulation.rewards.copy()
 
     def _info_arrays(self) -> dict[str, Any]:
         return self._simulation.info

@@ -30,6 +30,7 @@ class Ant(LocomotionTask):
     )
     fields = ("qpos", "qvel", "xpos", "cfrc_ext")
     feet = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
+    walks_around = True
 
     contact_cost_weight: float
     healthy_reward: float
@@ -58,7 +59,7 @@ class Ant(LocomotionTask):
         healthy: Mask = is_finite & (low <= z) & (z <= high)
         return healthy
 
-    def observe(self, fields: Fields) -> Float64Array:
+    def feel(self, fields: Fields) -> Float64Array:
         """See `LocomotionTask`."""
         parts = [self.positions(fields), fields.qvel]
         if self.include_cfrc_ext_in_observation:
@@ -70,10 +71,10 @@ class Ant(LocomotionTask):
         return forces
 
     def reward(
-        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
     ) -> tuple[Float64Array, Values]:
         """See `LocomotionTask`."""
-        forward = velocity[:, 0] * self.forward_reward_weight
+        forward = speed * self.forward_reward_weight
         survive = healthy * self.healthy_reward
         control = self.control_cost(actions)
         forces = flat(self._contact_forces(fields))

@@ -11,9 +11,11 @@ from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
+from curiosity_gym.locomotion.worlds import World
 from curiosity_gym.validation import check_choice
 
 Fields = Any
@@ -35,6 +37,7 @@ class LocomotionTask:
         env: Gymnasium's environment: its model and options are taken over.
         behavior: "position": x, and y where the robot can leave its plane (m). "feet": the share of
             the episode's steps at whose end each foot touched something. None: there is none.
+        world: Walls and a goal, in a task of two dimensions; None: open ground.
 
     Attributes:
         model: The compiled MuJoCo model.
@@ -48,7 +51,8 @@ class LocomotionTask:
         coverage_grid: The cells of the behavior that coverage counts; None without one.
 
     Raises:
-        ValueError: If `behavior` is none of them, or the model lacks the feet it asks for.
+        ValueError: If `behavior` is none of them, or the model lacks the feet it asks for; if the
+            robot cannot turn in a world.
     """
 
     env_id: ClassVar[str]
@@ -65,25 +69,37 @@ class LocomotionTask:
     """Geoms of the feet."""
     n_dimensions: ClassVar[int] = 2
     """Coordinates of a position: those that begin `qpos`."""
+    walks_around: ClassVar[bool] = False
+    """Whether there can be walls around it."""
 
     forward_reward_weight: float
     ctrl_cost_weight: float
     reset_noise_scale: float
     exclude_current_positions_from_observation: bool
 
-    def __init__(self, env: gym.Env[Any, Any], *, behavior: str | None = "position") -> None:
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        *,
+        behavior: str | None = "position",
+        world: World | None = None,
+    ) -> None:
         if behavior is not None:
             check_choice(BEHAVIORS, behavior=behavior)
         inner: Any = env.unwrapped
         for name in self.options:
             setattr(self, name, getattr(inner, f"_{name}"))
+        if world is not None and not self.walks_around:
+            raise ValueError(f"`world` must be None of {self.env_id}, which does not walk around.")
         self.behavior_name = behavior
-        self.model = inner.model
+        self.world = world
+        self.model = inner.model if world is None else world.model_of(inner.fullpath)
         self.frame_skip: int = inner.frame_skip
         self.dt: float = inner.dt
-        self.n_observations: int = inner.observation_space.shape[0]
         self.n_actions: int = self.model.nu
-        self.observation_space = inner.observation_space
+        n = inner.observation_space.shape[0] + 2 * (world is not None)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (n,), np.float64)
+        self.n_observations: int = n
         self.action_space = inner.action_space
         self._start = np.append(inner.init_qpos, inner.init_qvel)
         self.foot_bodies = self._foot_bodies() if behavior == "feet" else []
@@ -94,8 +110,11 @@ class LocomotionTask:
     def _bound_behavior(self) -> None:
         n = len(self.foot_bodies)
         self._n_coordinates = self.n_dimensions if self.behavior_name == "position" else 0
-        self.behavior_low = np.zeros(n) if n else np.full(self._n_coordinates, -EXTENT)
-        self.behavior_high = np.ones(n) if n else np.full(self._n_coordinates, EXTENT)
+        low, high = np.full(self.n_dimensions, -EXTENT), np.full(self.n_dimensions, EXTENT)
+        if self.world is not None:
+            low, high = self.world.low, self.world.high
+        self.behavior_low = np.zeros(n) if n else low[: self._n_coordinates]
+        self.behavior_high = np.ones(n) if n else high[: self._n_coordinates]
         self.coverage_grid: CoverageGrid | None = None
         if self.behavior_name is not None:
             entries = tuple(range(len(self.behavior_low)))
@@ -118,7 +137,8 @@ class LocomotionTask:
             return False
         names = (*self.options, "behavior_name", "frame_skip")
         return (
-            all(_same(getattr(self, name), getattr(other, name)) for name in names)
+            self.world == other.world
+            and all(_same(getattr(self, name), getattr(other, name)) for name in names)
             and np.array_equal(self._start, other._start)
             and np.array_equal(_bytes(self.model), _bytes(other.model))
         )
@@ -167,27 +187,47 @@ class LocomotionTask:
         """Which simulations may go on, (k,)."""
         return np.ones(len(fields.qpos), dtype=np.bool_)
 
+    def success(self, fields: Fields) -> Mask:
+        """Which simulations are at the goal of their world, (k,)."""
+        if self.world is None:
+            return np.zeros(len(fields.qpos), dtype=np.bool_)
+        return self.world.is_at_goal(fields.qpos[:, :2])
+
+    def speed(self, before: Float64Array, after: Float64Array) -> Float64Array:
+        """What is rewarded, (k,) m/s, of places (k, d): along x, or towards the world's goal."""
+        if self.world is None:
+            speed: Float64Array = (after[:, 0] - before[:, 0]) / self.dt
+            return speed
+        return (self.world.distances(before) - self.world.distances(after)) / self.dt
+
     @property
     def ends_unhealthy(self) -> bool:
         """Whether an episode ends where its simulation is not healthy."""
         return bool(getattr(self, "terminate_when_unhealthy", False))
 
     def observe(self, fields: Fields) -> Float64Array:
-        """The observations (k, n_observations)."""
+        """The observations (k, n_observations): where in its world it is, and what it feels."""
+        if self.world is None:
+            return self.feel(fields)
+        where = self.world.standardize(fields.qpos[:, :2])
+        return np.concatenate([where, self.feel(fields)], axis=1)
+
+    def feel(self, fields: Fields) -> Float64Array:
+        """The observations of Gymnasium's environment."""
         return np.concatenate([self.positions(fields), fields.qvel], axis=1)
 
     def reward(
-        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
     ) -> tuple[Float64Array, Values]:
         """The rewards (k,) of a step, and what the info tells of them.
 
         Args:
             fields: After the step.
-            velocity: (k, d).
+            speed: (k,), see `speed`.
             actions: (k, n_actions).
             healthy: (k,).
         """
-        forward = self.forward_reward_weight * velocity[:, 0]
+        forward = self.forward_reward_weight * speed
         control = self.control_cost(actions)
         return forward - control, {"reward_forward": forward, "reward_ctrl": -control}
 

@@ -42,6 +42,7 @@ class Humanoid(LocomotionTask):
         "ten_velocity",
     )
     feet = ("right_foot", "left_foot")
+    walks_around = True
 
     contact_cost_weight: float
     contact_cost_range: tuple[float, float]
@@ -63,7 +64,7 @@ class Humanoid(LocomotionTask):
         """See `LocomotionTask`."""
         return is_inside(fields.qpos[:, 2], self.healthy_z_range)
 
-    def observe(self, fields: Fields) -> Float64Array:
+    def feel(self, fields: Fields) -> Float64Array:
         """See `LocomotionTask`."""
         optional = (
             (self.include_cinert_in_observation, fields.cinert[:, 1:]),
@@ -76,10 +77,10 @@ class Humanoid(LocomotionTask):
         return np.concatenate([self.positions(fields), fields.qvel, *parts], axis=1)
 
     def reward(
-        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
     ) -> tuple[Float64Array, Values]:
         """See `LocomotionTask`."""
-        forward = self.forward_reward_weight * velocity[:, 0]
+        forward = self.forward_reward_weight * speed
         survive = healthy * self.healthy_reward
         control = self.control_cost(fields.ctrl)
         contact = self.contact_cost_weight * np.square(flat(fields.cfrc_ext)).sum(axis=1)

@@ -62,16 +62,16 @@ class Walker2d(LocomotionTask):
             fields.qpos[:, 2], self.healthy_angle_range
         )
 
-    def observe(self, fields: Fields) -> Float64Array:
+    def feel(self, fields: Fields) -> Float64Array:
         """See `LocomotionTask`."""
         velocities = np.clip(fields.qvel, -10, 10)
         return np.concatenate([self.positions(fields), velocities], axis=1)
 
     def reward(
-        self, fields: Fields, velocity: Float64Array, actions: Float32Array, healthy: Mask
+        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
     ) -> tuple[Float64Array, Values]:
         """See `LocomotionTask`."""
-        forward = self.forward_reward_weight * velocity[:, 0]
+        forward = self.forward_reward_weight * speed
         survive = healthy * self.healthy_reward
         control = self.control_cost(actions)
         return forward + survive - control, {

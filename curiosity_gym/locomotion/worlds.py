@@ -1,0 +1,121 @@
+"""Walls around a robot: the layouts of the mazes, extruded; a unit is a meter."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_gym.core import Float64Array, Mask
+from curiosity_gym.extras import import_extra
+from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout, resolve_layout
+
+WALL_HEIGHT = 1.0
+BORDER = 1.0
+"""Thickness of the walls around the world."""
+COLOR = (0.6, 0.45, 0.3, 1.0)
+
+TRAP = MazeLayout(
+    "trap",
+    width=40.0,
+    height=30.0,
+    start=(8.0, 15.0),
+    goal=(26.0, 15.0),
+    walls=np.array([(19.5, 11.5, 1.0, 7.0), (14.5, 17.5, 6.0, 1.0), (14.5, 11.5, 6.0, 1.0)]),
+)
+"""A U between start and goal, open towards the start: who makes for the goal gets stuck in it.
+
+The walls are where QDax had them for its ant, 12 m ahead. It took the idea from Conti et al. 2018,
+"Improving Exploration in Evolution Strategies for Deep Reinforcement Learning via a Population of
+Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560). Theirs are capsules in an open field;
+these are boxes 1 m high, there is a border, and a goal behind the U.
+"""
+MAZE = MazeLayout(
+    "maze",
+    width=22.0,
+    height=22.0,
+    start=(2.5, 2.5),
+    goal=(19.5, 2.5),
+    walls=np.array([(12.0, 0.0, 0.5, 12.0), (7.5, 6.0, 4.5, 0.5), (7.0, 12.5, 0.5, 9.5)]),
+)
+"""A wall between start and goal that ends far up, and two more that lead astray.
+
+After QDax's `antmaze`, at half its size: what lasted 50 seconds there, a thousand steps of
+Gymnasium's ant do.
+"""
+WORLDS = {layout.name: layout for layout in (TRAP, MAZE)}
+
+
+class World:
+    """A layout around a robot, which starts where the robot does: at the origin.
+
+    Args:
+        layout: "trap", "maze", or what `CuriosityMaze-v0` takes for one.
+
+    Attributes:
+        layout: The layout.
+        low: (2,) the least x and y of the world, from the start.
+        high: (2,) the largest.
+
+    Raises:
+        ValueError: If there is no such layout.
+    """
+
+    def __init__(self, layout: MazeLayout | str | os.PathLike[str]) -> None:
+        known = WORLDS.get(layout) if isinstance(layout, str) else None
+        self.layout = resolve_layout(layout) if known is None else known
+        self._start = np.array(self.layout.start)
+        self.low: Float64Array = -self._start
+        self.high: Float64Array = np.array([self.layout.width, self.layout.height]) - self._start
+        self._goal = np.array(self.layout.goal) - self._start
+
+    def __eq__(self, other: object) -> bool:
+        """Equal worlds have the same layout."""
+        return isinstance(other, World) and self.layout == other.layout
+
+    __hash__ = None  # type: ignore[assignment]  # as of tasks
+
+    def distances(self, positions: Float64Array) -> Float64Array:
+        """From the goal, as the crow flies, (k,) of positions (k, 2), in meters."""
+        offsets = positions - self._goal
+        distances: Float64Array = np.sqrt(np.vecdot(offsets, offsets))
+        return distances
+
+    def is_at_goal(self, positions: Float64Array) -> Mask:
+        """Whether positions (k, 2) are within `GOAL_RADIUS` of the goal."""
+        at_goal: Mask = self.distances(positions) <= GOAL_RADIUS
+        return at_goal
+
+    def standardize(self, positions: Float64Array) -> Float64Array:
+        """Positions (k, 2) with the world's bounds at -1 and 1."""
+        scaled: Float64Array = 2.0 * (positions - self.low) / (self.high - self.low) - 1.0
+        return scaled
+
+    def model_of(self, path: str) -> Any:
+        """The model of an XML file, compiled with the walls."""
+        (mujoco,) = import_extra("locomotion", "mujoco")
+        spec = mujoco.MjSpec.from_file(path)
+        for x, y, width, height in self._boxes().tolist():
+            spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=(x + width / 2.0, y + height / 2.0, WALL_HEIGHT / 2.0),
+                size=(width / 2.0, height / 2.0, WALL_HEIGHT / 2.0),
+                contype=1,
+                conaffinity=1,
+                rgba=COLOR,
+            )
+        return spec.compile()
+
+    def _boxes(self) -> npt.NDArray[np.float64]:
+        """Lower left corner, width and height of the walls and of the border, (n, 4)."""
+        (x, y), (width, height) = self.low, self.high - self.low
+        border = [
+            (x - BORDER, y - BORDER, BORDER, height + 2.0 * BORDER),
+            (x + width, y - BORDER, BORDER, height + 2.0 * BORDER),
+            (x, y - BORDER, width, BORDER),
+            (x, y + height, width, BORDER),
+        ]
+        walls = self.layout.walls - np.append(self._start, (0.0, 0.0))
+        return np.concatenate([walls.reshape(-1, 4), border])

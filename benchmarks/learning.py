@@ -56,6 +56,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "timesteps": 1e6,
         "env_kwargs": ["success_threshold:0.5"],
     },
+    "locomotion": {
+        "algos": ("CuriosityES", "NSES", "MAPElites"),
+        "envs": ("CuriosityLocomotion-AntTrap-v0",),
+        "timesteps": 1e6,
+    },
 }
 """What is trained for each name, in the words of `curiosity sweep`.
 

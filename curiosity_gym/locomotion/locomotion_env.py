@@ -60,8 +60,7 @@ class LocomotionEnv(EpisodicEnv):
         steps.
 
     Information:
-        Gymnasium's own, `behavior` (B,), float64, and `is_success`, whether the goal of the world is
-        reached.
+        Gymnasium's own, `behavior` (B,), float64, and `is_success`, at the goal of a world.
 
     Args:
         env_id: Gymnasium's environment. The ids give it.

@@ -174,7 +174,7 @@ def test_open_loop_counts_what_single_envs_succeed_in(draw, random_start):
 
 @pytest.mark.extra("locomotion")
 def test_open_loop_counts_goals_and_not_falls():
-    near = MazeLayout("near", 30.0, 30.0, (15.0, 15.0), (17.6, 15.0), [])
+    near = MazeLayout("near", 30.0, 30.0, (15.0, 15.0), (17.15, 15.0), [])
     env = gym.make("CuriosityLocomotion-AntTrap-v0", world=near, horizon=40)
     n = 12
 

@@ -57,12 +57,15 @@ N_HELD = 10
 
 
 def main(
-    only: Annotated[str, typer.Option(help="One of the rows; none: all.")] = "",
+    only: Annotated[str | None, typer.Option(help="One of the rows; None: all.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of actions and policies.")] = 0,
     quick: Annotated[bool, typer.Option("--quick", help="Few episodes, and short.")] = False,
-    out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
+    out: Annotated[Path, typer.Option(help="Where the CSV files go.")] = FOLDER,
 ) -> None:
     """Count the episodes that succeed, and put each row into a CSV file once it is counted."""
+    known = [label for rows in FILES.values() for label in rows]
+    if only not in (None, *known):
+        raise typer.BadParameter(f"The row is one of {'; '.join(known)}, not {only}.")
     n_episodes, horizon = (3, 20) if quick else (200, 1000)
     policies = [f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS]
     columns = ["Task", "No actions", "Uniform actions", f"+-1, held {N_HELD} steps", *policies]
@@ -70,7 +73,7 @@ def main(
         path = out / f"{file}.csv"
         table = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=columns)
         table = table.set_index("Task")
-        for label in [each for each in rows if only in ("", each)]:
+        for label in [each for each in rows if only in (None, each)]:
             env_id, keywords = rows[label]
             env = gym.make(env_id, horizon=horizon, **keywords)
             table.loc[label] = solved(env, n_episodes, seed)

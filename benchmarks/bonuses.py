@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -25,13 +26,14 @@ from curiosity_algos import TD3ICM, BonusVecEnvWrapper
 from curiosity_algos.experiments import RunFolder, SaveRun
 
 ENV = "CuriosityMaze-US-v0"
+ANTS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
 N_ENVS = 8
 """Environments that PPO learns from side by side."""
 
 
-def ppo(seed: int, bonus: str | None) -> PPO:
+def ppo(seed: int, bonus: str | None, env: str = ENV) -> PPO:
     """SB3's PPO with its defaults, with or without a bonus in its reward."""
-    venv = make_vec_env(ENV, n_envs=N_ENVS, seed=seed)
+    venv = make_vec_env(env, n_envs=N_ENVS, seed=seed)
     if bonus is not None:
         venv = BonusVecEnvWrapper(venv, bonus=bonus, seed=seed, device="cpu")
     return PPO("MlpPolicy", venv, seed=seed, device="cpu")
@@ -44,13 +46,17 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
         "PPO + ICM": lambda seed: ppo(seed, "icm"),
         "PPO + RND": lambda seed: ppo(seed, "rnd"),
     },
+    "locomotion/ppo": {
+        f"{'PPO' if bonus is None else 'PPO + APT'} {env}": partial(ppo, bonus=bonus, env=env)
+        for env, bonus in product(ANTS, (None, "apt"))
+    },
     "td3": {
         "TD3": lambda seed: make_td3(ENV, seed=seed),
         "TD3ICM": lambda seed: TD3ICM(ENV, seed=seed, device="cpu"),
     },
 }
-"""What makes the model of each row, by the name of the table."""
-TIMESTEPS = {"ppo": 1e6, "td3": 4e5}
+"""What makes the model of each row, by the name of the table, which ends at a "/"."""
+TIMESTEPS = {"ppo": 1e6, "locomotion/ppo": 1e6, "td3": 4e5}
 
 
 def train(name: str, variant: str, seed: int, timesteps: float, runs: Path) -> None:
@@ -80,7 +86,8 @@ def main(
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for future in [pool.submit(train, *task) for task in tasks]:
             future.result()
-    collect(runs / name, name, out)
+    table = name.partition("/")[0]
+    collect(runs / table, table, out)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ TASKS = (
     "CuriosityControl-Finger-v0",
     "CuriosityControl-Stacker-v0",
 )
+WORLDS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
 ALGORITHMS = (
     "CuriosityES",
     "NSES",
@@ -57,12 +58,30 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "env_kwargs": ["success_threshold:0.5"],
     },
     "locomotion": {
-        "algos": ("CuriosityES", "NSES", "MAPElites"),
-        "envs": ("CuriosityLocomotion-AntTrap-v0",),
+        "algos": ("CuriosityES", "NSES", "NSLC", "MAPElites", "CMAME"),
+        "envs": WORLDS,
         "timesteps": 1e6,
     },
+    "locomotion/paper": {
+        "algos": ("CuriosityES",),
+        "envs": WORLDS,
+        "timesteps": 1e6,
+        # The paper's settings of US: it has none of a robot.
+        "hyperparams": [
+            "bonus:'icm'",
+            "bonus_kwargs:{'beta': .2, 'learning_rate': 1e-4, 'normalize': False}",
+            "n_states:None",
+            "n_updates:64",
+            "batch_size:1024",
+            "phi:.8",
+            "gamma:.99",
+            "step:'paper'",
+            "no_reward:'random'",
+            "learning_rate:1",
+        ],
+    },
 }
-"""What is trained for each name, in the words of `curiosity sweep`.
+"""What is trained for each name, in the words of `curiosity sweep`; before a "/" is its table.
 
 "rounding" is for other vector instructions, whose sums are rounded otherwise:
 `ATEN_CPU_CAPABILITY=default MKL_ENABLE_INSTRUCTIONS=SSE4_2 OPENBLAS_CORETYPE=Nehalem python -m
@@ -84,7 +103,8 @@ def main(
     settings = SWEEPS[name] | ({} if timesteps is None else {"timesteps": timesteps})
     names = {key: ",".join(settings.pop(key)) for key in ("algos", "envs")}
     sweep(**names, **settings, seeds=seeds, log_folder=runs / name, jobs=jobs)
-    collect(runs / name, name, out)
+    table = name.partition("/")[0]
+    collect(runs / table, table, out)
 
 
 if __name__ == "__main__":

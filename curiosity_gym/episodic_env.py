@@ -23,11 +23,11 @@ from curiosity_gym.lazy_viewer import LazyViewer
 
 
 class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
-    """Episodes that are rewarded `1 - t / horizon` when they succeed in their step t.
+    """Episodes; success in step t is rewarded `1 - t / horizon`, unless a subclass does otherwise.
 
     A subclass says how an episode begins and advances: `_begin`, `_advance`, `_info_arrays`,
-    `_physics`, `_set_physics`, `_frame`, for "human" `_show`, and `_generators` if it draws; it may
-    reward in another way: `_reward`.
+    `_physics`, `_set_physics`, `_frame`, for "human" `_show`, `_generators` if it draws, and
+    `_reward` if that is another.
 
     Args:
         config: Spaces, horizon and frame rate.
@@ -136,12 +136,12 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         """Act for one step.
 
         Args:
-            action: (A,), clipped to the action space.
+            action: (A,), rounded to float32. Beyond the action space it acts as far as that goes.
 
         Raises:
             ValueError: If the action is not A finite numbers.
             gymnasium.error.ResetNeeded: If no episode is under way.
-            SimulationError: If the physics became unstable.
+            SimulationError: If the physics of a control task became unstable.
         """
         action = np.asarray(action, dtype=np.float32)
         # Python's own loop: a few numbers are checked before an array function has begun.
@@ -171,7 +171,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
 
         Returns:
             `steps`, an int, the steps taken; `ended`, a bool, whether the last of them ended the
-            episode; `observation`, the last, (O,) float32; `physics`, (S,) float64; and, if starts
+            episode; `observation`, the last, (O,); `physics`, (S,) float64; and, if starts
             are random, `generators`, (1, 6) uint64, the state of `np_random`. The arrays are new.
 
         Raises:

@@ -30,7 +30,7 @@ from curiosity_gym.validation import check_at_least_one
 
 
 class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
-    """n episodes side by side, each rewarded `1 - t / horizon` when it succeeds in its step t.
+    """n episodes side by side, rewarded as those of `EpisodicEnv` are.
 
     Step for step what a `SyncVectorEnv` of the single envs gives, in every autoreset mode. A
     subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_physics`,
@@ -233,7 +233,8 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         """Step every env once.
 
         Args:
-            actions: (num_envs, A), clipped to the action space.
+            actions: (num_envs, A), rounded to float32. Beyond the action space they act as far as
+                that goes.
 
         Returns:
             Observations (num_envs, O), rewards, terminations, truncations (num_envs,), and infos.
@@ -242,7 +243,8 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             ValueError: If the actions are not (num_envs, A) finite numbers.
             gymnasium.error.ResetNeeded: Before the first reset, and with autoreset disabled while
                 an env has ended.
-            SimulationError: If the physics became unstable; every env needs a reset then.
+            SimulationError: If the physics of a control task became unstable; every env needs a
+                reset then.
         """
         actions = np.ascontiguousarray(actions, dtype=np.float32)
         if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
@@ -328,8 +330,8 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
         Returns:
             New arrays: `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,) bool,
-            which envs have ended and not begun anew; `observations`, the last, (num_envs, O)
-            float32; `physics`, (num_envs, S) float64; and, if starts are random, `generators`,
+            which envs have ended and not begun anew; `observations`, the last, (num_envs, O);
+            `physics`, (num_envs, S) float64; and, if starts are random, `generators`,
             (num_envs, 6) uint64.
 
         Raises:

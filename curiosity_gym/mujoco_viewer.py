@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import copy
 import importlib
 import os
 import sys
@@ -19,7 +20,8 @@ from curiosity_gym.forks import keep_in_children
 if TYPE_CHECKING:
     import mujoco
 
-MAX_GEOMS = 1000
+FURTHER_GEOMS = 1000
+"""That a picture may show beside the model's own."""
 
 
 class Drawn(Protocol):
@@ -34,7 +36,7 @@ class MujocoViewer:
     """Draws simulations of one model, from its first camera, or one of its own.
 
     Args:
-        model: The model; its buffer for pictures grows to their size.
+        model: The model, as it is now.
         width: Of a frame (pixels).
         height: Of a frame (pixels).
 
@@ -48,7 +50,8 @@ class MujocoViewer:
 
     def __init__(self, model: mujoco.MjModel, *, width: int, height: int) -> None:
         (self._mujoco,) = import_extra("locomotion", "mujoco")
-        self._model = model
+        # Its own: a buffer that has grown makes no other task of the one whose model it is.
+        self._model = model = copy.copy(model)
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
         self._data = self._mujoco.MjData(model)
@@ -58,7 +61,7 @@ class MujocoViewer:
             self._camera.type = self._mujoco.mjtCamera.mjCAMERA_FIXED
             self._camera.fixedcamid = 0
         self._viewport = self._mujoco.MjrRect(0, 0, width, height)
-        self._scene = self._mujoco.MjvScene(model, MAX_GEOMS)
+        self._scene = self._mujoco.MjvScene(model, model.ngeom + FURTHER_GEOMS)
         self._gl = _gl_context(width, height)
         self._gl.make_current()
         font = self._mujoco.mjtFontScale.mjFONTSCALE_100

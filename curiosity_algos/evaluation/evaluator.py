@@ -14,6 +14,8 @@ from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.transparent import (
     bare,
+    has_methods_of_its_own,
+    is_exactly,
     max_steps,
     time_limit,
     without_monitors,
@@ -151,7 +153,7 @@ def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
 
 # Exactly these types: a subclass may step or reward in another way.
 def _is_maze(env: Any) -> bool:
-    return type(bare(env)) in (MazeEnv, MazeVectorEnv)
+    return is_exactly(bare(env), MazeEnv, MazeVectorEnv)
 
 
 def _make_maze(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
@@ -160,7 +162,7 @@ def _make_maze(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
 
 
 def _is_control(env: Any) -> bool:
-    return type(bare(env)) in (ControlEnv, ControlVectorEnv)
+    return is_exactly(bare(env), ControlEnv, ControlVectorEnv)
 
 
 def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
@@ -176,7 +178,8 @@ def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
 
 
 def _is_locomotion(env: Any) -> bool:
-    return type(bare(env)) in (LocomotionEnv, LocomotionVectorEnv) and env.render_mode is None
+    is_known = is_exactly(bare(env), LocomotionEnv, LocomotionVectorEnv)
+    return is_known and env.render_mode is None
 
 
 def _make_locomotion(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
@@ -193,8 +196,9 @@ def _make_locomotion(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
 
 def _is_gymnasium_robot(env: Any) -> bool:
     """Whether it is one of Gymnasium's own whose episodes end, and is not shown."""
-    is_known = isinstance(env, gym.Env) and task_class(bare(env)) is not None
-    return is_known and env.render_mode is None and time_limit(env) is not None
+    if not isinstance(env, gym.Env) or env.render_mode is not None or time_limit(env) is None:
+        return False
+    return task_class(bare(env)) is not None and not has_methods_of_its_own(bare(env))
 
 
 def _make_gymnasium_robot(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:

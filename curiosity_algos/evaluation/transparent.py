@@ -50,6 +50,16 @@ def bare(env: Any) -> Any:
     return env
 
 
+def is_exactly(env: Any, *classes: type) -> bool:
+    """Whether an env is of one of the classes, no subclass, and has all its methods of it."""
+    return type(env) in classes and not has_methods_of_its_own(env)
+
+
+def has_methods_of_its_own(env: Any) -> bool:
+    """Whether methods of this one env were replaced, as by `env.reset_model = mine`."""
+    return any(callable(getattr(type(env), name, None)) for name in vars(env))
+
+
 def max_steps(env: Any) -> int:
     """Steps after which an episode of a maze or task ends: its horizon, or a lower limit.
 
@@ -79,7 +89,8 @@ def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
 
 def _is_same(env: Any, other: Any) -> bool:
     one, two = bare(env), bare(other)
-    if type(one) is not type(two) or type(one) not in (MazeEnv, ControlEnv, LocomotionEnv):
+    known = MazeEnv, ControlEnv, LocomotionEnv
+    if type(one) is not type(two) or not (is_exactly(one, *known) and is_exactly(two, *known)):
         return False
     if one.horizon != two.horizon or max_steps(env) != max_steps(other):
         return False

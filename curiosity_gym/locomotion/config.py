@@ -2,22 +2,38 @@
 
 from __future__ import annotations
 
+import copy
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import load_env_creator
 
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.extras import import_extra
-from curiosity_gym.locomotion.tasks import TASKS, LocomotionTask
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.locomotion.tasks import BEHAVIORS, TASKS, LocomotionTask
 from curiosity_gym.locomotion.worlds import World
 from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
+
+OF_PICTURES = {
+    "camera_id",
+    "camera_name",
+    "default_camera_config",
+    "height",
+    "max_geom",
+    "render_mode",
+    "visual_options",
+    "width",
+}
+"""Keywords of Gymnasium's environments that say what its own pictures are like."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +94,6 @@ def configure_locomotion(
 
     Raises:
         ValueError: If one of them is not what it may be.
-        TypeError: If Gymnasium's environment does not know one of `env_kwargs`.
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
     """
     check_choice(tuple(TASKS), env_id=env_id)
@@ -87,10 +102,48 @@ def configure_locomotion(
         raise ValueError("`sparse` must be False where there is no `world`, and so no goal.")
     check_at_least_one(horizon=horizon, width=width, height=height)
     assert env_id is not None
-    if "render_mode" in (env_kwargs or {}):
-        raise ValueError("`env_kwargs` must not hold `render_mode`, which is an argument itself.")
-    import_extra("locomotion", "mujoco", "imageio")
-    original: gym.Env[Any, Any] = gym.make(env_id, disable_env_checker=True, **(env_kwargs or {}))
+    check_choice(BEHAVIORS, behavior=behavior)
+    original = _make_original(TASKS[env_id], env_kwargs)
     made = None if world is None else World(world)
     task = TASKS[env_id](original, behavior=behavior, world=made)
+    _try(task)
     return LocomotionConfig(task, bool(sparse), int(horizon), int(width), int(height))
+
+
+def _make_original(task: type[LocomotionTask], keywords: object) -> gym.Env[Any, Any]:
+    """Gymnasium's environment, of its own class: anybody can register another by its id."""
+    given = {} if keywords is None else keywords
+    if not isinstance(given, Mapping):
+        raise ValueError(f"`env_kwargs` must be a dictionary or None, got {given!r:.60}.")
+    of_pictures = sorted(OF_PICTURES & set(given))
+    if of_pictures:
+        raise ValueError(
+            f"`env_kwargs` must not hold {', '.join(of_pictures)}: `width`, `height` and "
+            "`render_mode` say what pictures are like."
+        )
+    check_at_least_one(**{"env_kwargs['frame_skip']": given.get("frame_skip", 1)})
+    import_extra("locomotion", "mujoco", "imageio")
+    make = load_env_creator(task.entry_point)
+    with _options_of(task.env_id):
+        original: gym.Env[Any, Any] = make(**copy.deepcopy(dict(given)))  # type: ignore[assignment]
+    return original
+
+
+def _try(task: LocomotionTask) -> None:
+    """See that the task can be begun and stepped: Gymnasium checks none of its options."""
+    with _options_of(task.env_id):
+        simulation = LocomotionSimulation(task, 1, n_threads=1)
+        simulation.reset(np.arange(1), [np.random.default_rng(0)])
+        simulation.step(np.zeros((1, task.n_actions), np.float32))
+
+
+@contextmanager
+def _options_of(env_id: str) -> Iterator[None]:
+    """Errors of any kind, as a sentence."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(
+            f"`env_kwargs` must be what Gymnasium's {env_id} can be made and stepped with "
+            f"({type(error).__name__}: {error})."
+        ) from error

@@ -76,13 +76,12 @@ class LocomotionEnv(EpisodicEnv):
         horizon: Steps after which an episode is truncated.
         width: Of a frame (pixels).
         height: Of a frame (pixels).
-        env_kwargs: Keywords of Gymnasium's environment; None: none.
+        env_kwargs: Keywords of Gymnasium's environment, but for those of its pictures; None: none.
         render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
             Gymnasium's own window.
 
     Raises:
         ValueError: If an argument is not what it may be.
-        TypeError: If Gymnasium's environment does not know one of `env_kwargs`.
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
 
     Version History:

@@ -184,9 +184,14 @@ class LocomotionSimulation:
         """Go on from a `state`, bit for bit; `observations` stay, as forces are no part of it.
 
         Raises:
-            ValueError: If MuJoCo warns of it; the simulations are where they were then.
+            ValueError: If MuJoCo warns of it, or more steps have touched something than there were;
+                the simulations are where they were then.
         """
         before = self.state
+        n_feet = self._touches.shape[1]
+        steps, touches = np.split(state[:, -1 - n_feet :], [1], axis=1)
+        if (steps < 0).any() or ((touches < 0) | (touches > steps)).any():
+            raise ValueError("`state` must not count more steps on a foot than there were.")
         self._put(state)
         if any(np.count_nonzero(data.warning.number) for data in self.data):
             self._put(before)
@@ -199,6 +204,8 @@ class LocomotionSimulation:
         for i, (data, row) in enumerate(zip(self.data, state, strict=True)):
             self._mujoco.mj_resetData(model, data)
             self._mujoco.mj_setState(model, data, row[:n], kind)
+            self._mujoco.mj_checkPos(model, data)
+            self._mujoco.mj_checkVel(model, data)
             self._mujoco.mj_forward(model, data)  # what is drawn; it warms the solver, too
             self._mujoco.mj_setState(model, data, row[:n], kind)
             self._copy_fields(i)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         horizon: Steps after which an episode is truncated.
         width: Of a frame (pixels).
         height: Of a frame (pixels).
-        env_kwargs: Keywords of Gymnasium's environment; None: none.
+        env_kwargs: Keywords of Gymnasium's environment, but for those of its pictures; None: none.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
@@ -50,7 +51,6 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
 
     Raises:
         ValueError: If an argument is not what it may be.
-        TypeError: If Gymnasium's environment does not know one of `env_kwargs`.
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
     """
 
@@ -91,7 +91,7 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
             copy=copy,
             draws=True,
         )
-        self._keywords = {"env_id": env_id, **keywords}
+        self._keywords = deepcopy({"env_id": env_id, **keywords})
         self.task = config.task
         self.sparse = config.sparse
         self._simulation = LocomotionSimulation(config.task, num_envs, n_threads)

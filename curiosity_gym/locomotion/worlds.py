@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,14 @@ import numpy.typing as npt
 
 from curiosity_gym.core import Float64Array, Mask
 from curiosity_gym.extras import import_extra
-from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout, resolve_layout
+from curiosity_gym.maze.layouts import BUILT_IN, GOAL_RADIUS, MazeLayout, resolve_layout
 
-WALL_HEIGHT = 1.0
+WALL_HEIGHT = 10.0
+"""Of what stops a robot: an ant that may fall and go on has been seen 4 m high."""
+DRAWN_HEIGHT = 1.0
+"""Of what a picture shows."""
+HIDDEN, SHOWN = 3, 0
+"""Groups of geoms that pictures leave out, and show, unless a viewer is told otherwise."""
 BORDER = 1.0
 """Thickness of the walls around the world."""
 COLOR = (0.6, 0.45, 0.3, 1.0)
@@ -30,7 +36,7 @@ TRAP = MazeLayout(
 The walls are where QDax had them for its ant, 12 m ahead. It took the idea from Conti et al. 2018,
 "Improving Exploration in Evolution Strategies for Deep Reinforcement Learning via a Population of
 Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560). Theirs are capsules in an open field;
-these are boxes 1 m high, there is a border, and a goal behind the U.
+these are boxes, there is a border, and a goal behind the U.
 """
 MAZE = MazeLayout(
     "maze",
@@ -64,8 +70,7 @@ class World:
     """
 
     def __init__(self, layout: MazeLayout | str | os.PathLike[str]) -> None:
-        known = WORLDS.get(layout) if isinstance(layout, str) else None
-        self.layout = resolve_layout(layout) if known is None else known
+        self.layout = resolve_layout(layout, {**WORLDS, **BUILT_IN}, name="world")
         self._start = np.array(self.layout.start)
         self.low: Float64Array = -self._start
         self.high: Float64Array = np.array([self.layout.width, self.layout.height]) - self._start
@@ -97,13 +102,16 @@ class World:
         """The model of an XML file, compiled with the walls."""
         (mujoco,) = import_extra("locomotion", "mujoco")
         spec = mujoco.MjSpec.from_file(path)
-        for x, y, width, height in self._boxes().tolist():
+        kinds = ((WALL_HEIGHT, HIDDEN, 1), (DRAWN_HEIGHT, SHOWN, 0))
+        for (height, group, touches), box in product(kinds, self._boxes().tolist()):
+            x, y, width, depth = box
             spec.worldbody.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_BOX,
-                pos=(x + width / 2.0, y + height / 2.0, WALL_HEIGHT / 2.0),
-                size=(width / 2.0, height / 2.0, WALL_HEIGHT / 2.0),
-                contype=1,
-                conaffinity=1,
+                pos=(x + width / 2.0, y + depth / 2.0, height / 2.0),
+                size=(width / 2.0, depth / 2.0, height / 2.0),
+                group=group,
+                contype=touches,
+                conaffinity=touches,
                 rgba=COLOR,
             )
         return spec.compile()

@@ -134,23 +134,33 @@ class MazeLayout:
         return self.name, self.width, self.height, self.start, self.goal, self.walls.tobytes()
 
 
-def resolve_layout(layout: MazeLayout | str | os.PathLike[str]) -> MazeLayout:
+def resolve_layout(
+    layout: MazeLayout | str | os.PathLike[str],
+    built_in: Mapping[str, MazeLayout] | None = None,
+    name: str = "layout",
+) -> MazeLayout:
     """Return the layout itself, or the one that a built-in name, a .json path or ASCII text means.
+
+    Args:
+        layout: Which.
+        built_in: Those with a name; None: the four mazes.
+        name: Of the argument, for the error.
 
     Raises:
         ValueError: `layout` is none of these, or the layout it means is not valid.
     """
     if isinstance(layout, MazeLayout):
         return layout
+    built_in = BUILT_IN if built_in is None else built_in
     if isinstance(layout, str):
-        if layout in BUILT_IN:
-            return BUILT_IN[layout]
+        if layout in built_in:
+            return built_in[layout]
         if "\n" in layout:
             return MazeLayout.from_ascii(layout)
     if isinstance(layout, str | os.PathLike) and str(layout).endswith(".json"):
         return MazeLayout.from_json(layout)
     raise ValueError(
-        f"layout must be a MazeLayout, a built-in name ({', '.join(BUILT_IN)}), a path ending in "
+        f"`{name}` must be a MazeLayout, a built-in name ({', '.join(built_in)}), a path ending in "
         f".json, or ASCII text with a line break, got {layout!r:.60}."
     )
 

@@ -35,4 +35,4 @@ def task_class(env: gym.Env[Any, Any]) -> type[LocomotionTask] | None:
     Its classes are compared by their names, as they import MuJoCo.
     """
     name = f"{type(env).__module__}:{type(env).__qualname__}"
-    return next((task for key, task in TASKS.items() if gym.spec(key).entry_point == name), None)
+    return next((task for task in TASKS.values() if task.entry_point == name), None)

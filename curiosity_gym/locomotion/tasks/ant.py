@@ -15,10 +15,11 @@ class Ant(LocomotionTask):
 
     Behavior:
         "position": x and y of the torso (m), within +-30. "feet": of the four feet, in the order
-        front left, front right, back left, back right.
+        of their names in Gymnasium: front left, front right, back left, back right.
     """
 
     env_id = "Ant-v5"
+    entry_point = "gymnasium.envs.mujoco.ant_v5:AntEnv"
     options = (
         *LocomotionTask.options,
         "contact_cost_weight",
@@ -30,6 +31,7 @@ class Ant(LocomotionTask):
     )
     fields = ("qpos", "qvel", "xpos", "cfrc_ext")
     feet = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
+    places = ("_torso",)
     walks_around = True
 
     contact_cost_weight: float
@@ -40,7 +42,10 @@ class Ant(LocomotionTask):
     include_cfrc_ext_in_observation: bool
 
     def _prepare(self, env: Any) -> None:
-        self._torso = env.data.body(env._main_body).id
+        try:
+            self._torso = env.data.body(env._main_body).id
+        except (IndexError, KeyError) as error:
+            raise ValueError(f"`main_body` must be a body of the model ({error}).") from error
 
     def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
         drawn: Float64Array = noise * rng.standard_normal(self.model.nv)

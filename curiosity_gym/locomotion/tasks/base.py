@@ -6,6 +6,7 @@ with the operations of Gymnasium's environment, in their order, so that the bits
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any, ClassVar
 
@@ -56,6 +57,8 @@ class LocomotionTask:
     """
 
     env_id: ClassVar[str]
+    entry_point: ClassVar[str]
+    """Of Gymnasium's class: a module and a name in it."""
     options: ClassVar[tuple[str, ...]] = (
         "forward_reward_weight",
         "ctrl_cost_weight",
@@ -67,6 +70,8 @@ class LocomotionTask:
     """Names of the fields that the task reads."""
     feet: ClassVar[tuple[str, ...]] = ()
     """Geoms of the feet."""
+    places: ClassVar[tuple[str, ...]] = ()
+    """Attributes that say where in the model something is."""
     n_dimensions: ClassVar[int] = 2
     """Coordinates of a position: those that begin `qpos`."""
     walks_around: ClassVar[bool] = False
@@ -93,7 +98,8 @@ class LocomotionTask:
             raise ValueError(f"`world` must be None of {self.env_id}, which does not walk around.")
         self.behavior_name = behavior
         self.world = world
-        self.model = inner.model if world is None else world.model_of(inner.fullpath)
+        # Its own: what is changed in the environment later is not half of it.
+        self.model = copy.copy(inner.model) if world is None else world.model_of(inner.fullpath)
         self.frame_skip: int = inner.frame_skip
         self.dt: float = inner.dt
         self.n_actions: int = self.model.nu
@@ -135,7 +141,7 @@ class LocomotionTask:
         """Equal tasks begin, move, observe and reward alike."""
         if type(self) is not type(other) or not isinstance(other, LocomotionTask):
             return False
-        names = (*self.options, "behavior_name", "frame_skip")
+        names = (*self.options, *self.places, "behavior_name", "frame_skip")
         return (
             self.world == other.world
             and all(_same(getattr(self, name), getattr(other, name)) for name in names)

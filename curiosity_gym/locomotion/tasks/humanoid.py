@@ -17,6 +17,7 @@ class Humanoid(LocomotionTask):
     """
 
     env_id = "Humanoid-v5"
+    entry_point = "gymnasium.envs.mujoco.humanoid_v5:HumanoidEnv"
     options = (
         *LocomotionTask.options,
         "contact_cost_weight",
@@ -57,7 +58,7 @@ class Humanoid(LocomotionTask):
     def place(self, fields: Fields) -> Float64Array:
         """The center of mass."""
         masses = self.model.body_mass
-        center: Float64Array = np.einsum("b,nbj->nj", masses, fields.xipos) / masses.sum()
+        center: Float64Array = (masses[:, None] * fields.xipos).sum(axis=1) / masses.sum()
         return center[:, :2]
 
     def healthy(self, fields: Fields) -> Mask:

@@ -18,6 +18,7 @@ class HalfCheetah(LocomotionTask):
     """
 
     env_id = "HalfCheetah-v5"
+    entry_point = "gymnasium.envs.mujoco.half_cheetah_v5:HalfCheetahEnv"
     feet = ("bfoot", "ffoot")
     n_dimensions = 1
 
@@ -38,6 +39,7 @@ class Walker2d(LocomotionTask):
     """
 
     env_id = "Walker2d-v5"
+    entry_point = "gymnasium.envs.mujoco.walker2d_v5:Walker2dEnv"
     options = (
         *LocomotionTask.options,
         "healthy_reward",
@@ -94,6 +96,7 @@ class Hopper(Walker2d):
     """
 
     env_id = "Hopper-v5"
+    entry_point = "gymnasium.envs.mujoco.hopper_v5:HopperEnv"
     options = (*Walker2d.options, "healthy_state_range")
     feet: ClassVar[tuple[str, ...]] = ("foot_geom",)
 

@@ -13,3 +13,4 @@ class Swimmer(LocomotionTask):
     """
 
     env_id = "Swimmer-v5"
+    entry_point = "gymnasium.envs.mujoco.swimmer_v5:SwimmerEnv"

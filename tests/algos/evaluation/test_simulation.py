@@ -259,6 +259,17 @@ class TestRobots:
     def test_others_are_left_to_the_generic_one(self, make_env):
         assert isinstance(make_evaluator(make_env()), VectorEvaluator)
 
+    @pytest.mark.parametrize("env_id", ["Hopper-v5", "CuriosityLocomotion-Hopper-v0"])
+    def test_one_whose_methods_were_replaced_is_another(self, env_id):
+        env = gym.make(env_id)
+        env.unwrapped.step = env.unwrapped.step
+        assert isinstance(make_evaluator(env), VectorEvaluator)
+
+    def test_of_other_options_are_not_taken_for_one(self):
+        bodies = [{"main_body": name} for name in ("torso", "aux_1")]
+        makers = [lambda b=b: gym.make("CuriosityLocomotion-Ant-v0", env_kwargs=b) for b in bodies]
+        assert isinstance(make_evaluator(DummyVecEnv(makers)), VectorEvaluator)
+
     def test_are_known_in_stable_baselines_and_gymnasiums_vectors(self):
         env_id = "CuriosityLocomotion-Hopper-v0"
         native = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")

@@ -100,18 +100,78 @@ class TestMistakes:
         with pytest.raises(ValueError, match="`env_id` must be one of Ant-v5"):
             LocomotionEnv("Pusher-v5")
 
-    def test_an_unknown_keyword_of_gymnasiums(self):
-        with pytest.raises(TypeError, match="wings"):
-            LocomotionEnv("Ant-v5", env_kwargs={"wings": 2})
+    @pytest.mark.parametrize(
+        "env_kwargs",
+        [
+            {"wings": 2},
+            {"max_episode_steps": 5},
+            {"id": "Ant-v5"},
+            {1: 2},
+            {"xml_file": "nope.xml"},
+            {"reset_noise_scale": -1.0},
+            {"healthy_z_range": 3},
+            {"contact_force_range": None},
+        ],
+    )
+    def test_what_gymnasiums_environment_cannot_be_made_and_stepped_with(self, env_kwargs):
+        words = "`env_kwargs` must be what Gymnasium's Ant-v5 can be made and stepped with"
+        with pytest.raises(ValueError, match=words):
+            LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
 
-    def test_a_render_mode_twice(self):
-        with pytest.raises(ValueError, match=re.escape("`env_kwargs` must not hold `render_mode`")):
-            LocomotionEnv("Ant-v5", env_kwargs={"render_mode": "human"})
+    @pytest.mark.parametrize("main_body", ["nope", 99])
+    def test_a_body_that_is_not_there(self, main_body):
+        with pytest.raises(ValueError, match="`main_body` must be a body of the model"):
+            LocomotionEnv("Ant-v5", env_kwargs={"main_body": main_body})
+
+    @pytest.mark.parametrize("frame_skip", [0, -1, 2.5])
+    def test_a_step_that_is_none(self, frame_skip):
+        with pytest.raises(
+            ValueError, match=re.escape("`env_kwargs['frame_skip']` must be a whol")
+        ):
+            LocomotionEnv("Ant-v5", env_kwargs={"frame_skip": frame_skip})
+
+    @pytest.mark.parametrize("env_kwargs", [5, "abc", []])
+    def test_keywords_that_are_no_dictionary(self, env_kwargs):
+        with pytest.raises(ValueError, match="`env_kwargs` must be a dictionary or None"):
+            LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
+
+    def test_pictures_of_gymnasiums(self):
+        with pytest.raises(ValueError, match="must not hold camera_id, render_mode: `width`"):
+            LocomotionEnv("Ant-v5", env_kwargs={"render_mode": "human", "camera_id": 0})
+
+    @pytest.mark.parametrize("behavior", [None, "speed"])
+    def test_another_behavior(self, behavior):
+        with pytest.raises(ValueError, match="`behavior` must be one of position, feet"):
+            LocomotionEnv("Ant-v5", behavior=behavior)
 
     @pytest.mark.parametrize("horizon", [0, -1, 2.5])
     def test_a_horizon_that_is_none(self, horizon):
         with pytest.raises(ValueError, match="`horizon`"):
             LocomotionEnv("Ant-v5", horizon=horizon)
+
+
+class TestStates:
+    @pytest.mark.parametrize("make", [LocomotionEnv, partial(LocomotionVectorEnv, num_envs=2)])
+    @pytest.mark.parametrize(
+        ("place", "value"), [(1, 1e12), (8, 1e12), (-1, 900.0), (-1, -1.0), (-2, -77.0)]
+    )
+    def test_that_physics_never_led_to_are_refused(self, make, place, value):
+        # Integration's state begins with the time, positions and velocities, and feet are last.
+        env = make(**KEYWORDS)
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
+        good, bad = env.state_dict(), env.state_dict()
+        bad["physics"][..., place] = value
+        with pytest.raises(ValueError, match="`state` must"):
+            env.load_state_dict(bad)
+        np.testing.assert_array_equal(env.state_dict()["physics"], good["physics"])
+
+
+def test_keywords_are_those_of_when_it_was_made():
+    env_kwargs = {}
+    envs = LocomotionVectorEnv("Hopper-v5", num_envs=2, env_kwargs=env_kwargs)
+    env_kwargs["frame_skip"] = 9
+    assert envs.make_single_env().task == envs.task
 
 
 def test_options_are_gymnasiums():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.utils import seeding
 
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import TASKS, task_class
 
@@ -27,7 +28,7 @@ OTHERS = {
     "Ant-v5": {
         "contact_cost_weight": 0.01,
         "healthy_reward": 0.5,
-        "main_body": "front_left_leg",
+        "main_body": "aux_1",  # a leg begins where the torso is
         "healthy_z_range": (0.3, 0.9),
         "contact_force_range": (-0.5, 2.0),
         "include_cfrc_ext_in_observation": False,
@@ -224,6 +225,21 @@ class TestEquality:
         assert make["a"]() != other
         assert make["a"]() != TASKS["Hopper-v5"](make_original("Hopper-v5"))
 
+    @pytest.mark.parametrize("env_id", TASKS)
+    def test_asks_for_every_option(self, env_id):
+        plain = TASKS[env_id](make_original(env_id))
+        for name, value in {
+            **options_of(env_id, "others"),
+            **options_of(env_id, "endless"),
+        }.items():
+            assert TASKS[env_id](make_original(env_id, **{name: value})) != plain, name
+
+    def test_leaves_a_change_of_the_environment_aside(self):
+        original = make_original("Hopper-v5")
+        task = TASKS["Hopper-v5"](original)
+        original.model.opt.gravity[2] = -2.0
+        assert task == TASKS["Hopper-v5"](make_original("Hopper-v5"))
+
     def test_is_kept_by_pickle(self):
         task = TASKS["Humanoid-v5"](make_original("Humanoid-v5", frame_skip=3), behavior="feet")
         assert pickle.loads(pickle.dumps(task)) == task
@@ -286,3 +302,16 @@ def test_the_class_of_a_task_is_known_by_gymnasiums_own():
     assert task_class(gym.make("Pendulum-v1").unwrapped) is None
     own = type("AntEnv", (type(make_original("Ant-v5")),), {})
     assert task_class(own()) is None
+
+
+def test_gymnasiums_class_is_that_of_the_id():
+    assert {key: gym.spec(key).entry_point for key in TASKS} == {
+        key: task.entry_point for key, task in TASKS.items()
+    }
+
+
+def test_another_class_by_the_same_id_is_another_environment(monkeypatch):
+    monkeypatch.delitem(gym.registry, "Hopper-v5")
+    assert task_class(gym.make("Pendulum-v1").unwrapped) is None
+    monkeypatch.setitem(gym.registry, "Hopper-v5", gym.spec("Pendulum-v1"))
+    assert LocomotionEnv("Hopper-v5").observation_space.shape == (11,)

@@ -8,6 +8,7 @@ import pytest
 
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.worlds import MAZE, TRAP, WORLDS, World
 from curiosity_gym.maze.layouts import GOAL_RADIUS
 
@@ -28,10 +29,13 @@ def boxes_of(model):
 
     is_box = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX) & (model.geom_bodyid == 0)
     center, half = model.geom_pos[is_box, :2], model.geom_size[is_box, :2]
-    assert (
-        model.geom_pos[is_box, 2] == model.geom_size[is_box, 2]
-    ).all()  # they stand on the floor
-    return np.concatenate([center - half, 2.0 * half], axis=1)
+    # They stand on the floor.
+    assert (model.geom_pos[is_box, 2] == model.geom_size[is_box, 2]).all()
+    stop, drawn = np.split(np.concatenate([center - half, 2.0 * half], axis=1), 2)
+    np.testing.assert_array_equal(stop, drawn)
+    touches = model.geom_contype[is_box] & model.geom_conaffinity[is_box]
+    assert touches.tolist() == [1] * len(stop) + [0] * len(drawn)
+    return stop
 
 
 class TestWalls:
@@ -59,6 +63,25 @@ class TestWalls:
             data.qvel[:2] = 4.0, 0.0
             env.step(np.zeros(8, np.float32))
         assert 10.0 < data.qpos[0] < 11.5  # the face of the U's back
+
+    def test_are_too_high_to_get_over_for_a_robot_that_falls_and_goes_on(self):
+        box = MazeLayout(
+            "box", width=6.0, height=6.0, start=(2.5, 3.0), goal=(5, 5), walls=np.zeros((0, 4))
+        )
+        env = LocomotionEnv("Ant-v5", world=box, env_kwargs={"terminate_when_unhealthy": False})
+        simulation = LocomotionSimulation(env.task, 24)
+        simulation.reset(np.arange(24), [np.random.default_rng(0)])
+        rng = np.random.default_rng(1)
+        going, highest = np.arange(24), 0.0
+        for t in range(300):
+            if t % 10 == 0:
+                actions = rng.choice([-1.0, 1.0], (24, 8)).astype(np.float32)
+            going = going[~simulation.step(actions[going], going)]
+            places = np.array([data.qpos[:3] for data in simulation.data])
+            highest = max(highest, places[:, 2].max())
+            assert (places[:, :2] >= env.task.world.low).all()
+            assert (places[:, :2] <= env.task.world.high).all()
+        assert highest > 1.5
 
     def test_can_be_anybodys(self):
         text = "#####\n#S.G#\n#####"
@@ -133,8 +156,9 @@ class TestMistakes:
             LocomotionEnv("Ant-v5", sparse=True)
 
     def test_an_unknown_world(self):
-        with pytest.raises(ValueError, match="layout"):
-            LocomotionEnv("Ant-v5", world="labyrint")
+        for world in ("labyrint", 3):
+            with pytest.raises(ValueError, match=r"`world` must be .*trap, maze, snake, us"):
+                LocomotionEnv("Ant-v5", world=world)
 
 
 @pytest.mark.parametrize("name", TASKS)

@@ -322,7 +322,9 @@ class TestResolve:
 
     @pytest.mark.parametrize("layout", ["maze", "", "S.G", Path("maze.txt"), None, 3, FIELDS])
     def test_anything_else_is_refused(self, layout):
-        with pytest.raises(ValueError, match=r"^layout must be .*snake, us, hard, labyrinth.*json"):
+        with pytest.raises(
+            ValueError, match=r"^`layout` must be .*snake, us, hard, labyrinth.*json"
+        ):
             resolve_layout(layout)
 
 

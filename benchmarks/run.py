@@ -20,6 +20,7 @@ SECTIONS = {
     "vector": "benchmarks.vector",
     "control": "benchmarks.control",
     "locomotion": "benchmarks.locomotion",
+    "processes": "benchmarks.processes",
     "learn": "benchmarks.training",
     "td3": "benchmarks.off_policy",
     "novelty": "benchmarks.novelty",

@@ -28,7 +28,7 @@ Env = gym.Env[Any, Any]
 Float64Array = npt.NDArray[np.float64]
 
 
-def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
+def env_and_copies(env: Env, mlp: Mlp) -> tuple[list[Env], bool]:
     """The env beside copies of it; or the env alone, which is always right and only slower.
 
     It stays alone, without a word, where it renders, where it cannot be copied, and where a copy
@@ -40,25 +40,29 @@ def env_and_copies(env: Env, mlp: Mlp) -> list[Env]:
     Args:
         env: The environment. Only copies of it are reset and stepped here.
         mlp: The policies' shape, which says what actions there are.
+
+    Returns:
+        The envs, and whether others may play for them in other processes: not where one is watched,
+        or two have been seen to do wrong.
     """
     if env.render_mode is not None:
-        return [env]
+        return [env], False
     try:
         tried = [copy.deepcopy(env) for _ in range(2)]
     except Exception:  # whatever an env of the user's raises, it can still be used alone
-        return [env]
+        return [env], True
     actions = _actions(mlp)
     with _trial():
         try:
             repeated = [_apart(tried, actions) for _ in range(2)]
         except Exception:  # the env may raise it, too, when it is used
             _keep_while_alive(env, tried)
-            return [env]
+            return [env], False
         are_independent = not _are_equal(*repeated) or _take_turns_as(repeated[0], tried, actions)
     if not are_independent:
-        return alone([env, *tried])
+        return alone([env, *tried]), False
     tried.clear()  # an env may be large
-    return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))]
+    return [env, *(copy.deepcopy(env) for _ in range(N_COPIES - 1))], True
 
 
 def alone(envs: list[Env]) -> list[Env]:
@@ -88,6 +92,18 @@ def share_state(together: Rollouts, replay: Callable[[], Rollouts]) -> bool:
         if _are_equal(played, _results(together, (-1, 0))):
             return False
         return _are_equal(played, _results(replay(), (0, 1)))
+
+
+def are_same_episodes(one: Rollouts, other: Rollouts) -> bool:
+    """Whether the same policies came to the same, bit for bit."""
+    everyone = range(len(one))
+    return np.array_equal(one.lengths, other.lengths) and _are_equal(
+        [*_results(one, everyone), _visited(one)], [*_results(other, everyone), _visited(other)]
+    )
+
+
+def _visited(rollouts: Rollouts) -> tuple[npt.NDArray[Any], ...]:
+    return () if rollouts.visited is None else (rollouts.visited,)
 
 
 def _results(rollouts: Rollouts, policies: Iterable[int]) -> list[tuple[npt.NDArray[Any], ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -16,6 +17,7 @@ from curiosity_algos.evaluation.copies import alone, env_and_copies, share_state
 from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
+from curiosity_algos.evaluation.processes import Play, Processes
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,
@@ -43,18 +45,28 @@ class VectorEvaluator:
             otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`). To
             tell, two policies of the first seeded wave are played again in the env alone.
         mlp: The policies' shape.
+        n_processes: Processes that a single env is tried on, once that is worth their start; it is
+            played there if it comes to the same, bit for bit, and that is faster
+            (`curiosity_algos.evaluation.processes`). Only episodes with a seed are.
     """
 
     def __init__(
-        self, env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv, mlp: Mlp
+        self,
+        env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv,
+        mlp: Mlp,
+        n_processes: int = 1,
     ) -> None:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._grid = coverage_grid(env)
         self._untried: SingleEnvBatch | None = None
         self._batch: Batch
+        self._processes: Processes | None = None
         if isinstance(env, gym.Env):
-            self._batch = self._untried = SingleEnvBatch(env_and_copies(env, mlp))
+            envs, may_play_apart = env_and_copies(env, mlp)
+            self._batch = self._untried = SingleEnvBatch(envs)
+            if n_processes > 1 and may_play_apart:
+                self._processes = Processes(env, partial(_make_play, mlp=mlp), n_processes)
         else:
             self._batch = _as_batch(env)
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
@@ -69,10 +81,21 @@ class VectorEvaluator:
             ValueError: If an episode does not end, or some end with a behavior and others do not.
         """
         parameters = check_parameters(parameters, self.n_parameters)
+        if self._processes is None or seed is None:
+            return self._play_here(parameters, seed)
+        return self._processes.play(parameters, seed, self._play_here)
+
+    @property
+    def n_processes(self) -> int:
+        """Processes that play episodes with a seed now; 1 is this one."""
+        return 1 if self._processes is None else self._processes.n_live
+
+    def _play_here(self, parameters: Float32Array, seed: int | None) -> Rollouts:
+        """Play episodes in this process, as many at a time as the batch has envs."""
         n = self._batch.n
         first = self._play(self._batch, parameters[:n], seed)
         if self._stays_alone_after(first, parameters[:n], seed):
-            return self.evaluate(parameters, seed)
+            return self._play_here(parameters, seed)
         later = range(n, len(parameters), n)
         waves = [self._play(self._batch, parameters[i : i + n], seed) for i in later]
         return concatenate([first, *waves])
@@ -94,6 +117,7 @@ class VectorEvaluator:
         ):
             return False
         self._batch = SingleEnvBatch(alone(envs))
+        self._processes = None
         return True
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
@@ -139,6 +163,11 @@ class VectorEvaluator:
                 "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000), or "
                 "gymnasium.make(id, max_episode_steps=1000)."
             )
+
+
+def _make_play(env: gym.Env[Any, Any], mlp: Mlp) -> Play:
+    """What plays on an env in a process of its own."""
+    return VectorEvaluator(env, mlp).evaluate
 
 
 def _as_batch(env: VectorEnv[Any, Any, Any] | VecEnv) -> Batch:

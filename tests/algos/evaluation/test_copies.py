@@ -201,7 +201,7 @@ def success_of_places():
 
 
 def copies_of(env):
-    return env_and_copies(env, build_mlp(env.observation_space, env.action_space, [4]))
+    return env_and_copies(env, build_mlp(env.observation_space, env.action_space, [4]))[0]
 
 
 def policies(evaluator, n=6):

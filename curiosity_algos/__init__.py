@@ -11,6 +11,7 @@ from curiosity_algos.algorithms.canonical_es import CanonicalES
 from curiosity_algos.algorithms.curiosity_es import CuriosityES
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.td3_icm import TD3ICM
+from curiosity_algos.common.vec_env import GymnasiumVecEnv
 from curiosity_algos.curiosity.apt import APT
 from curiosity_algos.curiosity.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_algos.curiosity.icm import ICM
@@ -42,6 +43,7 @@ __all__ = [
     "CuriosityES",
     "CuriosityMAPElites",
     "ExplorationCallback",
+    "GymnasiumVecEnv",
     "ICMVecEnvWrapper",
     "MAPElites",
     "Rollouts",

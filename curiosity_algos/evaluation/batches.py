@@ -17,7 +17,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
+from curiosity_algos.common.vec_env import has_generators, info_of
 
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
@@ -122,9 +122,7 @@ class GymnasiumBatch:
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `Batch`."""
         # An env with one generator for all its episodes takes one seed: their starts may differ.
-        env = self._env.unwrapped
-        has_a_generator_each = hasattr(env, "env_fns") or isinstance(env, EpisodicVectorEnv)
-        seeds = [seed] * self.n if has_a_generator_each and seed is not None else seed
+        seeds = [seed] * self.n if seed is not None and has_generators(self._env) else seed
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         return np.array(observations)
 
@@ -141,14 +139,8 @@ class GymnasiumBatch:
             infos = infos["final_info"]
         elif self._mode == AutoresetMode.DISABLED and ended.any():
             self._env.reset(options={"reset_mask": ended})
-        last = {i: _info_of(infos, i) for i in np.flatnonzero(ended & active).tolist()}
+        last = {i: info_of(infos, i) for i in np.flatnonzero(ended & active).tolist()}
         return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last, behaviors)
-
-
-def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:
-    """One env's entries of a VectorEnv's infos (`_key` masks whether env i has `key`)."""
-    keys = [key for key in infos if f"_{key}" in infos and infos[f"_{key}"][i]]
-    return {key: infos[key][i] for key in keys if not isinstance(infos[key], dict)}
 
 
 class Sb3Batch:

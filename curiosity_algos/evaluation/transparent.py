@@ -10,6 +10,7 @@ from gymnasium.vector import VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.common.vec_env import GymnasiumVecEnv
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
@@ -28,7 +29,7 @@ def without_monitors(env: Any) -> Any:
     Raises:
         ValueError: If a wrapper of a whole batch of environments remains.
     """
-    if isinstance(env, GymnasiumView):
+    if isinstance(env, GymnasiumView | GymnasiumVecEnv):
         return without_monitors(env.vector_env)
     if isinstance(env, VecMonitor):
         return without_monitors(env.venv)

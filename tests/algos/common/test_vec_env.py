@@ -1,0 +1,195 @@
+"""Gymnasium's vector environments for Stable-Baselines3; a DummyVecEnv is the oracle."""
+
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+from curiosity_algos import BonusVecEnvWrapper, CanonicalES, GymnasiumVecEnv, make_evaluator
+from curiosity_algos.evaluation.maze import MazeEvaluator
+
+N = 3
+MAZE = "CuriosityMaze-US-v0"
+MODES = [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED]
+
+
+def make_native(mode, env_id=MAZE, **keywords):
+    kind = {"num_envs": N, "vectorization_mode": "vector_entry_point"}
+    return gym.make_vec(env_id, **kind, autoreset_mode=mode, **keywords)
+
+
+def make_cartpole():
+    return gym.make("CartPole-v1", max_episode_steps=9)
+
+
+def make_sync(mode, make=make_cartpole):
+    return SyncVectorEnv([make] * N, autoreset_mode=mode)
+
+
+def make_async(mode, make=make_cartpole):
+    return AsyncVectorEnv([make] * N, autoreset_mode=mode)
+
+
+class Described(gym.Env):
+    """One that observes a dictionary, and tells nothing but now and then."""
+
+    observation_space = gym.spaces.Dict(
+        {"place": gym.spaces.Box(-9, 9, (2,)), "t": gym.spaces.Discrete(9)}
+    )
+    action_space = gym.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.t, self.options = 0, options
+        self.place = self.np_random.uniform(-1, 1, 2).astype(np.float32)
+        return self.observe(), {"begin": self.place.copy()}
+
+    def step(self, action):
+        self.t += 1
+        self.place += action - 0.5
+        info = {"nested": {"twice": 2.0 * self.place[0]}} if self.t % 2 else {"t": self.t}
+        return self.observe(), 0.1, self.t == 5, False, info
+
+    def observe(self):
+        return {"place": self.place.copy(), "t": self.t}
+
+
+KINDS = {
+    "maze": (
+        partial(make_native, horizon=7),
+        lambda: gym.make(MAZE, horizon=7, disable_env_checker=True),
+    ),
+    "sync": (make_sync, make_cartpole),
+    "async": (make_async, make_cartpole),
+    "dictionary": (partial(make_sync, make=Described), Described),
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_equals_a_dummy_vec_env(kind, mode):
+    make, make_single = KINDS[kind]
+    ours, theirs = GymnasiumVecEnv(make(mode)), DummyVecEnv([make_single] * N)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    for each in (ours, theirs):
+        each.seed(4)
+    assert_same(ours.reset(), theirs.reset())
+    assert_same(ours.reset_infos, theirs.reset_infos)
+    rng = np.random.default_rng(0)
+    n_ends = 0
+    for _ in range(40):
+        action = np.array([theirs.action_space.sample() for _ in range(N)])
+        if theirs.action_space.shape:
+            action = rng.uniform(-1, 1, action.shape).astype(np.float32)
+        our, their = ours.step(action), theirs.step(action)
+        assert_same(our, their)
+        assert_same(ours.reset_infos, theirs.reset_infos)
+        assert our[1].dtype == their[1].dtype
+        n_ends += our[2].sum()
+    assert n_ends >= N
+    ours.close()
+
+
+def assert_same(one, other):
+    """The same values, numpy's scalars being numbers."""
+    if isinstance(one, dict):
+        assert set(one) == set(other)
+        for key, value in one.items():
+            assert_same(value, other[key])
+    elif isinstance(one, list | tuple):
+        assert len(one) == len(other)
+        for pair in zip(one, other, strict=True):
+            assert_same(*pair)
+    else:
+        np.testing.assert_array_equal(one, other)
+
+
+class TestAttributes:
+    @pytest.mark.parametrize("make", [make_sync, make_async])
+    def test_are_those_of_single_envs(self, make):
+        venv = GymnasiumVecEnv(make(AutoresetMode.SAME_STEP))
+        assert venv.get_attr("spec")[0].id == "CartPole-v1"
+        assert venv.has_attr("gravity")
+        assert not venv.has_attr("wings")
+        venv.set_attr("gravity", 3.0, indices=[1])
+        assert venv.get_attr("gravity") == [9.8, 3.0, 9.8]
+        assert venv.env_method("has_wrapper_attr", "gravity") == [True] * N
+        with pytest.raises(ValueError, match="`indices` must be None"):
+            venv.env_method("has_wrapper_attr", "gravity", indices=0)
+        venv.close()
+
+    def test_of_a_native_one_are_of_all(self):
+        venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7))
+        assert venv.get_attr("horizon", indices=[0, 2]) == [7, 7]
+        assert not venv.has_attr("wings")
+        for call in (lambda: venv.set_attr("horizon", 3), lambda: venv.env_method("step")):
+            with pytest.raises(AttributeError, match="there is no single one"):
+                call()
+
+    def test_tell_wrappers(self):
+        venv = GymnasiumVecEnv(make_sync(AutoresetMode.SAME_STEP, lambda: Monitor(Described())))
+        assert venv.env_is_wrapped(Monitor, indices=[0, 1]) == [True, True]
+        assert venv.env_is_wrapped(gym.wrappers.TimeLimit) == [False] * N
+        native = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP))
+        assert native.env_is_wrapped(Monitor) == [False] * N
+
+    def test_show_pictures(self):
+        venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, render_mode="rgb_array"))
+        venv.reset()
+        assert [image.ndim for image in venv.get_images()] == [3] * N
+        assert venv.render("rgb_array").ndim == 3
+
+
+class TestAlgorithms:
+    def test_of_stable_baselines_learn(self):
+        venv = VecMonitor(GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7)))
+        model = PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(48)
+        assert {info["l"] for info in model.ep_info_buffer} == {7}
+        venv = GymnasiumVecEnv(make_sync(AutoresetMode.DISABLED))
+        DQN("MlpPolicy", venv, learning_starts=8, device="cpu").learn(30)
+
+    def test_explore_with_a_bonus(self):
+        venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7))
+        venv = BonusVecEnvWrapper(venv, bonus="rnd", seed=0)
+        PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(24)
+        assert np.isfinite(venv.step(np.zeros((N, 2), np.float32))[1]).all()
+
+    def test_of_populations_see_the_env_inside(self):
+        native = make_native(AutoresetMode.SAME_STEP, horizon=7)
+        assert isinstance(make_evaluator(GymnasiumVecEnv(native)), MazeEvaluator)
+        model = CanonicalES(GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP)), seed=0)
+        assert isinstance(model.evaluator, MazeEvaluator)
+
+
+class TestMistakes:
+    def test_a_new_episode_a_step_late(self):
+        with pytest.raises(ValueError, match="autoreset_mode=gymnasium"):
+            GymnasiumVecEnv(make_native(AutoresetMode.NEXT_STEP))
+
+    @pytest.mark.parametrize("env", [MAZE, None])
+    def test_no_vector_env(self, env):
+        with pytest.raises(ValueError, match="`vector_env` must be a Gymnasium VectorEnv"):
+            GymnasiumVecEnv(env)
+
+    def test_options_for_each(self):
+        venv = GymnasiumVecEnv(make_sync(AutoresetMode.SAME_STEP, Described))
+        venv.set_options({"low": 1})
+        venv.reset()
+        assert venv.get_attr("options") == [{"low": 1}] * N
+        venv.set_options([{"low": 1}, {}, {}])
+        with pytest.raises(ValueError, match="`options` must be the same"):
+            venv.reset()
+
+
+def test_observations_are_kept_where_the_env_overwrites_its_own():
+    venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, copy=False))
+    first = venv.reset()
+    kept = first.copy()
+    venv.step(np.ones((N, 2), np.float32))
+    np.testing.assert_array_equal(first, kept)

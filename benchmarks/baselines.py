@@ -45,6 +45,7 @@ UPRIGHT = {"env_kwargs": {"terminate_when_unhealthy": False}}
 LOCOMOTION: dict[str, tuple[str, dict[str, Any]]] = {
     "AntTrap": ("CuriosityLocomotion-AntTrap-v0", {}),
     "AntMaze": ("CuriosityLocomotion-AntMaze-v0", {}),
+    "HumanoidTrap": ("CuriosityLocomotion-HumanoidTrap-v0", {}),
     "AntTrap, falls do not end it": ("CuriosityLocomotion-AntTrap-v0", UPRIGHT),
     "AntMaze, falls do not end it": ("CuriosityLocomotion-AntMaze-v0", UPRIGHT),
 }
@@ -66,7 +67,7 @@ def main(
     known = [label for rows in FILES.values() for label in rows]
     if only not in (None, *known):
         raise typer.BadParameter(f"The row is one of {'; '.join(known)}, not {only}.")
-    n_episodes, horizon = (3, 20) if quick else (200, 1000)
+    n_episodes, shortened = (3, {"horizon": 20}) if quick else (200, {})
     policies = [f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS]
     columns = ["Task", "No actions", "Uniform actions", f"+-1, held {N_HELD} steps", *policies]
     for file, rows in FILES.items():
@@ -75,7 +76,7 @@ def main(
         table = table.set_index("Task")
         for label in [each for each in rows if only in (None, each)]:
             env_id, keywords = rows[label]
-            env = gym.make(env_id, horizon=horizon, **keywords)
+            env = gym.make(env_id, **keywords, **shortened)
             table.loc[label] = solved(env, n_episodes, seed)
             table.loc[[each for each in rows if each in table.index]].to_csv(path)
 
@@ -116,14 +117,15 @@ def open_loop(env: gym.Env[Any, Any], n_episodes: int, actions: Iterator[Actions
     Args:
         env: A control or locomotion environment.
         n_episodes: n.
-        actions: (n, A) of each step, a row for each episode.
+        actions: (n, A) of each step in [-1, 1], a row for each episode.
     """
     task, going = env.unwrapped.task, np.arange(n_episodes)
     is_control = isinstance(task, ControlTask)
     simulation = (Simulation if is_control else LocomotionSimulation)(task, n_episodes)
     simulation.reset(going, [seeding.np_random(seed)[0] for seed in range(n_episodes)])
     for action in islice(actions, env.unwrapped.horizon):
-        going = going[~simulation.step(action[going], going)]
+        scaled = action[going] * env.action_space.high
+        going = going[~simulation.step(scaled, going)]
         if not len(going):
             break
     return int(simulation.success.sum())

@@ -57,6 +57,14 @@ SPECS: dict[str, dict[str, Any]] = {
     **{f"CuriosityLocomotion-{robot}-v0": _locomotion(robot) for robot in _LOCOMOTION},
     "CuriosityLocomotion-AntTrap-v0": _locomotion("Ant", world="trap", sparse=True),
     "CuriosityLocomotion-AntMaze-v0": _locomotion("Ant", world="maze", sparse=True),
+    # Whoever falls goes on: a random humanoid has fallen after half a second.
+    "CuriosityLocomotion-HumanoidTrap-v0": _locomotion(
+        "Humanoid",
+        world="small_trap",
+        sparse=True,
+        horizon=2000,
+        env_kwargs={"terminate_when_unhealthy": False},
+    ),
     **{f"CuriositySparse-{name}-v0": _sparse(env_id) for name, env_id in _SPARSE.items()},
 }
 """The arguments of `gymnasium.register`, by id."""

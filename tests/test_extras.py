@@ -32,7 +32,11 @@ MODULES = {
 }
 ENVS = {
     "control": ["CuriosityControl-Stacker-v0", "CuriositySparse-CartPoleSwingUp-v0"],
-    "locomotion": ["CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0"],
+    "locomotion": [
+        "CuriosityLocomotion-AntTrap-v0",
+        "CuriosityLocomotion-AntMaze-v0",
+        "CuriosityLocomotion-HumanoidTrap-v0",
+    ],
     "robotics": ["CuriositySparse-PointMaze_UMaze-v0", "CuriositySparse-AntMaze_UMaze-v0"],
     "render": ["CuriosityMaze-Hard-v0"],
 }

@@ -33,9 +33,11 @@ class LocomotionEnv(EpisodicEnv):
         `CuriosityLocomotion-Walker2d-v0`     `Walker2d-v5`      17           6
         `CuriosityLocomotion-AntTrap-v0`      `Ant-v5`           107          8
         `CuriosityLocomotion-AntMaze-v0`      `Ant-v5`           107          8
+        `CuriosityLocomotion-HumanoidTrap-v0` `Humanoid-v5`      350          17
         ===================================== ================== ============ =======
 
-        The last two have a world around the ant and a sparse reward, see the arguments.
+        The last three have a world around the robot and a sparse reward, see the arguments. In
+        HumanoidTrap falls do not end episodes, which last 2,000 steps.
 
         `pip install "curiosity-search[locomotion]"` installs what they need.
 
@@ -67,9 +69,10 @@ class LocomotionEnv(EpisodicEnv):
         behavior: "position", where the torso is at last: x (m), and y where the robot can leave its
             plane, within +-30. "feet": the share of the episode's steps at whose end each foot was
             under a force from outside, as in QDax's "uni" tasks; Swimmer has none.
-        world: Walls and a goal around Ant or Humanoid: "trap", "maze", a `MazeLayout` in meters, or
-            what `CuriosityMaze-v0` takes for one. Observations then begin with x and y, with the
-            world's bounds at -1 and 1, and episodes end within 2 m of the goal. None: open ground.
+        world: Walls and a goal around Ant or Humanoid: "trap", "small_trap", "maze", a `MazeLayout`
+            in meters, or what `CuriosityMaze-v0` takes for one. Observations then begin with x and
+            y, with the world's bounds at -1 and 1, and episodes end within 2 m of the goal. None:
+            open ground.
         sparse: Reward `1 - t / horizon` in the step t that reaches the goal, and nothing else.
             False: as Gymnasium does, but in a world the speed along x is that towards the goal, as
             the crow flies: deceptive where walls are between.

@@ -29,9 +29,10 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         behavior: "position", where the torso is at last: x (m), and y where the robot can leave its
             plane, within +-30. "feet": the share of the episode's steps at whose end each foot was
             under a force from outside, as in QDax's "uni" tasks; Swimmer has none.
-        world: Walls and a goal around Ant or Humanoid: "trap", "maze", a `MazeLayout` in meters, or
-            what `CuriosityMaze-v0` takes for one. Observations then begin with x and y, with the
-            world's bounds at -1 and 1, and episodes end within 2 m of the goal. None: open ground.
+        world: Walls and a goal around Ant or Humanoid: "trap", "small_trap", "maze", a `MazeLayout`
+            in meters, or what `CuriosityMaze-v0` takes for one. Observations then begin with x and
+            y, with the world's bounds at -1 and 1, and episodes end within 2 m of the goal. None:
+            open ground.
         sparse: Reward `1 - t / horizon` in the step t that reaches the goal, and nothing else.
             False: as Gymnasium does, but in a world the speed along x is that towards the goal, as
             the crow flies: deceptive where walls are between.

@@ -38,6 +38,15 @@ The walls are where QDax had them for its ant, 12 m ahead. It took the idea from
 Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560). Theirs are capsules in an open field;
 these are boxes, there is a border, and a goal behind the U.
 """
+SMALL_TRAP = MazeLayout(
+    "small_trap",
+    width=20.0,
+    height=16.0,
+    start=(4.0, 8.0),
+    goal=(13.0, 8.0),
+    walls=np.array([(9.5, 6.0, 0.5, 4.0), (7.0, 9.5, 2.5, 0.5), (7.0, 6.0, 2.5, 0.5)]),
+)
+"""The same for a humanoid, whose steps take a third of the time of an ant's: at half the size."""
 MAZE = MazeLayout(
     "maze",
     width=22.0,
@@ -51,14 +60,14 @@ MAZE = MazeLayout(
 After QDax's `antmaze`, at half its size: what lasted 50 seconds there, a thousand steps of
 Gymnasium's ant do.
 """
-WORLDS = {layout.name: layout for layout in (TRAP, MAZE)}
+WORLDS = {layout.name: layout for layout in (TRAP, SMALL_TRAP, MAZE)}
 
 
 class World:
     """A layout around a robot, which starts where the robot does: at the origin.
 
     Args:
-        layout: "trap", "maze", or what `CuriosityMaze-v0` takes for one.
+        layout: "trap", "small_trap", "maze", or what `CuriosityMaze-v0` takes for one.
 
     Attributes:
         layout: The layout.

@@ -15,7 +15,10 @@ from curiosity_gym.registration import SPECS
 
 NAMES = ["Snake", "US", "Hard", "Labyrinth"]
 TASKS = ["BallInCup", "Finger", "Stacker"]
-ROBOTS = ["Ant", "AntMaze", "AntTrap", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d"]
+ROBOTS = [
+    *("Ant", "AntMaze", "AntTrap", "HalfCheetah", "Hopper", "Humanoid", "HumanoidTrap", "Swimmer"),
+    "Walker2d",
+]
 READY_MADE = [
     "PointMaze_UMaze",
     "PointMaze_Large",

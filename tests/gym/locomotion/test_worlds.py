@@ -9,12 +9,12 @@ import pytest
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
-from curiosity_gym.locomotion.worlds import MAZE, TRAP, WORLDS, World
+from curiosity_gym.locomotion.worlds import TRAP, WORLDS, World
 from curiosity_gym.maze.layouts import GOAL_RADIUS
 
 pytestmark = pytest.mark.extra("locomotion")
 
-TASKS = ["AntTrap", "AntMaze"]
+TASKS = ["AntTrap", "AntMaze", "HumanoidTrap"]
 SOLUTIONS = Path(__file__).parent / "solutions.npz"
 """Actions of an episode that each task was solved by, found by planning with its own physics."""
 
@@ -157,7 +157,9 @@ class TestMistakes:
 
     def test_an_unknown_world(self):
         for world in ("labyrint", 3):
-            with pytest.raises(ValueError, match=r"`world` must be .*trap, maze, snake, us"):
+            with pytest.raises(
+                ValueError, match=r"`world` must be .*trap, small_trap, maze, snake, us"
+            ):
                 LocomotionEnv("Ant-v5", world=world)
 
 
@@ -172,11 +174,11 @@ def test_is_solved_by_a_plan(name):
         assert not truncated
         assert terminated == (t == len(actions))
     assert info["is_success"]
-    assert reward == 1.0 - len(actions) / 1000 > 0.0
+    assert reward == 1.0 - len(actions) / env.horizon > 0.0
 
 
 def test_the_wall_lies_between_start_and_goal():
-    for layout in (TRAP, MAZE):
+    for layout in WORLDS.values():
         x, y, width, height = layout.walls[0]
         assert layout.start[1] == layout.goal[1]
         assert layout.start[0] < x < x + width < layout.goal[0]

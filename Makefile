@@ -13,8 +13,8 @@ demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
 test: .venv/.installed  ## run the tests, on up to four cores
 	.venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-lint: .venv/.installed  ## check style and types
-	.venv/bin/ruff check && .venv/bin/ruff format --check && .venv/bin/mypy --strict curiosity_gym curiosity_algos
+lint: .venv/.installed  ## check style, types and dependencies
+	.venv/bin/ruff check && .venv/bin/ruff format --check && .venv/bin/mypy --strict curiosity_gym curiosity_algos && .venv/bin/deptry .
 
 docs: .venv/.installed  ## build the documentation in docs/_build/html
 	.venv/bin/sphinx-build -W --keep-going -b html docs docs/_build/html

@@ -1,6 +1,11 @@
 """Sphinx configuration: Markdown pages by MyST, the reference by autodoc from Google docstrings."""
 
+import sys
+from pathlib import Path
+
 from curiosity_gym import __version__
+
+sys.path.insert(0, str(Path(__file__).parent))  # mathml
 
 project = "curiosity-search"
 author = "The curiosity authors"
@@ -8,6 +13,7 @@ project_copyright = "2026, The curiosity authors"
 release = __version__
 
 extensions = [
+    "mathml",
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
@@ -40,5 +46,6 @@ napoleon_custom_sections = [
     "Version History",
 ]
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"{project} {release}"

@@ -4,8 +4,11 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
+from latex2mathml.converter import convert
 
 import curiosity_algos
+import curiosity_gym
 
 DOCS = Path(__file__).parents[1] / "docs"
 OWN = DOCS / "write_your_own.md"
@@ -21,6 +24,22 @@ def test_an_algorithms_page_begins_with_all_its_arguments_and_methods(page):
     assert first_section.startswith("Arguments and methods")
     assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
     assert "   :members:\n   :inherited-members:\n" in first_section
+
+
+def test_every_formula_is_drawn():
+    pages = [path.read_text() for path in DOCS.rglob("*.md")]
+    text = re.sub(r"^```.*?^```|`[^`\n]*`", "", "\n".join(pages), flags=re.M | re.S)
+    formulas = re.findall(r"\$\$?([^$]+)\$\$?", text)
+    assert len(formulas) > 30
+    for formula in formulas:
+        drawn = convert(formula)
+        assert drawn.startswith("<math")
+        assert "\\" not in drawn, formula  # a command that is not known
+
+
+def test_the_citation_is_of_this_version():
+    cited = yaml.safe_load((DOCS.parent / "CITATION.cff").read_text())
+    assert cited["version"] == curiosity_gym.__version__
 
 
 def test_what_one_writes_oneself_is_short():

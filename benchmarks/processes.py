@@ -13,6 +13,7 @@ from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.processes import PATIENCE
+from curiosity_gym.processors import available_cpus
 
 ENVIRONMENTS = ("Pendulum-v1", "Pusher-v5")
 """One whose steps take microseconds, and one with physics."""
@@ -28,7 +29,10 @@ def run(plan: Plan) -> list[Table]:
 
 def _table(env_id: str, plan: Plan) -> Table:
     env = gym.make(env_id, max_episode_steps=plan.size(200, 5))
-    evaluators = {ONE: make_evaluator(env, n_threads=1), TRIED: make_evaluator(env)}
+    evaluators = {
+        ONE: make_evaluator(env, n_threads=1),
+        TRIED: make_evaluator(env, n_threads=available_cpus()),
+    }
     shape = (POPULATION_SIZE, evaluators[ONE].n_parameters)
     parameters = np.random.default_rng(0).normal(0.0, 0.3, shape).astype(np.float32)
     for evaluator in evaluators.values():

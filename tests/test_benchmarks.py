@@ -12,13 +12,16 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
+import typer
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
-from benchmarks import baselines, population, run, training
+from benchmarks import baselines, gallery, population, run, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
 from curiosity_gym import MazeLayout
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 
 ROOT = Path(__file__).parents[1]
 CONTROL = ["BallInCup", "Finger", "Stacker"]
@@ -251,3 +254,26 @@ def test_a_stage_does_not_count_the_stages_within_it(monkeypatch):
     assert algorithm.outer() == "done"
     algorithm.inner()
     assert watch.seconds == {"inner": 9.0, "outer": 1.0}
+
+
+class TestGallery:
+    def test_films_what_was_found(self, tmp_path, monkeypatch, capsys):
+        monkeypatch.setattr(gallery, "FOUND", {"snake": ("CuriosityMaze-Snake-v0", 1.0)})
+        gallery.main(only="snake", out=tmp_path)
+        assert capsys.readouterr().out == "snake: 2000 steps, no reward\n"
+        with Image.open(tmp_path / "snake.gif") as image:
+            assert image.n_frames <= gallery.N_FRAMES
+            assert image.height == gallery.HEIGHT
+
+    @pytest.mark.extra("locomotion")
+    @pytest.mark.parametrize("name", gallery.PLANNED)
+    def test_knows_plans_that_come_to_the_goal(self, name, monkeypatch):
+        env_id = gallery.PLANNED[name]
+        monkeypatch.setattr(LocomotionEnv, "render", lambda env: np.zeros((4, 4, 3), np.uint8))
+        frames, success = gallery.film(env_id, *gallery.read_actions(env_id))
+        assert success
+        assert 1 < len(frames) <= gallery.N_FRAMES
+
+    def test_knows_no_others(self, tmp_path):
+        with pytest.raises(typer.BadParameter, match="--only knows snake, us"):
+            gallery.main(only="nope", out=tmp_path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -52,7 +52,8 @@ class GymnasiumVecEnv(VecEnv):
             raise ValueError(
                 f"`vector_env` must be a Gymnasium VectorEnv, got {type(vector_env).__name__}."
             )
-        self._mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+        mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+        self._mode = AutoresetMode(mode)
         if self._mode == AutoresetMode.NEXT_STEP:
             raise ValueError(
                 "`vector_env` must begin an episode in the step that ends the one before, as "
@@ -115,7 +116,10 @@ class GymnasiumVecEnv(VecEnv):
         """
         if self._mode == AutoresetMode.SAME_STEP:
             for i in ended.tolist():
-                self.reset_infos[i], rows[i] = rows[i], info_of(infos["final_info"], i)
+                begun, rows[i] = rows[i], info_of(infos.get("final_info", {}), i)
+                if "episode" in begun:  # Gymnasium's own record tells of the one that ended
+                    rows[i].setdefault("episode", begun.pop("episode"))
+                self.reset_infos[i] = begun
                 rows[i]["terminal_observation"] = infos["final_obs"][i]
             return observations
         for i in ended.tolist():
@@ -174,12 +178,16 @@ class GymnasiumVecEnv(VecEnv):
 
         Raises:
             AttributeError: If the VectorEnv has no single envs.
-            ValueError: If not all envs are chosen.
+            ValueError: If not all envs are chosen of those that have processes.
         """
         self._check_single_envs()
-        if set(self._get_indices(indices)) != set(range(self.num_envs)):
-            raise ValueError("`indices` must be None: a VectorEnv calls a method of all its envs.")
         inner: Any = self.vector_env.unwrapped
+        chosen = list(self._get_indices(indices))
+        if hasattr(inner, "envs"):
+            methods = [inner.envs[i].get_wrapper_attr(method_name) for i in chosen]
+            return [method(*args, **kwargs) for method in methods]
+        if chosen != list(range(self.num_envs)):
+            raise ValueError("`indices` must be None: worker processes are called all at once.")
         return list(inner.call(method_name, *args, **kwargs))
 
     def _check_single_envs(self) -> None:
@@ -207,29 +215,46 @@ def has_generators(env: VectorEnv[Any, Any, Any]) -> bool:
 def _rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
     """Infos of a VectorEnv as one dictionary an env, those of ended episodes aside."""
     rows: list[dict[str, Any]] = [{} for _ in range(n)]
-    for key, values in infos.items():
-        if key in _FINAL or f"_{key}" not in infos:
-            continue
-        each = _rows(values, n) if isinstance(values, Mapping) else values
-        has = infos[f"_{key}"].tolist()
+    for key, values, has in _masked(infos, [True] * n):
+        each = _values(values, n)
         for row, value, is_there in zip(rows, each, has, strict=True):
             if is_there:
                 row[key] = value
     return rows
 
 
+def _values(values: Any, n: int) -> Any:
+    """One value an env; numbers as Python has them."""
+    if isinstance(values, Mapping):
+        return _rows(values, n)
+    return values.tolist() if isinstance(values, np.ndarray) and values.ndim == 1 else values
+
+
 def info_of(infos: Mapping[str, Any], i: int) -> dict[str, Any]:
     """One env's entries of a VectorEnv's infos (`_key` masks whether env i has `key`)."""
     return {
-        key: info_of(values, i) if isinstance(values, Mapping) else values[i]
-        for key, values in infos.items()
-        if key not in _FINAL and f"_{key}" in infos and infos[f"_{key}"][i]
+        key: info_of(values, i) if isinstance(values, Mapping) else _number(values[i])
+        for key, values, has in _masked(infos)
+        if has is None or has[i]
     }
+
+
+def _number(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _masked(infos: Mapping[str, Any], default: Any = None) -> Iterator[tuple[str, Any, Any]]:
+    """Name, values and mask of each entry; in a dictionary that has one, its own may have none."""
+    for key, values in infos.items():
+        if key not in _FINAL and not (key.startswith("_") and key[1:] in infos):
+            mask = infos.get(f"_{key}")
+            yield key, values, default if mask is None else mask.tolist()
 
 
 def _copied(observations: Any) -> Any:
     """New arrays: the env may write into its own, and algorithms keep the last."""
-    return deepcopy(observations)
+    is_array = isinstance(observations, np.ndarray)
+    return observations.copy() if is_array else deepcopy(observations)
 
 
 def _observation(observations: Any, i: int) -> Any:

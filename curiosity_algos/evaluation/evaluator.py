@@ -30,7 +30,6 @@ from curiosity_gym.locomotion.tasks import task_class
 from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
-from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one
 
 AnyEnv = MadeEnv | str
@@ -73,8 +72,8 @@ def make_evaluator(
     Args:
         env: An id, a Gymnasium env or VectorEnv, or an SB3 VecEnv without wrappers.
         policy_kwargs: `net_arch`, widths of the hidden layers (default 32, 16).
-        n_threads: Threads of the compiled evaluators, and processes of a single env that has none,
-            if they pay; None: as many as there are processors.
+        n_threads: Threads of the compiled evaluators; None: as many as there are processors. Of a
+            single env that has none of these: processes, if they pay; None: this one alone.
 
     Raises:
         ValueError: If the env's spaces or its VecEnv wrappers are not supported, if another
@@ -218,7 +217,7 @@ def _is_any(env: Any) -> bool:
 
 
 def _make_vector(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    return VectorEvaluator(env, mlp, available_cpus() if n_threads is None else n_threads)
+    return VectorEvaluator(env, mlp, 1 if n_threads is None else n_threads)
 
 
 EVALUATORS: list[tuple[Fits, Make]] = [

@@ -1,8 +1,8 @@
-"""Any single environment on several processes, once a trial has shown that they pay.
+"""A single environment on several processes, once a trial has shown that they pay.
 
 Their results are those of one process: whoever plays a policy resets its environment with the same
-seed. A trial compares them, bit for bit, and the time they take; what cannot be sent to a process,
-or comes to something else there, is played in this one.
+seed. A trial compares them, bit for bit, and the time they take; later, one policy of each
+population is played here, too, while the others wait for the rest.
 """
 
 from __future__ import annotations
@@ -10,18 +10,20 @@ from __future__ import annotations
 import gc
 import math
 import os
+import pickle
 import signal
 import time
 import warnings
 import weakref
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import partial
+from multiprocessing import current_process
 from threading import Thread
 from typing import Any
 
 import cloudpickle
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec
 
 from curiosity_algos.evaluation.copies import N_COPIES, are_same_episodes
 from curiosity_algos.evaluation.policies import Float32Array
@@ -29,10 +31,14 @@ from curiosity_algos.evaluation.rollouts import Rollouts, concatenate
 
 PATIENCE = 5.0
 """Seconds of play before processes are tried, which take some themselves to start."""
+PATIENCE_GROWS = 4.0
+"""Times as long until the next trial, where one found them slower."""
 GAIN = 1.2
 """Times as fast as one process that several have to be."""
 N_TRIES = 3
 """The first waits until all processes have started."""
+DEADLINE = 60.0
+"""Seconds that processes may take to start and to play, beside ten times those of this one."""
 SHARDS_PER_PROCESS = 2
 """More shards than processes, as episodes differ in length."""
 SINGLE_THREADED = dict.fromkeys(("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
@@ -48,9 +54,8 @@ class Processes:
     """Plays on one environment, in this process or on several.
 
     Args:
-        env: The environment, of which each process gets a copy; where it cannot be pickled, one
-            like its spec.
-        make_play: Makes what plays on a copy; pickled.
+        env: The environment, of which each process gets a pickled copy.
+        make_play: Makes what plays on a copy; pickled, too.
         n: Processes to try, and to play on if they pay.
     """
 
@@ -58,9 +63,13 @@ class Processes:
         self._env = env
         self._make_play = make_play
         self._n = n
-        self._seconds = 0.0
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self._seconds, self._patience = 0.0, PATIENCE
+        self._is_refused = False
         self._pool: Any = None
-        self._is_settled = n == 1
+        self._owner = os.getpid()
 
     @property
     def n_live(self) -> int:
@@ -73,9 +82,12 @@ class Processes:
         Raises:
             Exception: What the environment raised.
         """
+        if os.getpid() != self._owner:  # a fork has none of the pool's threads
+            self._begin_anew()
         if self._pool is not None:
             return self._play_apart(parameters, seed, here)
-        if self._is_settled or self._seconds < PATIENCE:
+        is_worth_it = self._seconds >= self._patience and len(parameters) >= 2 * self._n
+        if self._is_refused or not is_worth_it:
             rollouts, seconds = _timed(here, parameters, seed)
             self._seconds += seconds
             return rollouts
@@ -92,25 +104,50 @@ class Processes:
     def _try(self, parameters: Float32Array, seed: int, here: Play) -> Rollouts:
         """Play here and on processes, and stay with those if they pay and come to the same."""
         expected, seconds = _timed(here, parameters, seed)
+        is_same = pays = False
         try:
             self._begin()
-            tries = [_timed(self._play_shards, parameters, seed) for _ in range(N_TRIES)]
-            is_same = all(are_same_episodes(played, expected) for played, _ in tries)
-            pays = is_same and GAIN * min(seconds_apart for _, seconds_apart in tries) < seconds
-        except Exception:  # of any kind: environments say what they like
-            pays = False
-        except BaseException:
-            self.close()
+            is_same, pays = self._compare(parameters, seed, expected, seconds)
+        except TimeoutError:  # that of somebody else, such as a job's alarm
             raise
-        if not pays:
-            self.close()
-        self._is_settled = True
+        except (NotImplementedError, OSError, RuntimeError):
+            pass  # where processes cannot be started, or sent to, nothing is lost
+        finally:
+            if not (is_same and pays):
+                self.close()
+        self._is_refused = not is_same
+        self._seconds, self._patience = 0.0, PATIENCE_GROWS * self._patience
         return expected
 
+    def _compare(
+        self, parameters: Float32Array, seed: int, expected: Rollouts, seconds: float
+    ) -> tuple[bool, bool]:
+        """Whether processes come to what is expected, and whether they are faster."""
+        deadline = time.monotonic() + DEADLINE + 10.0 * seconds
+        for _ in range(N_TRIES):
+            begin = time.perf_counter()
+            futures = self._submit(parameters, seed)
+            played = [_outcome(each, deadline) for each in futures]
+            seconds_apart = time.perf_counter() - begin
+            rollouts = [each for each in played if isinstance(each, Rollouts)]
+            is_whole = len(rollouts) == len(futures)
+            if not is_whole or not are_same_episodes(concatenate(rollouts), expected):
+                return False, False
+            if GAIN * seconds_apart < seconds:
+                return True, True
+        return True, False
+
     def _begin(self) -> None:
+        """Make a pool, which starts its processes when it is first used.
+
+        Raises:
+            RuntimeError: If they could not have the environment.
+        """
         from loky import ProcessPoolExecutor  # not before it is asked for: a script may never do
 
-        packed = _pack(self._env, self._make_play)
+        if current_process().daemon:
+            raise RuntimeError("A daemonic process cannot have any.")
+        packed = _pack(partial(self._make_play, self._env))
         self._pool = ProcessPoolExecutor(
             self._n, initializer=_begin_worker, initargs=(packed, os.getpid()), env=SINGLE_THREADED
         )
@@ -120,29 +157,36 @@ class Processes:
         from loky.process_executor import BrokenProcessPool
 
         try:
-            return self._play_shards(parameters, seed)
+            futures = self._submit(parameters, seed)
+            first = here(parameters[:1], seed)
+            rollouts = concatenate([future.result() for future in futures])
+            one = slice(0, 1)
+            if are_same_episodes(rollouts.only(one), first.only(one)):
+                return rollouts
+            reason = "comes to something else on processes than here, since something changed"
         except BrokenProcessPool as error:
-            self.close()
-            warnings.warn(
-                f"A process that played `env` is gone, so that this one plays alone: {error}",
-                stacklevel=2,
-            )
-            return here(parameters, seed)
+            reason = f"has ended a process that played it ({error})"
         except BaseException:  # of the environment, or Ctrl-C: the others would go on
             self.close()
-            self._is_settled = False
             raise
+        self.close()
+        self._is_refused = True
+        warnings.warn(f"`env` {reason}: this process plays alone from now on.", stacklevel=2)
+        return here(parameters, seed)
 
-    def _play_shards(self, parameters: Float32Array, seed: int) -> Rollouts:
+    def _submit(self, parameters: Float32Array, seed: int) -> list[Future[Rollouts]]:
         size = math.ceil(len(parameters) / (SHARDS_PER_PROCESS * self._n))
         shards = [parameters[i : i + size] for i in range(0, len(parameters), size)]
-        futures = [self._pool.submit(_play_in_worker, shard, seed) for shard in shards]
-        return concatenate([future.result() for future in futures])
+        return [self._pool.submit(_play_in_worker, shard, seed) for shard in shards]
 
     def __getstate__(self) -> dict[str, Any]:
         """Copies and pickles have no processes, and may try them again."""
-        held = {"_pool": None, "_seconds": 0.0, "_is_settled": self._n == 1}
-        return {name: held.get(name, value) for name, value in vars(self).items() if name != "_end"}
+        return {name: getattr(self, name) for name in ("_env", "_make_play", "_n")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Begin without processes."""
+        self.__dict__.update(state)
+        self._begin_anew()
 
 
 def _timed(play: Play, parameters: Float32Array, seed: int) -> tuple[Rollouts, float]:
@@ -151,23 +195,28 @@ def _timed(play: Play, parameters: Float32Array, seed: int) -> tuple[Rollouts, f
     return rollouts, time.perf_counter() - begin
 
 
-def _pack(env: Env, make_play: MakePlay) -> bytes:
-    """A pickled function that makes what plays: on a copy, or on one of the env's spec.
+def _pack(make: Callable[[], Play]) -> bytes:
+    """The pickled function; what stands behind a handle is not made again: that may undo something.
 
     Raises:
-        Exception: If there is neither.
+        RuntimeError: If it cannot be pickled.
     """
     try:
-        packed: bytes = cloudpickle.dumps(partial(make_play, env))
-    except Exception:  # of any kind
-        if env.spec is None:
-            raise
-        packed = cloudpickle.dumps(partial(_make_of_spec, make_play, env.spec))
+        packed: bytes = cloudpickle.dumps(make)
+    except Exception as error:  # of any kind: environments say what they like
+        raise RuntimeError("The environment cannot be pickled.") from error
     return packed
 
 
-def _make_of_spec(make_play: MakePlay, spec: EnvSpec) -> Play:
-    return make_play(gym.make(spec))
+def _outcome(future: Future[Rollouts], deadline: float) -> Rollouts | None:
+    """What a process returned; None where it raised or is late."""
+    try:
+        error = future.exception(max(0.0, deadline - time.monotonic()))
+    except TimeoutError:
+        if time.monotonic() < deadline:  # that of somebody else, such as a job's alarm
+            raise
+        return None
+    return future.result() if error is None else None
 
 
 _worker_play: Play
@@ -178,8 +227,15 @@ def _begin_worker(packed: bytes, parent: int) -> None:
     global _worker_play
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that began it
     Thread(target=_end_with, args=(parent,), daemon=True).start()
-    _worker_play = cloudpickle.loads(packed)()
+    try:
+        _worker_play = cloudpickle.loads(packed)()
+    except Exception as error:  # of any kind; loky would print it, of each process
+        _worker_play = partial(_raise, error)
     gc.freeze()  # loky collects garbage once a second: .15 s, of all that is imported by now
+
+
+def _raise(error: Exception, parameters: Float32Array, seed: int) -> Rollouts:
+    raise error
 
 
 def _end_with(parent: int) -> None:
@@ -190,4 +246,11 @@ def _end_with(parent: int) -> None:
 
 
 def _play_in_worker(parameters: Float32Array, seed: int) -> Rollouts:
-    return _worker_play(parameters, seed)
+    try:
+        return _worker_play(parameters, seed)
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # of any kind: errors of one's own are seldom made to be sent
+            raise RuntimeError(f"{type(error).__name__}: {error}") from None
+        raise

@@ -150,6 +150,14 @@ class Rollouts:
             return self.excerpts[name]
         return make_reads(len(self))[name](self, slice(0, len(self)))
 
+    def only(self, individuals: slice) -> Rollouts:
+        """Those of some individuals; which cells those alone visited is not known."""
+        names = ("returns", "lengths", "success", "behaviors", "final_observations")
+        parts: dict[str, Any] = {name: getattr(self, name)[individuals] for name in names}
+        observations, actions = (each[individuals] for each in self.trajectories)
+        parts |= {"observations": observations, "actions": actions}
+        return replace(self, **parts, visited=None, excerpts={})
+
     def read(self, reads: Mapping[str, Read], individuals: slice) -> Rollouts:
         """The same with an excerpt of each name in the place of trajectories.
 

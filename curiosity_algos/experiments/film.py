@@ -38,7 +38,7 @@ def film(folder: Path, path: Path, *, stride: int, seed: int) -> float:
     frames.append(_frame(env))
     env.close()
     path.parent.mkdir(parents=True, exist_ok=True)
-    _write(frames, path)
+    write_film(frames, path)
     return total
 
 
@@ -99,8 +99,8 @@ def _frame(env: gym.Env[object, object]) -> Frame:
     return frame
 
 
-def _write(frames: list[Frame], path: Path) -> None:
-    """20 frames a second."""
+def write_film(frames: list[Frame], path: Path) -> None:
+    """Write frames as a .gif or .mp4, 20 a second."""
     if path.suffix == ".gif":
         first, *others = [Image.fromarray(frame) for frame in frames]
         first.save(path, save_all=True, append_images=others, duration=50, loop=0)

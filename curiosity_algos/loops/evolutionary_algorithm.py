@@ -75,8 +75,9 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             on every processor of a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many
             parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
             takes it again.
-        n_threads: Threads of the compiled parts, and processes of an environment that has none, if
-            they pay; None: as many as there are processors. Results do not depend on it.
+        n_threads: Threads of the compiled parts; None: as many as there are processors. Of an
+            environment that has none, processes, if they pay; None: this one alone. Results do not
+            depend on it.
         seed: Seed of everything random; None: fresh entropy.
         device: Where the bonus' networks are, as in SB3; policies are evaluated on the CPU.
         verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.

@@ -19,9 +19,11 @@ DRAWN_HEIGHT = 1.0
 """Of what a picture shows."""
 HIDDEN, SHOWN = 3, 0
 """Groups of geoms that pictures leave out, and show, unless a viewer is told otherwise."""
+CAMERA, CAMERA_AXES = (0.0, -5.0, 7.0), (1.0, 0.0, 0.0, 0.0, 0.81, 0.59)
+"""Where pictures are taken from, the robot being at the origin: above it, to see the walls."""
 BORDER = 1.0
 """Thickness of the walls around the world."""
-COLOR = (0.6, 0.45, 0.3, 1.0)
+COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)
 
 TRAP = MazeLayout(
     "trap",
@@ -123,6 +125,16 @@ class World:
                 conaffinity=touches,
                 rgba=COLOR,
             )
+        spec.worldbody.add_site(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            pos=(*self._goal, 0.0),
+            size=(GOAL_RADIUS, 0.01, 0.0),
+            rgba=GOAL_COLOR,
+        )
+        for camera in spec.cameras:
+            camera.pos = CAMERA
+            camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+            camera.alt.xyaxes = CAMERA_AXES
         return spec.compile()
 
     def _boxes(self) -> npt.NDArray[np.float64]:

@@ -3,11 +3,15 @@
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+
+from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation import processes
 
 
 class Walk(gym.Env):
@@ -50,19 +54,56 @@ class Alarmed(Elsewhere):
 
     def observe(self):
         if os.getpid() != self.home and self.alarm.exists():
-            if self.alarm.read_text() == "die":
-                os.kill(os.getpid(), signal.SIGKILL)
+            match self.alarm.read_text():
+                case "die":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                case "hang":
+                    time.sleep(1e6)
+                case "odd":
+                    raise OddError(3, "rd")
             raise ValueError("`env` is out of order.")
         return Walk.observe(self)
 
 
 class Locked(Walk):
-    """One that can be neither copied nor pickled, but made again."""
+    """One that can be neither copied nor pickled."""
 
-    def __init__(self, offset=0.0):
+    def __init__(self):
         self.lock = threading.Lock()
-        self.offset = offset
+
+
+class Failing(Walk):
+    """One that can be copied here, and not made in another process."""
+
+    def __init__(self):
+        self.home = os.getpid()
+
+    def __setstate__(self, state):
+        if state["home"] != os.getpid():
+            raise ConnectionError("The simulator takes no more clients.")
+        self.__dict__.update(state)
+
+
+SETTINGS = {"scale": 1.0}
+
+
+class Scaled(Walk):
+    """One that reads what anybody may change."""
 
     def observe(self):
-        with self.lock:
-            return super().observe() + np.float32(self.offset)
+        return super().observe() * np.float32(SETTINGS["scale"])
+
+
+class OddError(Exception):
+    """An error that cannot be made of what it is pickled as."""
+
+    def __init__(self, number, suffix):
+        super().__init__(f"the {number}{suffix}")
+
+
+def play():
+    """Play in a process of whatever kind, which may use two of its own."""
+    processes.PATIENCE = processes.GAIN = 0.0
+    evaluator = make_evaluator(Walk(), n_threads=2)
+    evaluator.evaluate(np.zeros((8, evaluator.n_parameters), np.float32), 0)
+    assert evaluator.n_processes == 1

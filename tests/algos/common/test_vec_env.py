@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
@@ -91,6 +92,7 @@ def test_equals_a_dummy_vec_env(kind, mode):
         assert_same(our, their)
         assert_same(ours.reset_infos, theirs.reset_infos)
         assert our[1].dtype == their[1].dtype
+        assert not any(isinstance(value, np.generic) for info in our[3] for value in info.values())
         n_ends += our[2].sum()
     assert n_ends >= N
     ours.close()
@@ -120,8 +122,11 @@ class TestAttributes:
         venv.set_attr("gravity", 3.0, indices=[1])
         assert venv.get_attr("gravity") == [9.8, 3.0, 9.8]
         assert venv.env_method("has_wrapper_attr", "gravity") == [True] * N
-        with pytest.raises(ValueError, match="`indices` must be None"):
-            venv.env_method("has_wrapper_attr", "gravity", indices=0)
+        if make is make_sync:
+            assert venv.env_method("has_wrapper_attr", "wings", indices=[0, 2]) == [False] * 2
+        else:
+            with pytest.raises(ValueError, match="`indices` must be None"):
+                venv.env_method("has_wrapper_attr", "gravity", indices=0)
         venv.close()
 
     def test_of_a_native_one_are_of_all(self):
@@ -153,6 +158,13 @@ class TestAlgorithms:
         assert {info["l"] for info in model.ep_info_buffer} == {7}
         venv = GymnasiumVecEnv(make_sync(AutoresetMode.DISABLED))
         DQN("MlpPolicy", venv, learning_starts=8, device="cpu").learn(30)
+
+    @pytest.mark.parametrize("mode", MODES)
+    def test_know_episodes_that_gymnasium_records(self, mode):
+        venv = GymnasiumVecEnv(RecordEpisodeStatistics(make_native(mode, horizon=7)))
+        model = PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(48)
+        assert {int(info["l"]) for info in model.ep_info_buffer} == {7}
+        assert not any("episode" in info for info in venv.reset_infos)
 
     def test_explore_with_a_bonus(self):
         venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7))

@@ -8,20 +8,18 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import get_context
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
+import walks
 from gymnasium.vector import SyncVectorEnv
-from gymnasium.wrappers import TimeLimit
-from walks import Alarmed, Elsewhere, Locked, Walk
+from walks import Alarmed, Elsewhere, Failing, Locked, Scaled, Walk
 
 from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import processes
-
-LOCKED = EnvSpec("Locked-v0", entry_point="walks:Locked", max_episode_steps=25)
 
 
 @pytest.fixture
@@ -89,17 +87,6 @@ class TestSameBits:
             assert_same_rollouts(apart.evaluate(parameters[:n], seed), expected)
             assert (apart.n_processes, alone.n_processes) == (2, 1)
 
-    @pytest.mark.parametrize(
-        "make_env", [lambda: gym.make(LOCKED), lambda: gym.make(LOCKED).unwrapped]
-    )
-    def test_of_what_can_only_be_made_again(self, make_env, assert_same_rollouts):
-        apart, alone = (make_evaluator(make_env(), n_threads=n) for n in (2, 1))
-        parameters = make_parameters(alone)
-        for seed in (1, 2):
-            expected = alone.evaluate(parameters, seed)
-            assert_same_rollouts(apart.evaluate(parameters, seed), expected)
-        assert apart.n_processes == 2
-
     def test_of_a_search(self, make_model):
         alone, apart = (make_model(CanonicalES, Walk(), n_threads=n) for n in (1, 2))
         for model in (alone, apart):
@@ -138,7 +125,8 @@ class TestAlone:
         "make_env",
         [
             Elsewhere,  # comes to something else there
-            lambda: TimeLimit(Locked(), 25),  # can be neither sent nor made again
+            Locked,  # cannot be pickled
+            Failing,  # fails there
         ],
     )
     def test_where_they_cannot_be_the_same(self, eager, make_env, assert_same_rollouts):
@@ -149,19 +137,42 @@ class TestAlone:
             assert_same_rollouts(apart.evaluate(parameters, seed), expected)
             assert apart.n_processes == 1
 
-    def test_where_another_instance_was_changed(self, eager):
-        env = gym.make(LOCKED)
-        env.unwrapped.offset = 1.0  # which its spec does not know
-        evaluator = make_evaluator(env, n_threads=2)
-        evaluator.evaluate(make_parameters(evaluator), 0)
-        assert evaluator.n_processes == 1
-
     def test_without_a_seed(self, eager):
         evaluator = make_evaluator(Walk(), n_threads=2)
         parameters = np.repeat(make_parameters(evaluator, 1), 6, axis=0)
         starts = evaluator.evaluate(parameters).observations[:, 0]
         assert len(np.unique(starts)) == 6
         assert evaluator.n_processes == 1
+
+    def test_without_n_threads(self, eager):
+        evaluator = make_evaluator(Walk())
+        for seed in (0, 1):
+            evaluator.evaluate(make_parameters(evaluator), seed)
+        assert evaluator.n_processes == 1
+
+    def test_for_a_handful_of_policies_which_decide_nothing(self, eager):
+        evaluator = make_evaluator(Walk(), n_threads=2)
+        parameters = make_parameters(evaluator)
+        evaluator.evaluate(parameters[:3], 0)
+        assert evaluator.n_processes == 1
+        evaluator.evaluate(parameters, 0)
+        assert evaluator.n_processes == 2
+
+    def test_where_processes_hang(self, eager, monkeypatch, tmp_path, assert_same_rollouts):
+        monkeypatch.setattr(processes, "DEADLINE", 1.0)
+        env = Alarmed(tmp_path / "alarm")
+        env.alarm.write_text("hang")
+        apart, alone = make_pair(env)
+        parameters = make_parameters(alone)
+        expected = alone.evaluate(parameters, 0)
+        assert_same_rollouts(apart.evaluate(parameters, 0), expected)
+        assert apart.n_processes == 1
+
+    def test_in_a_daemonic_process(self, eager):
+        process = get_context("spawn").Process(target=walks.play, daemon=True)
+        process.start()
+        process.join(60)
+        assert process.exitcode == 0
 
     def test_in_vector_environments(self, eager):
         evaluator = make_evaluator(SyncVectorEnv([Walk] * 2), n_threads=2)
@@ -178,10 +189,41 @@ class TestFaults:
         apart.evaluate(parameters, 0)
         assert apart.n_processes == 2
         env.alarm.write_text("die")
-        with pytest.warns(UserWarning, match="A process that played `env` is gone"):
+        with pytest.warns(UserWarning, match="`env` has ended a process that played it"):
             rollouts = apart.evaluate(parameters, 1)
         assert_same_rollouts(rollouts, alone.evaluate(parameters, 1))
         assert apart.n_processes == 1
+
+    def test_what_has_changed_since_the_trial_is_seen(self, monkeypatch, assert_same_rollouts):
+        apart, alone = make_pair(Scaled())
+        parameters = make_parameters(alone)
+        apart.evaluate(parameters, 0)
+        assert apart.n_processes == 2
+        monkeypatch.setitem(walks.SETTINGS, "scale", 1.5)
+        with pytest.warns(UserWarning, match="`env` comes to something else on processes"):
+            rollouts = apart.evaluate(parameters, 1)
+        assert_same_rollouts(rollouts, alone.evaluate(parameters, 1))
+        assert apart.n_processes == 1
+
+    @pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
+    def test_a_fork_begins_its_own(self):
+        evaluator = make_evaluator(Walk(), n_threads=2)
+        parameters = make_parameters(evaluator)
+        evaluator.evaluate(parameters, 0)
+        child = get_context("fork").Process(target=evaluator.evaluate, args=(parameters[:1], 0))
+        child.start()
+        child.join(60)
+        assert child.exitcode == 0
+        assert evaluator.n_processes == 2
+        evaluator.evaluate(parameters, 1)
+
+    def test_an_error_that_cannot_be_sent_is_told(self, tmp_path):
+        env = Alarmed(tmp_path / "alarm")
+        apart, _ = make_pair(env)
+        apart.evaluate(make_parameters(apart), 0)
+        env.alarm.write_text("odd")
+        with pytest.raises(RuntimeError, match="OddError: the 3rd"):
+            apart.evaluate(make_parameters(apart), 0)
 
     def test_an_error_is_the_environments(self, tmp_path, assert_same_rollouts):
         env = Alarmed(tmp_path / "alarm")

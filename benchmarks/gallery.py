@@ -1,0 +1,113 @@
+"""`python -m benchmarks.gallery` films each environment for the pages, and says what it has filmed.
+
+In mazes and control tasks the policy is what CuriosityES has come to with its first reward, or with
+its budget; at the traps it is the plan that the tests replay, which was found by sampling.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import typer
+from PIL import Image
+from stable_baselines3.common.callbacks import BaseCallback
+
+from benchmarks.figures import IMAGES
+from curiosity_algos import CuriosityES
+from curiosity_algos.experiments.film import write_film
+
+FOUND = {
+    "snake": ("CuriosityMaze-Snake-v0", 3e7),
+    "us": ("CuriosityMaze-US-v0", 3e7),
+    "hard": ("CuriosityMaze-Hard-v0", 3e7),
+    "labyrinth": ("CuriosityMaze-Labyrinth-v0", 1e8),
+    "ball_in_cup": ("CuriosityControl-BallInCup-v0", 1e6),
+    "finger": ("CuriosityControl-Finger-v0", 1e6),
+    "stacker": ("CuriosityControl-Stacker-v0", 1e6),
+}
+"""Name of the picture: environment, and at most so many timesteps."""
+PLANNED = {
+    "ant_trap": "CuriosityLocomotion-AntTrap-v0",
+    "ant_maze": "CuriosityLocomotion-AntMaze-v0",
+    "humanoid_trap": "CuriosityLocomotion-HumanoidTrap-v0",
+}
+PLANS = Path(__file__).parents[1] / "tests" / "gym" / "locomotion" / "solutions.npz"
+N_FRAMES, HEIGHT, N_COLORS = 60, 180, 48
+Frame = npt.NDArray[np.uint8]
+
+
+class _StopAtReward(BaseCallback):
+    def _on_step(self) -> bool:
+        return self.model.first_success_timesteps is None
+
+
+def find_actions(env_id: str, timesteps: float) -> tuple[npt.NDArray[Any], int]:
+    """Actions of an episode of CuriosityES's best policy, and the seed of its reset."""
+    model = CuriosityES(env_id, seed=0).learn(timesteps, callback=_StopAtReward())
+    env = gym.make(env_id)
+    actions, is_over = [], False
+    observation, _ = env.reset(seed=0)
+    while not is_over:
+        actions.append(model.predict(observation, deterministic=True)[0])
+        observation, _, terminated, truncated, _ = env.step(actions[-1])
+        is_over = terminated or truncated
+    return np.array(actions), 0
+
+
+def read_actions(env_id: str) -> tuple[npt.NDArray[Any], int]:
+    """Actions of the plan that the tests replay, and the seed of its reset."""
+    name = env_id.split("-")[1]
+    with np.load(PLANS) as plans:
+        return plans[name].astype(np.float32), int(plans[f"{name} seed"])
+
+
+def film(env_id: str, actions: npt.NDArray[Any], seed: int) -> tuple[list[Frame], bool]:
+    """At most `N_FRAMES` frames of an episode, and whether it came to the goal."""
+    env = gym.make(env_id, render_mode="rgb_array")
+    env.reset(seed=seed)
+    stride = -(-len(actions) // N_FRAMES)
+    frames: list[Frame] = []
+    for t, action in enumerate(actions, 1):
+        *_, info = env.step(action)
+        if t % stride == 0 or t == len(actions):
+            frames.append(np.asarray(env.render()))
+    env.close()
+    return frames, bool(info["is_success"])
+
+
+def shrink(frames: list[Frame]) -> list[Frame]:
+    """Small frames of few colors, the same in all of them, for a page."""
+    images = [Image.fromarray(frame) for frame in frames]
+    size = round(images[0].width * HEIGHT / images[0].height), HEIGHT
+    images = [image.resize(size, Image.Resampling.LANCZOS) for image in images]
+    # One palette for all, so that nothing flickers: of the first, the middle and the last.
+    shown = [np.asarray(images[i]) for i in (0, len(images) // 2, -1)]
+    palette = Image.fromarray(np.concatenate(shown)).quantize(N_COLORS)
+    shrunk = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    return [np.asarray(image.convert("RGB")) for image in shrunk]
+
+
+def main(
+    only: Annotated[str | None, typer.Option(help="Names, with commas; None: all.")] = None,
+    out: Path = IMAGES,
+) -> None:
+    """Write a GIF for each environment."""
+    known = [*FOUND, *PLANNED]
+    names = known if only is None else only.split(",")
+    if unknown := sorted(set(names) - set(known)):
+        raise typer.BadParameter(f"--only knows {', '.join(known)}, not {', '.join(unknown)}.")
+    out.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        env_id = PLANNED[name] if name in PLANNED else FOUND[name][0]
+        actions, seed = read_actions(env_id) if name in PLANNED else find_actions(*FOUND[name])
+        frames, success = film(env_id, actions, seed)
+        write_film(shrink(frames), out / f"{name}.gif")
+        print(f"{name}: {len(actions)} steps, {'at the goal' if success else 'no reward'}")
+
+
+if __name__ == "__main__":
+    typer.run(main)

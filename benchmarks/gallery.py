@@ -36,7 +36,7 @@ PLANNED = {
     "humanoid_trap": "CuriosityLocomotion-HumanoidTrap-v0",
 }
 PLANS = Path(__file__).parents[1] / "tests" / "gym" / "locomotion" / "solutions.npz"
-N_FRAMES, HEIGHT, N_COLORS = 60, 180, 48
+N_FRAMES, HEIGHT, N_COLORS = 40, 160, 32
 Frame = npt.NDArray[np.uint8]
 
 

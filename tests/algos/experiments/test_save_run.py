@@ -1,3 +1,4 @@
+import gc
 import json
 
 import gymnasium as gym
@@ -89,6 +90,8 @@ def test_a_killed_run_goes_on_to_the_same_files(
     model = make_model(any_algorithm, make_easy_maze())
     with pytest.raises(KilledError):
         model.learn(1200, [SaveRun(killed, interval=1e-9), Kill(timesteps)], log_interval=1)
+    del model
+    gc.collect()  # of its open files no later test is told, which may take warnings for errors
     checkpoint = RunFolder(killed).checkpoint
     model = any_algorithm.load(checkpoint / "model", env=make_easy_maze())
     assert model.num_timesteps == int(checkpoint.name) <= timesteps

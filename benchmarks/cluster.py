@@ -52,6 +52,15 @@ class Workload:
 
 def run(plan: Plan) -> list[Table]:
     """Bytes, times, and a model fitted to them."""
+    import ray
+
+    try:
+        return _run(plan)
+    finally:
+        ray.shutdown()  # other sections' times are without its processes
+
+
+def _run(plan: Plan) -> list[Table]:
     from curiosity_algos.evaluation.ray import RayEvaluator
 
     n_cores = available_cpus()

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from benchmarks import baselines, gallery, population, run, training
+from benchmarks import baselines, cluster, gallery, population, run, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import make_evaluator
 from curiosity_gym import MazeLayout
@@ -90,6 +90,20 @@ def test_sections_print_figures(names, capsys):
             assert math.isfinite(figure), (title, name)
             # Only a difference of two times may come out below zero, and only a rounding as zero.
             assert figure >= 0.0 or name in DIFFERENCES, (title, name)
+
+
+@pytest.mark.extra("control", "ray")
+def test_the_cluster_is_left_when_it_is_measured(monkeypatch):
+    ray = pytest.importorskip("ray")
+
+    def fail(plan):
+        ray.init("local", num_cpus=1, include_dashboard=False, log_to_driver=False)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cluster, "_run", fail)
+    with pytest.raises(KeyboardInterrupt):
+        cluster.run(Plan(1, quick=True))
+    assert not ray.is_initialized()
 
 
 def test_an_unknown_section_is_refused():

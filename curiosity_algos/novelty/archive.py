@@ -66,7 +66,8 @@ class NoveltyArchive:
             ValueError: If `behaviors` has another shape, or entries that are not finite or not
                 below 1e150 in size.
         """
-        self._seen.add(self._checked(behaviors))
+        rows = self._checked(behaviors)
+        self._seen.add(rows, self._equal_to(rows))
         n_distinct, n_indexed = len(self._seen.distinct), self._large.n
         is_due = n_distinct > (1.0 + REBUILD_SHARE) * n_indexed
         if is_due:
@@ -108,11 +109,20 @@ class NoveltyArchive:
         order = np.argsort(distances, axis=1, kind="stable")[:, :n_found]
         return np.take_along_axis(distances, order, 1), np.take_along_axis(numbers, order, 1)
 
+    def _equal_to(self, rows: FloatArray) -> IntArray:
+        """Numbers (n,) of the distinct behaviors that rows (n, B) are equal to, -1 for none."""
+        numbers = np.full(len(rows), -1)
+        if len(self._seen.distinct):
+            nearest = self._nearest_distinct(rows, 1)[1][:, 0]
+            is_equal = (self._seen.distinct.view[nearest] == rows).all(axis=1)
+            numbers[is_equal] = nearest[is_equal]
+        return numbers
+
     def _with_copies(
         self, distances: FloatArray, numbers: IntArray, k: int
     ) -> tuple[FloatArray, list[int]]:
         """Distances and indices of a query's neighbors, each as often as it was added, up to k."""
-        copies = [self._seen.copies[number][:k] for number in numbers]
+        copies = [self._seen.places(number)[:k] for number in numbers.tolist()]
         indices = list(chain.from_iterable(copies))[:k]
         return np.repeat(distances, [len(each) for each in copies])[:k], indices
 
@@ -138,59 +148,70 @@ class NoveltyArchive:
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
         self._seen = _Behaviors(self.n_dimensions)
-        self._seen.add(self._checked(state["behaviors"].cpu().numpy()))
+        rows = self._checked(state["behaviors"].cpu().numpy())
+        self._seen.add(rows, np.full(len(rows), -1))
         self._index(state["n_indexed"])
 
 
 class _Behaviors:
     """Behaviors in order of insertion, and which of them are equal.
 
+    Nearly all are distinct: what is kept of each is in arrays, as Python's objects would take ten
+    times the memory.
+
     Attributes:
         every: All of them.
         distinct: Each once, numbered by their first insertion.
-        copies: Of each distinct behavior, its places in `every`.
     """
 
     def __init__(self, n_dimensions: int) -> None:
         self.every = _Rows(n_dimensions)
         self.distinct = _Rows(n_dimensions)
-        self.copies: list[list[int]] = []
-        self._numbers: dict[bytes, int] = {}
+        self._first = _Rows(1, np.int64)
+        self._later: dict[int, list[int]] = {}
 
-    def add(self, rows: FloatArray) -> None:
-        """Append rows (n, B)."""
-        new = []
+    def places(self, number: int) -> list[int]:
+        """Where in `every` a distinct behavior is, ascending."""
+        return [int(self._first.view[number, 0]), *self._later.get(number, ())]
+
+    def add(self, rows: FloatArray, numbers: IntArray) -> None:
+        """Append rows (n, B); those equal to distinct ones have their numbers (n,), others -1."""
+        n_before, place = len(self.distinct), len(self.every)
+        new: dict[bytes, int] = {}
+        first: list[int] = []
         # Adding 0 makes -0 equal to 0 in its bytes, too.
-        for i, row in enumerate(rows + 0.0):
-            number = self._numbers.setdefault(row.tobytes(), len(self.copies))
-            if number == len(self.copies):
-                self.copies.append([])
-                new.append(i)
-            self.copies[number].append(len(self.every) + i)
+        for i, (row, known) in enumerate(zip(rows + 0.0, numbers.tolist(), strict=True)):
+            number = known if known >= 0 else new.setdefault(row.tobytes(), n_before + len(new))
+            if number == n_before + len(first):
+                first.append(i)
+            else:
+                self._later.setdefault(number, []).append(place + i)
         self.every.append(rows)
-        self.distinct.append(rows[new])
+        self.distinct.append(rows[first])
+        self._first.append(place + np.array(first, dtype=np.int64)[:, None])
 
 
 class _Rows:
     """A matrix that grows at its end, whose rows never change."""
 
-    def __init__(self, n_columns: int) -> None:
-        self._storage = np.empty((0, n_columns))
+    def __init__(self, n_columns: int, dtype: npt.DTypeLike = np.float64) -> None:
+        self._storage = np.empty((0, n_columns), dtype)
         self._size = 0
 
     def __len__(self) -> int:
         return self._size
 
     @property
-    def view(self) -> FloatArray:
+    def view(self) -> npt.NDArray[Any]:
         """The rows, not copied."""
         return self._storage[: self._size]
 
-    def append(self, rows: FloatArray) -> None:
+    def append(self, rows: npt.NDArray[Any]) -> None:
         """Copy rows to the end; the storage doubles when it is full."""
         size = self._size + len(rows)
         if size > len(self._storage):
-            grown = np.empty((max(size, 2 * len(self._storage)), self._storage.shape[1]))
+            shape = max(size, 2 * len(self._storage)), self._storage.shape[1]
+            grown = np.empty(shape, self._storage.dtype)
             grown[: self._size] = self.view
             self._storage = grown
         self._storage[self._size : size] = rows

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 import torch as th
@@ -122,6 +124,17 @@ def test_thousands_of_copies_are_held_once_in_the_trees():
     np.testing.assert_array_equal(distances[0], [0.0] * 10_000 + [np.sqrt(2.0)])
     np.testing.assert_array_equal(indices[0], [*range(5000, 15_000), 0])
     np.testing.assert_array_equal(distances[1, 4999:5001], [1.0, np.sqrt(5.0)])
+
+
+def test_a_behavior_takes_little_more_than_its_numbers():
+    batches = random_batches(20, 1000, n_dimensions=2)
+    tracemalloc.start()
+    try:
+        archive = make_archive(*batches, n_dimensions=2)
+        taken = tracemalloc.get_traced_memory()[0] / len(archive)
+    finally:
+        tracemalloc.stop()
+    assert taken <= 150.0  # its two numbers twice, one of its place, and room to grow
 
 
 def test_an_empty_archive_has_no_neighbors():

@@ -131,6 +131,11 @@ class TD3ICM(ResumableTD3):
         for name, loss in losses.items():
             self.logger.record(name, loss)
 
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """As in SB3, but not to be interrupted in the midst of it."""
+        with self.replay_buffer.drawn_ahead(gradient_steps, batch_size):  # after `_train_parts`
+            super().train(gradient_steps, batch_size)
+
     def load_replay_buffer(
         self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True
     ) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from curiosity_algos.curiosity.encoders import action_scale
 from curiosity_algos.curiosity.spans import draw_steps, horizon_of
 from curiosity_algos.evaluation.rollouts import check_observations
 
+N_TOGETHER = 16
+"""Batches whose bonus is computed in one call, as each call costs as much as a batch itself."""
 COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
 
 
@@ -61,6 +64,7 @@ class CuriosityReplayBuffer(ReplayBuffer):
         assert isinstance(action_space, spaces.Box)
         self._center, self._half_range = action_scale(action_space)
         self._rng = np.random.default_rng(seed)
+        self._ahead: Iterator[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = iter(())
 
     def add(
         self,
@@ -97,9 +101,9 @@ class CuriosityReplayBuffer(ReplayBuffer):
             batch_size: How many.
             env: Normalizes observations and the reward of the task.
         """
-        rows = self._draw(batch_size)
-        observations, actions, next_observations = self._transitions(rows)
-        rewards = self.weight * self.bonus.score(observations, actions, next_observations)
+        rows, curiosity = next(self._ahead, None) or next(self._drawn(1, batch_size))
+        observations, _, next_observations = self._transitions(rows)
+        rewards = self.weight * curiosity
         if self.extrinsic:
             rewards = rewards + self._normalize_reward(self.rewards[rows, 0], env)
         ended = self.dones[rows] * (1.0 - self.timeouts[rows])
@@ -111,6 +115,28 @@ class CuriosityReplayBuffer(ReplayBuffer):
             rewards.astype(np.float32)[:, None],
         )
         return ReplayBufferSamples(*map(self.to_torch, values))
+
+    @contextmanager
+    def drawn_ahead(self, n_batches: int, batch_size: int) -> Iterator[None]:
+        """Where bonus and buffer stay as they are: the next samples, of one size, at less cost.
+
+        They are those that are drawn otherwise.
+        """
+        self._ahead = self._drawn(n_batches, batch_size)
+        try:
+            yield
+        finally:
+            self._ahead = iter(())
+
+    def _drawn(
+        self, n_batches: int, batch_size: int
+    ) -> Iterator[tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
+        """Rows (n,) of each batch and their bonus (n,), computed when the batch is needed."""
+        for begin in range(0, n_batches, N_TOGETHER):
+            n = min(N_TOGETHER, n_batches - begin)
+            rows = self._draw(n * batch_size)
+            curiosity = self.bonus.score(*self._transitions(rows))
+            yield from zip(rows.reshape(n, -1), curiosity.reshape(n, -1), strict=True)
 
     def sample_transitions(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions and next observations, as a bonus is trained on them."""

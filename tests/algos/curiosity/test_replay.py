@@ -7,7 +7,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
+from curiosity_algos.curiosity.replay import N_TOGETHER, CuriosityReplayBuffer
 
 OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
 
@@ -71,6 +71,28 @@ class TestSamples:
         assert th.equal(sample.next_observations, x + 1)
         assert th.allclose(sample.actions, x / 10)
         assert th.allclose(sample.rewards, 100 * x + 0.5 * worth(x))
+
+    def test_those_drawn_ahead_are_the_same(self):
+        n_batches = 2 * N_TOGETHER + 3
+        buffers = make_buffer(), make_buffer()
+        for buffer in buffers:
+            for x in range(7):
+                add(buffer, x, reward=100.0 * x)
+        one_by_one = [buffers[0].sample(5) for _ in range(n_batches + 2)]
+        with buffers[1].drawn_ahead(n_batches, 5):
+            ahead = [buffers[1].sample(5) for _ in range(n_batches)]
+        ahead += [buffers[1].sample(5) for _ in range(2)]
+        for one, other in zip(one_by_one, ahead, strict=True):
+            assert all(map(th.equal, one[:5], other[:5]))
+
+    def test_what_was_drawn_ahead_is_left_where_training_ends_early(self):
+        buffer = make_buffer(extrinsic=False)
+        add(buffer, 1)
+        with pytest.raises(KeyboardInterrupt), buffer.drawn_ahead(4, 1):
+            buffer.sample(1)
+            raise KeyboardInterrupt
+        buffer.bonus.factor = 3.0
+        assert buffer.sample(1).rewards.item() == pytest.approx(1.5 * worth(1))
 
     def test_values_stop_at_terminations_alone(self):
         buffer = make_buffer()

@@ -34,18 +34,25 @@ class Plan:
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity: its figures, one a repeat, and the target that it should meet."""
+    """One quantity: its figures, one a repeat, and the target that it should meet.
+
+    Attributes:
+        of_roof: Where arithmetic bounds it, the share of what the machine could do at most, one a
+            repeat; the table says what that is.
+    """
 
     name: str
     figures: Figures
     unit: str
     target: str = ""
+    of_roof: Figures = field(default_factory=list)
 
-    def markdown(self) -> str:
-        """Median, spread, unit and target as a line of a table."""
+    def cells(self) -> list[str]:
+        """Median, spread, unit, target and share of the roof, as a line of a table has them."""
         low, high = number(min(self.figures)), number(max(self.figures))
-        cells = [self.name, number(median(self.figures)), f"{low} to {high}", self.unit]
-        return f"| {' | '.join([*cells, self.target])} |"
+        share = f"{number(100.0 * median(self.of_roof))} %" if self.of_roof else ""
+        middle = number(median(self.figures))
+        return [self.name, middle, f"{low} to {high}", self.unit, self.target, share]
 
 
 @dataclass(frozen=True)
@@ -58,9 +65,12 @@ class Table:
 
     def markdown(self, level: int = 2) -> str:
         """The table, its title above as a heading of that level, its notes below."""
-        head = ["| What | Median | Spread | Unit | Target |", "|---|--:|--:|---|---|"]
-        title = f"{'#' * level} {self.title}"
-        lines = [title, "", *head, *(row.markdown() for row in self.rows)]
+        n = 6 if any(row.of_roof for row in self.rows) else 5
+        head = ["What", "Median", "Spread", "Unit", "Target", "Of the roof"]
+        cells = [line[:n] for line in [head, *map(Row.cells, self.rows)]]
+        names, *rows = (f"| {' | '.join(line)} |" for line in cells)
+        ruler = "|---|--:|--:|---|---|" + "--:|" * (n - 5)
+        lines = [f"{'#' * level} {self.title}", "", names, ruler, *rows]
         return "\n".join([*lines, *(f"\n{note}" for note in self.notes), ""])
 
 

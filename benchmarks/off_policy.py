@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -19,9 +20,12 @@ from benchmarks.measure import (
     seconds,
     stage_rows,
 )
+from benchmarks.products import products_of_errors
+from benchmarks.roofline import products_task
 from curiosity_algos import TD3ICM
 from curiosity_algos.algorithms import td3_icm
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_gym.compiled import ThreadPool
 
 MAZE = "CuriosityMaze-US-v0"
 STAGES = ("environment", "rewards of samples", "bonus updates", "actor and critic", "rest")
@@ -69,6 +73,7 @@ def run(plan: Plan) -> list[Table]:
     runs.clear()
     names = "TD3ICM", "Stable-Baselines3's TD3"
     tasks = {names[0]: lambda: rate(icm), names[1]: lambda: rate(td3)}
+    tasks["products"] = products_task(plan, ThreadPool(1), 1)
     figures = interleave(tasks, plan.repeats)
     rows = [
         *(Row(name, figures[name], "steps/s") for name in names),
@@ -78,10 +83,19 @@ def run(plan: Plan) -> list[Table]:
         "An episode each repeat, and as many gradient steps; the same networks, batches and noise; "
         "both train on one torch thread."
     ]
-    rest = ["`rest` is acting, storing, logging and the loop itself."]
+    stages = {row.name: row for row in stage_rows(STAGES, runs)}
+    n_sampled = n_steps * icm.batch_size
+    floor = products_of_errors(icm.trained_bonus, n_sampled)
+    spent = [floor / rate for rate in figures["products"]]
+    scored = stages["rewards of samples"]
+    stages[scored.name] = replace(scored, of_roof=ratios(spent, scored.figures))
+    rest = [
+        "`rest` is acting, storing, logging and the loop itself. The roof of rewards is the time "
+        "of their matrix products at the rate of large ones, on one thread."
+    ]
     return [
         Table(f"td3: {MAZE}", rows, notes),
-        Table("td3: where TD3ICM's time goes", stage_rows(STAGES, runs), rest),
+        Table("td3: where TD3ICM's time goes", list(stages.values()), rest),
     ]
 
 

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.measure import Plan, Row, Table, Task, add_peer, interleave, ratios, seconds
+from benchmarks.measure import (
+    Figures,
+    Plan,
+    Row,
+    Table,
+    Task,
+    add_peer,
+    interleave,
+    ratios,
+    seconds,
+)
+from benchmarks.roofline import loops_task
 from curiosity_algos import make_evaluator
+from curiosity_gym.compiled import ThreadPool
 
 POPULATION_SIZE = 56
 HIDDEN = (32, 16)
@@ -18,6 +32,10 @@ DEVIATION = 0.3
 MAZES = ("Snake", "US", "Hard", "Labyrinth")
 UNIT = "M steps/s"
 KHEPERAX = "Kheperax, snake, jitted and vmapped"
+ROOF = (
+    "The roof is the rate of multiplying and adding in the first cache, on as many threads, and a "
+    "step no more than its policy's products: walls and beams are not counted."
+)
 
 
 def run(plan: Plan) -> list[Table]:
@@ -28,15 +46,17 @@ def run(plan: Plan) -> list[Table]:
 def _beside_kheperax(plan: Plan) -> Table:
     one, two = "one thread", "two threads"
     tasks = {one: maze_task("Snake", 1, plan), two: maze_task("Snake", 2, plan)}
+    tasks |= roof_tasks(plan, 1, 2)
     notes = [
         f"{POPULATION_SIZE} policies with hidden layers {HIDDEN} and {N_BEAMS} beams; Kheperax may "
-        "use every core, runs episodes of its default length and keeps no trajectories."
+        "use every core, runs episodes of its default length and keeps no trajectories.",
+        ROOF,
     ]
     add_peer(tasks, notes, KHEPERAX, lambda: kheperax_task(plan))
     figures = interleave(tasks, plan.repeats)
     rows = [
-        Row(one, figures[one], UNIT, ">= 2.5"),
-        Row(two, figures[two], UNIT),
+        Row(one, figures[one], UNIT, ">= 2.5", of_roof(figures, one, 1)),
+        Row(two, figures[two], UNIT, of_roof=of_roof(figures, two, 2)),
         Row("scaling, two threads over one", ratios(figures[two], figures[one]), "x", ">= 1.8"),
     ]
     if KHEPERAX in figures:
@@ -51,9 +71,27 @@ def _beside_kheperax(plan: Plan) -> Table:
 
 def _layouts(plan: Plan) -> Table:
     tasks = {f"{name}, one thread": maze_task(name, 1, plan) for name in MAZES}
-    figures = interleave(tasks, plan.repeats)
-    rows = [Row(name, values, UNIT) for name, values in figures.items()]
-    return Table("population: every maze", rows)
+    figures = interleave(tasks | roof_tasks(plan, 1), plan.repeats)
+    rows = [Row(name, figures[name], UNIT, of_roof=of_roof(figures, name, 1)) for name in tasks]
+    return Table("population: every maze", rows, [ROOF])
+
+
+def roof_tasks(plan: Plan, *numbers: int) -> dict[str, Task]:
+    """For each number of threads what they can do at most, see `ROOF`."""
+    return {_roof(n): loops_task(plan, ThreadPool(n), n) for n in numbers}
+
+
+def of_roof(
+    figures: Mapping[str, Figures], name: str, n_threads: int, n_beams: int = N_BEAMS
+) -> Figures:
+    """Shares of the roof that the steps of a policy of so many beams take, one a repeat."""
+    sizes = n_beams + 4, *HIDDEN, 2
+    operations = 2e-3 * sum(a * b for a, b in pairwise(sizes))  # billions, of a million steps
+    return [operations * share for share in ratios(figures[name], figures[_roof(n_threads)])]
+
+
+def _roof(n_threads: int) -> str:
+    return f"roof, {n_threads} threads"
 
 
 def maze_task(name: str, n_threads: int, plan: Plan) -> Task:

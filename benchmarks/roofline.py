@@ -31,7 +31,7 @@ def run(plan: Plan) -> list[Table]:
     for n_threads in sorted({1, pool.n_threads}):
         where = "one thread" if n_threads == 1 else f"{n_threads} threads"
         tasks[f"matrix product, {where}"] = products_task(plan, pool, n_threads)
-        tasks[f"multiply and add in the first cache, {where}"] = _loops(plan, pool, n_threads)
+        tasks[f"multiply and add in the first cache, {where}"] = loops_task(plan, pool, n_threads)
         tasks[f"copy, {where}"] = _copies(plan, pool, n_threads)
     figures = interleave(tasks, plan.repeats)
     rows = [
@@ -65,7 +65,8 @@ def products_task(plan: Plan, pool: ThreadPool, n_threads: int) -> Task:
     return rate
 
 
-def _loops(plan: Plan, pool: ThreadPool, n_threads: int) -> Task:
+def loops_task(plan: Plan, pool: ThreadPool, n_threads: int) -> Task:
+    """Billions of operations a second of a compiled loop in the first cache, on so many threads."""
     n_passes = plan.size(200_000, 100)
     values = [np.ones(N_IN_CACHE, dtype=np.float32) for _ in range(n_threads)]
     multiply_add(values[0], 1)  # compiled before it is timed

@@ -9,7 +9,16 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios
-from benchmarks.population import DEVIATION, HIDDEN, N_BEAMS, POPULATION_SIZE, UNIT
+from benchmarks.population import (
+    DEVIATION,
+    HIDDEN,
+    N_BEAMS,
+    POPULATION_SIZE,
+    ROOF,
+    UNIT,
+    of_roof,
+    roof_tasks,
+)
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.blocks import play
 from curiosity_algos.evaluation.rollouts import no_reads
@@ -35,15 +44,14 @@ def run(plan: Plan) -> list[Table]:
 def _threads(plan: Plan) -> Table:
     n_threads = max(2, available_cpus())
     one, all_ = "1 thread", f"{n_threads} threads"
-    figures = interleave(
-        {one: _task(plan, n_threads=1), all_: _task(plan, n_threads=n_threads)}, plan.repeats
-    )
+    tasks = {one: _task(plan, n_threads=1), all_: _task(plan, n_threads=n_threads)}
+    figures = interleave(tasks | roof_tasks(plan, 1, n_threads), plan.repeats)
     speedups = ratios(figures[all_], figures[one])
     # Amdahl 1967: s + (1 - s) / n of one thread's time, s being what threads do not share.
     serial = [max(0.0, (n_threads / speedup - 1.0) / (n_threads - 1)) for speedup in speedups]
     rows = [
-        Row(one, figures[one], UNIT),
-        Row(all_, figures[all_], UNIT),
+        Row(one, figures[one], UNIT, of_roof=of_roof(figures, one, 1)),
+        Row(all_, figures[all_], UNIT, of_roof=of_roof(figures, all_, n_threads)),
         Row(f"{all_} over one", speedups, "x"),
         Row("serial share", [100.0 * share for share in serial], "%"),
     ]
@@ -57,7 +65,8 @@ def _threads(plan: Plan) -> Table:
     notes = [
         f"{MAZE}, {POPULATION_SIZE} policies. The model is Amdahl's, of the serial share measured, "
         f"on as many cores as threads; it knows no bound of the memory, into which each step "
-        f"writes {n_bytes} bytes."
+        f"writes {n_bytes} bytes.",
+        ROOF,
     ]
     return Table("scaling: threads", rows, notes)
 
@@ -68,8 +77,15 @@ def _sizes(plan: Plan) -> Table:
         **{f"{n} beams": _task(plan, n_beams=n) for n in BEAMS},
         **{f"{n:,} walls": _task(plan, layout=pillars(n)) for n in WALLS},
     }
-    rows = [Row(name, rates, UNIT) for name, rates in interleave(tasks, plan.repeats).items()]
+    n_threads = available_cpus()
+    figures = interleave(tasks | roof_tasks(plan, n_threads), plan.repeats)
+    rows = []
+    for name in tasks:
+        n_beams = int(name.split()[0]) if name.endswith("beams") else N_BEAMS
+        shares = of_roof(figures, name, n_threads, n_beams)
+        rows.append(Row(name, figures[name], UNIT, of_roof=shares))
     notes = [f"All threads; {MAZE} with {N_BEAMS} beams, but for the pillars that are the walls."]
+    notes.append(ROOF)
     return Table("scaling: sizes", rows, notes)
 
 

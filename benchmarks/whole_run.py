@@ -19,6 +19,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import curiosity_algos
 from benchmarks.measure import Plan, Row, Table
+from benchmarks.products import products
+from benchmarks.roofline import products_task
+from curiosity_gym.compiled import ThreadPool
 
 MAZE = "CuriosityMaze-US-v0"
 TARGETS = {
@@ -42,19 +45,27 @@ def run(plan: Plan) -> list[Table]:
     """Seconds of each algorithm, and its resident memory early and at the end."""
     n_generations = plan.size(2000, 10)
     times, memory = [], []
+    pool = ThreadPool()
+    rate = products_task(plan, pool, pool.n_threads)
     names = ["CuriosityES, paper"] if plan.quick else list(TARGETS)
     for name in names:
         _in_a_process(name, 1)  # compiles what is not in the cache
         began = time.perf_counter()
-        early, late, peak = _in_a_process(name, n_generations)
-        times.append(Row(name, [time.perf_counter() - began], "s", TARGETS[name]))
+        early, late, peak, done = _in_a_process(name, n_generations)
+        elapsed = time.perf_counter() - began
+        times.append(Row(name, [elapsed], "s", TARGETS[name], [done / rate() / elapsed]))
         memory += [
             Row(f"{name}, after a tenth", [early / MEBIBYTE], "MiB"),
             Row(f"{name}, at the end", [late / MEBIBYTE], "MiB"),
             Row(f"{name}, growth", [100.0 * (late / early - 1.0)], "%", "<= 5"),
             Row(f"{name}, at most", [peak / MEBIBYTE], "MiB", LARGEST.get(name, "")),
         ]
-    done = f"{n_generations:,} generations on {MAZE}, seed 0, once; machine code in cache."
+    done = (
+        f"{n_generations:,} generations on {MAZE}, seed 0, once; machine code in cache. "
+        "The roof is the time of the matrix products of policies, scores and training at the rate "
+        "of large ones, on all threads; of CuriosityMAPElites and AURORA only those of policies "
+        "are counted."
+    )
     grid = 50**4 * (1746 * 8 + 4 * 8 + 8 + 8) / 2**30
     dense = f"pyribs' GridArchive of MAPElites' grid would take {grid:.0f} GiB by its arrays."
     return [
@@ -63,12 +74,12 @@ def run(plan: Plan) -> list[Table]:
     ]
 
 
-def _in_a_process(name: str, n_generations: int) -> list[int]:
+def _in_a_process(name: str, n_generations: int) -> list[float]:
     """What `main` prints."""
     command = [sys.executable, "-m", "benchmarks.whole_run", name, str(n_generations)]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    resident_bytes: list[int] = json.loads(done.stdout)
-    return resident_bytes
+    printed: list[float] = json.loads(done.stdout)
+    return printed
 
 
 class Generations(BaseCallback):
@@ -100,7 +111,7 @@ def largest_resident() -> int:
 
 
 def main(name: str, n_generations: int) -> None:
-    """Train, save, and print the resident bytes: after a tenth, at the end, and at most."""
+    """Train, save, print resident bytes, after a tenth, at the end and at most, and products."""
     algorithm, _, preset = name.partition(", ")
     settings: dict[str, Any] = {"preset": preset} if preset else {}
     model = getattr(curiosity_algos, algorithm)(MAZE, seed=0, device="cpu", **settings)
@@ -108,7 +119,8 @@ def main(name: str, n_generations: int) -> None:
     model.learn(1e12, callback=generations)
     with tempfile.TemporaryDirectory() as folder:
         model.save(Path(folder) / "model")
-    print(json.dumps([generations.early, generations.late, largest_resident()]))
+    resident_bytes = [generations.early, generations.late, largest_resident()]
+    print(json.dumps([*resident_bytes, products(model)]))
 
 
 if __name__ == "__main__":

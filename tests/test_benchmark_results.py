@@ -48,7 +48,7 @@ def test_every_table_stands_in_a_page():
 def test_measured_sections_stay_in_a_file(tmp_path, monkeypatch):
     path = tmp_path / "new" / "speed.json"
     monkeypatch.setattr(speed_tables, "SPEED_FILE", path)
-    first = Table("vector: one", [Row("here", [2.0, 8.0, 3.0], "steps/s", "> 1")], ["Why."])
+    first = Table("vector: one", [Row("here", [2.0, 8.0, 3.0], "steps/s", "> 1", [0.5])], ["Why."])
     other = Table("learn: two", [Row("here", [0.12345678], "s")])
     record.write_section(path, "vector", ["- CPU: old"], [other])
     record.write_section(path, "learn", ["- CPU: b"], [other, first])

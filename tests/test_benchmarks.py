@@ -16,10 +16,11 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks import baselines, cluster, gallery, population, run, training
+from benchmarks import baselines, cluster, gallery, population, products, run, training
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
-from curiosity_algos import make_evaluator
+from curiosity_algos import CuriosityES, make_evaluator
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 
@@ -238,7 +239,39 @@ def test_a_table_gives_median_spread_and_target():
     assert lines[0] == "## vector"
     assert "| steps | 2.50 | 1.00 to 9.00 | M steps/s | >= 2 |" in lines
     assert lines[-1] == "A note."
+    assert "Of the roof" not in "".join(lines)
     assert ratios([4.0, 9.0], [2.0, 3.0]) == [2.0, 3.0]
+
+
+def test_a_table_gives_shares_of_the_roof_where_there_is_one():
+    rows = [Row("steps", [3.0, 1.0], "s", "", [0.5, 0.25]), Row("others", [3.0], "s")]
+    assert Table("learn", rows).markdown().splitlines()[2:6] == [
+        "| What | Median | Spread | Unit | Target | Of the roof |",
+        "|---|--:|--:|---|---|--:|",
+        "| steps | 2.00 | 1.00 to 3.00 | s |  | 37.5 % |",
+        "| others | 3.00 | 3.00 to 3.00 | s |  |  |",
+    ]
+
+
+@pytest.mark.parametrize("preset", [None, "paper"])
+def test_products_are_those_that_torch_counts(preset):
+    model = CuriosityES("CuriosityMaze-US-v0", seed=0, preset=preset)
+    model.learn(1)
+    motivation, bonus = model._motivation, model._motivation.bonus
+    updates = products.products_of_updates(model)
+    with FlopCounterMode(display=False) as counted:
+        bonus.losses(*motivation.buffer.sample(motivation.batch_size))["loss"].backward()
+    assert 1e-9 * counted.get_total_flops() * motivation.n_updates == pytest.approx(updates)
+
+    n = model.num_timesteps if preset else model.population_size * motivation.n_states
+    states, actions = np.ones((n + 1, 36), dtype=np.float32), np.ones((n, 2), dtype=np.float32)
+    bonus._compiled = lambda: None  # torch counts its own
+    with FlopCounterMode(display=False) as counted:
+        bonus.score_trajectory(states, actions)
+    before = products.products_of_scores(model)
+    model.learn(1, reset_num_timesteps=False)
+    scores = products.products_of_scores(model) - before
+    assert 1e-9 * counted.get_total_flops() == pytest.approx(scores, rel=1e-3)
 
 
 @given(st.floats(1e-3, 1e9))

@@ -18,8 +18,8 @@ def write_section(path: Path, name: str, measured_on: list[str], tables: list[Ta
     sections: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
     rounded = [asdict(table) for table in tables]
     for row in (row for table in rounded for row in table["rows"]):
-        for name in ("figures", "of_roof"):
-            row[name] = [float(f"{figure:.6g}") for figure in row[name]]
+        for kind in ("figures", "of_roof"):
+            row[kind] = [float(f"{figure:.6g}") for figure in row[kind]]
     sections[name] = {"measured_on": measured_on, "tables": rounded}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(sections, indent=1) + "\n")

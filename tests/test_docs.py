@@ -10,7 +10,8 @@ from latex2mathml.converter import convert
 import curiosity_algos
 import curiosity_gym
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
 OWN = DOCS / "write_your_own.md"
 PAGES = sorted(path for path in (DOCS / "algorithms").glob("*.md") if path.stem != "index")
 
@@ -24,6 +25,25 @@ def test_an_algorithms_page_begins_with_all_its_arguments_and_methods(page):
     assert first_section.startswith("Arguments and methods")
     assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
     assert "   :members:\n   :inherited-members:\n" in first_section
+
+
+@pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"])
+def test_links_outside_of_the_site_lead_somewhere(name):
+    text = re.sub(r"^```.*?^```", "", (ROOT / name).read_text(), flags=re.M | re.S)
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link]
+    assert links or name == "CONTRIBUTING.md"
+    for link in links:
+        path, _, anchor = link.partition("#")
+        target = ROOT / (path or name)
+        assert target.exists(), link
+        if anchor:
+            titles = re.findall(r"^#+ (.+)$", target.read_text(), flags=re.M)
+            assert anchor in {slug(title) for title in titles}, link
+
+
+def slug(title):
+    """The anchor of a heading, as GitHub and MyST make it."""
+    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
 def test_every_formula_is_drawn():

@@ -105,6 +105,14 @@ class BonusCheckpointCallback(CheckpointCallback):
     Beside `{name_prefix}_{timesteps}_steps.zip` there is a file for `BonusVecEnvWrapper.load`,
     `{name_prefix}_bonus_{timesteps}_steps.pt`. All arguments are SB3's.
 
+    Args:
+        save_freq: Calls of the callback from one checkpoint to the next.
+        save_path: Folder of the files.
+        name_prefix: Beginning of their names.
+        save_replay_buffer: Save the model's replay buffer, too.
+        save_vecnormalize: Save the statistics of a `VecNormalize`, too.
+        verbose: 2: say what is saved.
+
     Raises:
         ValueError: When `learn` begins, if the model's environment has no such wrapper.
     """

@@ -38,7 +38,13 @@ N_SIGNALS, N_CHANNELS = 4, 4
 
 @dataclass(frozen=True)
 class Transitions:
-    """Observations (n, O) and actions (n,), and the observations (n, O) that they lead to."""
+    """Steps of an MDP.
+
+    Attributes:
+        observations: (n, O).
+        actions: (n,).
+        next_observations: What they lead to, (n, O).
+    """
 
     observations: npt.NDArray[np.float32]
     actions: npt.NDArray[np.int64]
@@ -77,7 +83,13 @@ def tiny_mdp(seed: int = 0) -> Transitions:
 
 @dataclass(frozen=True)
 class Learned:
-    """Mean bonus while a bonus is trained, each (n,): of what it is trained on, and of the rest."""
+    """Mean bonus while a bonus is trained.
+
+    Attributes:
+        n_updates: Gradient steps so far, (n,).
+        seen: Mean bonus of what it is trained on, (n,).
+        unseen: Mean bonus of the rest, (n,).
+    """
 
     n_updates: npt.NDArray[np.int64]
     seen: FloatArray
@@ -159,7 +171,13 @@ def noisy_tv(n: int, *, seed: int, is_on: bool = True) -> Transitions:
 
 @dataclass(frozen=True)
 class Watched:
-    """Mean bonus while a bonus is trained, each (n,): of steps before a noisy screen, or a gray."""
+    """Mean bonus while a bonus is trained.
+
+    Attributes:
+        n_updates: Gradient steps so far, (n,).
+        noisy: Mean bonus of steps before a noisy screen, (n,).
+        gray: Mean bonus of the same steps before a gray one, (n,).
+    """
 
     n_updates: npt.NDArray[np.int64]
     noisy: FloatArray

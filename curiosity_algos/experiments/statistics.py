@@ -36,7 +36,13 @@ BATCH = 100  # resamples in memory at once; another number would change the draw
 
 @dataclass(frozen=True)
 class Interval:
-    """A number and its 95 % interval, whose bounds are NaN where a task has a single run."""
+    """A number and its 95 % interval.
+
+    Attributes:
+        estimate: The number.
+        low: Lower bound; NaN where a task has a single run.
+        high: Upper bound, likewise.
+    """
 
     estimate: float
     low: float

@@ -47,6 +47,9 @@ class BallInCup(ControlTask):
     Success:
         The ball is inside the cup. From this start it is no feat: random actions of full strength,
         held for ten steps each, catch it in three episodes of five.
+
+    Args:
+        random_start: As in `ControlTask`.
     """
 
     domain = "ball_in_cup"

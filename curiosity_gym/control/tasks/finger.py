@@ -51,6 +51,9 @@ class Finger(ControlTask):
 
     Success:
         The tip is inside the target.
+
+    Args:
+        random_start: As in `ControlTask`.
     """
 
     domain = "finger"

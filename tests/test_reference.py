@@ -1,0 +1,108 @@
+"""The reference says of every public name and argument what it is, and of nothing else."""
+
+import inspect
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import curiosity_algos
+import curiosity_gym
+
+DOCS = Path(__file__).parents[1] / "docs"
+DIRECTIVE = re.compile(r"^\.\. (auto\w+|currentmodule):: (\S+)\n((?: +:.*\n)*)", re.MULTILINE)
+HEADINGS = ("Args:", "Attributes:")
+
+
+def resolve(path):
+    """The object of a dotted path."""
+    module, names = path, []
+    while True:
+        try:
+            found = import_module(module)
+            break
+        except ImportError:
+            module, _, name = module.rpartition(".")
+            names.insert(0, name)
+    for name in names:
+        found = getattr(found, name)
+    return found
+
+
+def documented():
+    """Every object of the reference with its members, by the path that a page says it by."""
+    found = {}
+    for page in [*sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("*/*.md"))]:
+        module = ""
+        for kind, path, options in DIRECTIVE.findall(page.read_text()):
+            if kind == "currentmodule":
+                module = path
+            elif kind != "autosummary":
+                path = path if path.startswith("curiosity") else f"{module}.{path}"
+                found[path] = resolve(path)
+                found |= members(path, found[path], options)
+    return {path: each for path, each in found.items() if not inspect.ismodule(each)}
+
+
+def members(path, owner, options):
+    """Those members of a class or module that a directive shows."""
+    shown = re.search(r":members:(.*)", options)
+    if shown is None:
+        return {}
+    names = [each.strip() for each in shown[1].split(",") if each.strip()]
+    if not names:
+        names = [name for name, each in vars(owner).items() if is_public(name, each, owner)]
+    return {f"{path}.{name}": inspect.getattr_static(owner, name) for name in names}
+
+
+def is_public(name, member, owner):
+    is_own = not inspect.ismodule(owner) or getattr(member, "__module__", None) == owner.__name__
+    kinds = inspect.isfunction(member) or inspect.isclass(member) or isinstance(member, property)
+    return not name.startswith("_") and is_own and kinds
+
+
+def described(docstring):
+    """The names that a docstring's sections of arguments and attributes describe."""
+    names, inside = set(), False
+    for line in inspect.cleandoc(docstring).splitlines():
+        if not line.startswith(" ") and line:
+            inside = line in HEADINGS
+        elif inside and (match := re.match(r" {4}(\*{0,2}\w+)(?: \(.*\))?: ", line)):
+            names.add(match[1].lstrip("*"))
+    return names
+
+
+def arguments(each):
+    """The names of the arguments that a user may give, but those that are passed on."""
+    passed_on = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+    each = getattr(each, "__func__", each)
+    given = () if isinstance(each, property) else inspect.signature(each).parameters.values()
+    names = {each.name for each in given if each.kind not in passed_on}
+    return {name for name in names - {"self", "cls"} if not name.startswith("_")}
+
+
+REFERENCE = documented()
+TAKERS = {
+    path: each
+    for path, each in REFERENCE.items()
+    if (inspect.isclass(each) and not issubclass(each, Exception)) or "Args:" in each.__doc__
+}
+"""Of which arguments must be described: classes, and functions that describe any."""
+
+
+@pytest.mark.parametrize("package", [curiosity_algos, curiosity_gym])
+def test_every_public_name_is_there(package):
+    names = {f"{package.__name__}.{name}" for name in package.__all__}
+    shown = {id(each) for each in REFERENCE.values()}
+    assert {name for name in names if id(resolve(name)) not in shown} == set()
+
+
+@pytest.mark.parametrize("path", REFERENCE)
+def test_everything_shown_says_what_it_is(path):
+    assert inspect.getdoc(REFERENCE[path])
+
+
+@pytest.mark.parametrize("path", TAKERS)
+def test_arguments_are_those_that_are_described(path):
+    assert arguments(TAKERS[path]) <= described(inspect.getdoc(TAKERS[path]))

@@ -1,13 +1,17 @@
-"""The training script of rl-zoo3, with our algorithms beside its own.
+"""The training script of rl-zoo3, with our algorithms and what to try of them beside its own.
 
 `python examples/rl_zoo3_train.py --algo CuriosityES --env CuriosityMaze-US-v0 --conf-file
 examples/rl_zoo3.yml --log-folder runs`; the docs have a page on it, `docs/rl_zoo3.md`.
 """
 
+from rl_zoo3.hyperparams_opt import HYPERPARAMS_CONVERTER, HYPERPARAMS_SAMPLER
 from rl_zoo3.train import ALGOS, train
 
 import curiosity_algos
+from curiosity_algos.experiments.search_spaces import SPACES, convert, sampler
 
 ALGOS.update({name: each for name, each in vars(curiosity_algos).items() if hasattr(each, "learn")})
+HYPERPARAMS_SAMPLER.update({name: sampler(name) for name in SPACES})
+HYPERPARAMS_CONVERTER.update(dict.fromkeys(SPACES, convert))
 if __name__ == "__main__":
     train()

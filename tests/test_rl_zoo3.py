@@ -7,11 +7,14 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+import pandas as pd
 from stable_baselines3 import TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 import curiosity_algos
 from curiosity_algos import CuriosityES
+from curiosity_algos.experiments.search_spaces import SPACES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ENV = "CuriosityMaze-US-v0"
@@ -56,10 +59,45 @@ def test_the_example_adds_every_algorithm_before_arguments_are_read(monkeypatch)
     seen = {}
     zoo = ModuleType("rl_zoo3.train")  # rl-zoo3 itself patches Gymnasium as it is imported
     zoo.ALGOS, zoo.train = {}, lambda: seen.update(zoo.ALGOS)
-    monkeypatch.setitem(sys.modules, "rl_zoo3", ModuleType("rl_zoo3"))
-    monkeypatch.setitem(sys.modules, "rl_zoo3.train", zoo)
+    tuning = ModuleType("rl_zoo3.hyperparams_opt")
+    tuning.HYPERPARAMS_SAMPLER, tuning.HYPERPARAMS_CONVERTER = {}, {}
+    for module in (ModuleType("rl_zoo3"), zoo, tuning):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
     runpy.run_path(str(EXAMPLES / "rl_zoo3_train.py"), run_name="__main__")
     exported = {name: getattr(curiosity_algos, name) for name in curiosity_algos.__all__}
     classes = {name: each for name, each in exported.items() if isinstance(each, type)}
     assert seen == {name: each for name, each in classes.items() if issubclass(each, BaseAlgorithm)}
     assert {"AURORA", "CMAME", "CuriosityES", "NSLC"} < set(seen)
+    assert set(tuning.HYPERPARAMS_SAMPLER) == set(tuning.HYPERPARAMS_CONVERTER) == set(seen)
+
+
+def test_the_example_tunes(tmp_path):
+    script = EXAMPLES / "rl_zoo3_train.py"
+    options = {
+        "algo": "CuriosityES",
+        "env": ENV,
+        "conf-file": EXAMPLES / "rl_zoo3.yml",
+        "env-kwargs": "horizon:50",
+        "n-timesteps": 5000,
+        "n-evaluations": 5000,
+        "n-eval-envs": 1,
+        "eval-episodes": 1,
+        "n-trials": 3,
+        "pruner": "none",
+        "sampler": "random",
+        "seed": 0,
+        "device": "cpu",
+        "log-folder": tmp_path,
+    }
+    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, script, "--optimize-hyperparameters", "--no-optim-plots", *words]
+    result = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    (report,) = (tmp_path / "CuriosityES").glob("report_*.csv")
+    trials = pd.read_csv(report)
+    assert (trials["state"] == "COMPLETE").all()
+    assert np.isfinite(trials["value"]).all()
+    sampled = {f"params_{name}" for name in SPACES["CuriosityES"]}
+    assert len(trials) == 3
+    assert sampled <= set(trials)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from curiosity_gym import __version__
 
-sys.path.insert(0, str(Path(__file__).parent))  # mathml
+sys.path.insert(0, str(Path(__file__).parent))  # mathml, notebooks
 
 project = "curiosity-search"
 author = "The curiosity authors"
@@ -14,7 +14,8 @@ release = __version__
 
 extensions = [
     "mathml",
-    "myst_parser",
+    "myst_nb",
+    "notebooks",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
@@ -24,6 +25,12 @@ default_role = "code"  # single backticks in docstrings mean code
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
+
+nb_execution_mode = "force"  # what a tutorial shows is what it prints now
+nb_execution_timeout = 600
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_output_stderr = "remove"  # of libraries, about the machine that built the page
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"

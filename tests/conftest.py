@@ -29,6 +29,7 @@ PARAMETERS = {
     "locomotion": re.compile("CuriosityLocomotion-"),
     "report": re.compile("write_report"),
     "robotics": re.compile("CuriositySparse-.*Maze|gymnasium_robotics"),
+    "track": re.compile("import wandb"),
 }
 """Extra: what a test's parameter says that needs it: an environment's id or a program."""
 

@@ -1,14 +1,10 @@
 """Every example and every Python snippet of the README and the documentation runs."""
 
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from scripts import ROOT, cut_budgets, run_python
 
-ROOT = Path(__file__).parents[1]
 ARGUMENTS = {
     "check_bonus.py": ["--updates", "100"],
     "control_task.py": ["--timesteps", "1e4"],
@@ -21,19 +17,9 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def snippets(page):
-    """The page's Python blocks; their budgets are cut, as a test is no training run."""
+    """The page's Python blocks, their budgets cut."""
     blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.M | re.S)
-    return [re.sub(r"\b\d+(\.\d+)?e[45678]\b", "1e3", block) for block in blocks]
-
-
-def run_python(arguments, folder):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "SDL_VIDEODRIVER": "dummy"}
-    environment["OMP_NUM_THREADS"] = "1"  # beside other tests, torch's threads only wait
-    result = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True
-    )
-    assert result.returncode == 0, result.stderr
-    return result.stdout
+    return [cut_budgets(block) for block in blocks]
 
 
 def test_every_example_is_here():

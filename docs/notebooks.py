@@ -1,0 +1,39 @@
+"""The tutorials, which are Markdown, as notebooks beside their pages."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import jupytext
+from sphinx.application import Sphinx
+
+FOLDER = "tutorials"
+LINK = '\n\n<a href="{name}.ipynb" download>Download this page as a notebook</a>'
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Write the notebooks when the site is built, and link them below the pages' titles."""
+    app.connect("builder-inited", write)
+    app.connect("source-read", link)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def pages(folder: Path) -> list[Path]:
+    """The pages that are notebooks."""
+    return sorted(page for page in folder.glob("*.md") if page.stem != "index")
+
+
+def write(app: Sphinx) -> None:
+    """Write a notebook for each page, without outputs."""
+    folder = Path(app.outdir) / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for page in pages(Path(app.srcdir) / FOLDER):
+        jupytext.write(jupytext.read(page), folder / f"{page.stem}.ipynb")
+
+
+def link(app: Sphinx, name: str, source: list[str]) -> None:
+    """Put the link of the notebook below the title of its page."""
+    folder, _, page = name.rpartition("/")
+    if folder == FOLDER and page != "index":
+        below_title = re.compile(r"^# .+$", re.MULTILINE)
+        source[0] = below_title.sub(rf"\g<0>{LINK.format(name=page)}", source[0], count=1)

@@ -1,0 +1,58 @@
+"""Every tutorial runs as a script, and is a notebook that can be downloaded."""
+
+import json
+from types import SimpleNamespace
+
+import jupytext
+import pytest
+from scripts import ROOT, cut_budgets, run_python
+
+from docs.notebooks import link, pages, write
+
+DOCS = ROOT / "docs"
+PAGES = {page.stem: page for page in pages(DOCS / "tutorials")}
+EXTRAS = {"scale_out": "ray"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(each, marks=pytest.mark.extra(*filter(None, [EXTRAS.get(each)])))
+        for each in PAGES
+    ],
+)
+def test_a_tutorial_runs_as_a_script(name, tmp_path):
+    script = tmp_path / f"{name}.py"
+    program = jupytext.writes(jupytext.read(PAGES[name]), fmt="py:percent")
+    script.write_text(cut_budgets(program))
+    assert run_python([script], tmp_path).strip()
+
+
+def test_every_tutorial_is_listed():
+    index = (DOCS / "tutorials" / "index.md").read_text()
+    tree = index.split("```{toctree}")[1].split()
+    assert tree[1:-1] == [each for each in tree if each in PAGES]
+    assert set(tree[1:-1]) == set(PAGES)
+    assert all(f"({name}.md)" in index for name in PAGES)
+
+
+def test_pages_are_written_as_notebooks_and_linked(tmp_path):
+    write(SimpleNamespace(srcdir=DOCS, outdir=tmp_path))
+    assert {path.stem for path in (tmp_path / "tutorials").iterdir()} == set(PAGES)
+    for name, page in PAGES.items():
+        notebook = json.loads((tmp_path / "tutorials" / f"{name}.ipynb").read_text())
+        code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        assert "".join(code[0]["source"]).startswith("%pip install")
+        assert len(code) >= 4
+        assert not any(cell["outputs"] for cell in code)
+        source = [page.read_text()]
+        link(None, f"tutorials/{name}", source)
+        title = notebook["cells"][0]["source"][0].rstrip()
+        assert f'{title}\n\n<a href="{name}.ipynb" download>' in source[0]
+
+
+@pytest.mark.parametrize("name", ["tutorials/index", "quickstart"])
+def test_other_pages_have_no_notebook(name):
+    source = ["# A title\n"]
+    link(None, name, source)
+    assert source == ["# A title\n"]

@@ -7,6 +7,7 @@ import sys
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -18,9 +19,22 @@ from hypothesis import strategies as st
 from PIL import Image
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks import baselines, cluster, gallery, population, products, run, training
+from benchmarks import (
+    baselines,
+    cluster,
+    figures,
+    gallery,
+    learning,
+    population,
+    portraits,
+    pretrained,
+    products,
+    run,
+    training,
+)
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import CuriosityES, make_evaluator
+from curiosity_algos.cli.sweep import sweep
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 
@@ -324,3 +338,57 @@ class TestGallery:
     def test_knows_no_others(self, tmp_path):
         with pytest.raises(typer.BadParameter, match="--only knows snake, us"):
             gallery.main(only="nope", out=tmp_path)
+
+
+class TestPoliciesAndPortraits:
+    """What is made of the runs of the results: policies of the package, pictures of the pages."""
+
+    settings: ClassVar = {
+        "algos": ("NSES", "MAPElites"),
+        "envs": ("CuriosityMaze-Hard-v0",),
+        "timesteps": 1.0,
+        "env_kwargs": ["horizon:50"],
+    }
+
+    def test_the_best_run_of_each_pair_that_was_rewarded_is_kept(self):
+        runs = pd.DataFrame(
+            [("A", "x", 0, 0.2), ("A", "x", 3, 0.5), ("A", "y", 1, 0.0), ("B", "y", 2, 0.1)],
+            columns=["algorithm", "env", "seed", "best_return"],
+        )
+        found = pretrained.best_runs(runs)
+        kept = found[["algorithm", "env", "seed"]].to_numpy().tolist()
+        assert sorted(kept) == [["A", "x", 3], ["B", "y", 2]]
+
+    def test_policies_are_trained_and_written(self, tmp_path, monkeypatch, capsys):
+        rows = {"algorithm": ["NSES"], "env": ["CuriosityMaze-Hard-v0"], "seed": [7]}
+        monkeypatch.setitem(pretrained.SWEEPS, "mazes", self.settings)
+        monkeypatch.setattr(
+            pretrained, "read_runs", lambda name: pd.DataFrame(rows | {"best_return": [0.5]})
+        )
+        pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
+        told = capsys.readouterr().out
+        assert told.endswith("NSES CuriosityMaze-Hard-v0 7: 0.0000, 0.5000 there\n")
+        with np.load(tmp_path / "NSES_CuriosityMaze-Hard-v0.npz") as file:
+            assert file["parameters"].shape == (1746,)
+            assert file["net_arch"].tolist() == [32, 16]
+            assert file["return"] == 0.0
+
+    def test_each_algorithm_has_its_curve_and_map(self, tmp_path, monkeypatch):
+        sweep(
+            algos="NSES,MAPElites",
+            envs="CuriosityMaze-Hard-v0",
+            seeds="0",
+            timesteps=1.0,
+            env_kwargs=self.settings["env_kwargs"],
+            log_folder=tmp_path / "runs",
+            jobs=1,
+        )
+        monkeypatch.setattr(portraits, "ALGORITHMS", ("NSES", "MAPElites"))
+        portraits.main(tmp_path / "runs", tmp_path)
+        for name in ("NSES", "MAPElites"):
+            with Image.open(tmp_path / f"portrait_{name}.png") as picture:
+                assert min(picture.size) > 300
+
+    def test_the_pages_have_theirs(self):
+        for name in learning.ALGORITHMS:
+            assert (figures.IMAGES / f"portrait_{name}.png").is_file()

@@ -1,0 +1,62 @@
+"""`python -m benchmarks.pretrained` trains the best runs of the results again, for their policies.
+
+Of each algorithm and environment that was rewarded, the seed with the highest return. Each policy
+is written into the package, and its return printed beside that of the results: another processor
+may round sums otherwise, and come to another one. An hour of two cores; may be interrupted.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+
+from benchmarks.learning import SWEEPS
+from benchmarks.results import read_runs
+from curiosity_algos.cli.sweep import sweep
+from curiosity_algos.experiments import RunFolder
+from curiosity_algos.experiments.run_folder import write_arrays
+
+FOLDER = Path(__file__).parents[1] / "curiosity_algos" / "pretrained"
+TABLES = ("mazes", "labyrinth", "control")
+FIELDS = ("parameters", "net_arch", "return")
+
+
+def best_runs(runs: pd.DataFrame) -> pd.DataFrame:
+    """The row of the highest return of each algorithm and environment that was rewarded."""
+    rewarded = runs[runs["best_return"] > 0.0]
+    return rewarded.loc[rewarded.groupby(["algorithm", "env"])["best_return"].idxmax()]
+
+
+def keep_policy(run: Path, path: Path) -> float:
+    """Write what acts in a run's best policy to a file; its return."""
+    checkpoint = RunFolder(run).checkpoint
+    assert checkpoint is not None
+    with np.load(checkpoint / "best_policy.npz") as best:
+        write_arrays(path, {name: best[name] for name in FIELDS})
+        return float(best["return"])
+
+
+def main(
+    runs: Path = Path("runs/pretrained"),
+    jobs: Annotated[int, typer.Option(help="Runs at a time.")] = 2,
+    tables: Annotated[str, typer.Option(help="Of which results.")] = ",".join(TABLES),
+    out: Path = FOLDER,
+) -> None:
+    """Train the best runs, and write a file for each."""
+    for name in tables.split(","):
+        settings = {**SWEEPS[name], "log_folder": runs / name, "jobs": jobs}
+        for best in best_runs(read_runs(name)).itertuples():
+            pair = {"algos": best.algorithm, "envs": best.env}
+            sweep(**{**settings, **pair}, seeds=str(best.seed))
+            run = runs / name / best.algorithm / best.env / str(best.seed)
+            total = keep_policy(run, out / f"{best.algorithm}_{best.env}.npz")
+            told = f"{total:.4f}, {best.best_return:.4f} there"
+            print(f"{best.algorithm} {best.env} {best.seed}: {told}")
+
+
+if __name__ == "__main__":
+    typer.run(main)

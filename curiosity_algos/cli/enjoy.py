@@ -13,31 +13,44 @@ from curiosity_gym.validation import check_at_least_one
 
 
 def enjoy(
-    run: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    run: Annotated[
+        str, typer.Argument(help="The folder of a run; of a pretrained policy, its environment.")
+    ],
+    pretrained: Annotated[
+        str | None,
+        typer.Option(
+            help="An algorithm, whose best policy comes with the package.", metavar="ALGO"
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="A GIF or MP4; None: a window, without a screen best_policy.gif in the folder."
+            help="A GIF or MP4; None: a window, without a screen best_policy.gif in the folder, "
+            "or here."
         ),
     ] = None,
     no_render: Annotated[bool, typer.Option("--no-render", help="Print the return alone.")] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
     seed: Annotated[int, typer.Option(help="Of the environment.")] = 0,
 ) -> None:
-    """Show or record an episode of a run's best policy, and print its return.
+    """Show or record an episode of a run's best policy, or of a pretrained one.
 
     Example: curiosity enjoy runs/CuriosityES/CuriosityMaze-Hard-v0/0
+
+    Example: curiosity enjoy --pretrained curiosity_es CuriosityMaze-Hard-v0
     """
     from curiosity_algos.experiments import film
 
     check_at_least_one(stride=stride)
+    source = Path(run) if pretrained is None else film.Pretrained(pretrained, run)
     if no_render:
-        typer.echo(f"Return {film.play(run, seed=seed):.3f}")
+        typer.echo(f"Return {film.play(source, seed=seed):.3f}")
     elif out is None and has_screen():
-        typer.echo(f"Return {film.watch(run, seed=seed):.3f}")
+        typer.echo(f"Return {film.watch(source, seed=seed):.3f}")
     else:
-        path = run / "best_policy.gif" if out is None else out
-        total = film.film(run, path, stride=stride, seed=seed)
+        folder = source if isinstance(source, Path) else Path()
+        path = folder / "best_policy.gif" if out is None else out
+        total = film.film(source, path, stride=stride, seed=seed)
         typer.echo(f"Return {total:.3f}: {path}")
 
 

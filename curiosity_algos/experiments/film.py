@@ -1,18 +1,19 @@
-"""A run's best policy, in a window or in a file."""
+"""The best policy of a run, or one that comes with the package, in a window or in a file."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
-from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
 
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
+from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.replay import episode
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym.extras import import_extra
@@ -21,17 +22,24 @@ from curiosity_gym.validation import check_choice
 Frame = npt.NDArray[np.uint8]
 
 
-def film(folder: Path, path: Path, *, stride: int, seed: int) -> float:
+class Pretrained(NamedTuple):
+    """A policy that comes with the package."""
+
+    algorithm: str
+    env_id: str
+
+
+def film(source: Path | Pretrained, path: Path, *, stride: int, seed: int) -> float:
     """Play one episode, and write every `stride`-th step as a frame; its return.
 
     Raises:
-        FileNotFoundError: If there is no run in the folder.
-        ValueError: If it cannot be played again; if the path is of another kind of file.
+        FileNotFoundError: If `source` is a folder without a run.
+        ValueError: If it cannot be played; if the path is of another kind of file.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    model, env = _open(folder, render_mode="rgb_array")
+    policy, env = _open(source, render_mode="rgb_array")
     frames, total = [], 0.0
-    for t, step in enumerate(episode(model, env, seed)):
+    for t, step in enumerate(episode(policy, env, seed)):
         total += step.reward
         if t % stride == 0:
             frames.append(_frame(env))
@@ -42,35 +50,42 @@ def film(folder: Path, path: Path, *, stride: int, seed: int) -> float:
     return total
 
 
-def watch(folder: Path, *, seed: int) -> float:
+def watch(source: Path | Pretrained, *, seed: int) -> float:
     """Play one episode in a window; its return.
 
     Raises:
-        FileNotFoundError: If there is no run in the folder.
-        ValueError: If it cannot be played again, or no window can be opened.
+        FileNotFoundError: If `source` is a folder without a run.
+        ValueError: If it cannot be played, or no window can be opened.
     """
     (pygame,) = import_extra("render", "pygame")
     try:
-        return play(folder, seed=seed, render_mode="human")
+        return play(source, seed=seed, render_mode="human")
     except pygame.error as error:
         raise ValueError(f"`out` must name a file where there is no screen: {error}.") from error
 
 
-def play(folder: Path, *, seed: int, **rendering: Any) -> float:
+def play(source: Path | Pretrained, *, seed: int, **rendering: Any) -> float:
     """Play one episode; its return.
 
     Raises:
-        FileNotFoundError: If there is no run in the folder.
-        ValueError: If it cannot be played again.
+        FileNotFoundError: If `source` is a folder without a run.
+        ValueError: If it cannot be played.
     """
-    model, env = _open(folder, **rendering)
-    total = sum(step.reward for step in episode(model, env, seed))
+    policy, env = _open(source, **rendering)
+    total = sum(step.reward for step in episode(policy, env, seed))
     env.close()
     return total
 
 
-def _open(folder: Path, **rendering: Any) -> tuple[BaseAlgorithm, gym.Env[Any, Any]]:
-    """The model at its last checkpoint, and an environment like its own."""
+def _open(source: Path | Pretrained, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
+    """A policy, and an environment as it was trained in."""
+    if isinstance(source, Pretrained):
+        return load_pretrained(*source), gym.make(source.env_id, **rendering)
+    return _open_run(source, **rendering)
+
+
+def _open_run(folder: Path, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
+    """That of the last checkpoint of a run, and an environment like the run's own."""
     run = RunFolder(folder)
     described, checkpoint = run.describe(), run.checkpoint
     if checkpoint is None:
@@ -89,7 +104,7 @@ def _open(folder: Path, **rendering: Any) -> tuple[BaseAlgorithm, gym.Env[Any, A
         env = gym.make(decode_spec(described["env_spec"]), **rendering)
     except (AttributeError, ImportError, TypeError) as error:
         raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
-    return find_algorithm(described["algorithm"]).load(checkpoint / "model"), env
+    return find_algorithm(described["algorithm"]).load(checkpoint / "model").policy, env
 
 
 def _frame(env: gym.Env[object, object]) -> Frame:

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
@@ -29,11 +30,11 @@ class Step(NamedTuple):
     info: dict[str, Any]
 
 
-def episode(model: BaseAlgorithm, env: gym.Env[Any, Any], seed: int) -> Iterator[Step]:
-    """One episode of the best policy; of an environment without a limit, its first 10,000 steps."""
+def episode(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[Step]:
+    """One episode of a policy; of an environment without a limit, its first 10,000 steps."""
     observation, info = env.reset(seed=seed)
     yield Step(observation, None, 0.0, info)
-    choose = _actor(model)
+    choose = _actor(policy)
     for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
         action = choose(observation)
         observation, reward, terminated, truncated, info = env.step(action)
@@ -42,12 +43,11 @@ def episode(model: BaseAlgorithm, env: gym.Env[Any, Any], seed: int) -> Iterator
             return
 
 
-def _actor(model: BaseAlgorithm) -> Callable[[Any], Any]:
+def _actor(policy: BasePolicy) -> Callable[[Any], Any]:
     """What `predict` does, for a flat policy without the tensors around it, a third of the time."""
-    policy = model.policy
     if isinstance(policy, MlpPolicy):
         return lambda observation: act(policy.mlp, policy.vector[None], observation[None])[0]
-    return lambda observation: model.predict(observation, deterministic=True)[0]
+    return lambda observation: policy.predict(observation, deterministic=True)[0]
 
 
 def can_be_played(env: VecEnv | None, spec: EnvSpec) -> bool:
@@ -67,13 +67,13 @@ def play(model: BaseAlgorithm, spec: EnvSpec, path: Path, seed: int = 0) -> None
     environment gives one in each step `behaviors` (T + 1, B).
 
     Args:
-        model: Whose `predict` acts.
+        model: Whose policy acts.
         spec: Of the environment.
         path: Of the file.
         seed: Of the environment.
     """
     env = gym.make(spec)
-    steps = list(episode(model, env, seed))
+    steps = list(episode(model.policy, env, seed))
     env.close()
     columns = {
         "observations": [step.observation for step in steps],

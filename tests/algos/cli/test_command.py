@@ -56,6 +56,18 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch, words
     assert called == [shown]
 
 
+@pytest.mark.extra("render")
+def test_a_pretrained_policy_is_filmed_here(run_here, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    words = ["--pretrained", "curiosity_es", "CuriosityMaze-Hard-v0", "--stride", "200"]
+    status, printed, _ = run_here("enjoy", *words)
+    assert status == 0
+    assert float(printed.split()[1].rstrip(":")) > 0.5
+    assert printed.rstrip().endswith(": best_policy.gif")
+    assert (tmp_path / "best_policy.gif").is_file()
+
+
 @pytest.mark.extra("control")
 def test_starts_and_success_of_a_control_task_are_keywords(run_here, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -103,6 +115,7 @@ def test_help_says_what_there_is(run_here):
         (["train", "--hyperparams", "phi:auto"], '`phi` must be from 0 to 1, or "adaptive"'),
         (["train", "--conf-file", __file__], "`conf_file` must"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
+        (["enjoy", "--pretrained", "nses", "CuriosityMaze-Hrd-v0"], "did you mean CuriosityMaze-H"),
         (["sweep", "--backend", "slurm"], "`backend` must be one of local, ray"),
         (["sweep", "--address", "auto"], "`address` must be left out unless `backend` is ray"),
         (["sweep", "--backend", "ray", "--jobs", "2"], "`jobs` must be left out with ray"),

@@ -22,7 +22,7 @@ def test_an_episode_is_that_of_predict(algorithm, env_id):
         observation, reward, terminated, truncated, _ = env.step(action)
         expected.append((action, observation, reward))
         ended = terminated or truncated
-    steps = list(episode(model, env, seed=3))[1:]
+    steps = list(episode(model.policy, env, seed=3))[1:]
     assert len(steps) == len(expected) > 5
     for step, (action, observation, reward) in zip(steps, expected, strict=True):
         assert np.array_equal(step.action, action)

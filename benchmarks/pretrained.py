@@ -1,8 +1,9 @@
 """`python -m benchmarks.pretrained` trains the best runs of the results again, for their policies.
 
-Of each algorithm and environment that was rewarded, the seed with the highest return. Each policy
-is written into the package, and its return printed beside that of the results: another processor
-may round sums otherwise, and come to another one. An hour of two cores; may be interrupted.
+Of each algorithm and environment that was rewarded, the seed with the highest return; another
+processor may round sums otherwise, and come to another run. The best policy of all seeds that are
+in the folder is written into the package, and its return printed beside that of the results. Half
+an hour; may be interrupted.
 """
 
 from __future__ import annotations
@@ -31,13 +32,15 @@ def best_runs(runs: pd.DataFrame) -> pd.DataFrame:
     return rewarded.loc[rewarded.groupby(["algorithm", "env"])["best_return"].idxmax()]
 
 
-def keep_policy(run: Path, path: Path) -> float:
-    """Write what acts in a run's best policy to a file; its return."""
-    checkpoint = RunFolder(run).checkpoint
-    assert checkpoint is not None
-    with np.load(checkpoint / "best_policy.npz") as best:
-        write_arrays(path, {name: best[name] for name in FIELDS})
-        return float(best["return"])
+def keep_policy(runs: Path, path: Path) -> float:
+    """Write what acts in the best policy of runs to a file, if it was rewarded; its return."""
+    folders = [RunFolder(each.parent) for each in runs.glob("*/run.json")]
+    best = max(folders, key=lambda folder: folder.result()["best_return"] or 0.0)
+    assert best.checkpoint is not None
+    with np.load(best.checkpoint / "best_policy.npz") as policy:
+        if policy["return"] > 0.0:
+            write_arrays(path, {name: policy[name] for name in FIELDS})
+        return float(policy["return"])
 
 
 def main(
@@ -52,8 +55,8 @@ def main(
         for best in best_runs(read_runs(name)).itertuples():
             pair = {"algos": best.algorithm, "envs": best.env}
             sweep(**{**settings, **pair}, seeds=str(best.seed))
-            run = runs / name / best.algorithm / best.env / str(best.seed)
-            total = keep_policy(run, out / f"{best.algorithm}_{best.env}.npz")
+            folder = runs / name / best.algorithm / best.env
+            total = keep_policy(folder, out / f"{best.algorithm}_{best.env}.npz")
             told = f"{total:.4f}, {best.best_return:.4f} there"
             print(f"{best.algorithm} {best.env} {best.seed}: {told}")
 

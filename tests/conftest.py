@@ -1,11 +1,16 @@
 """What every test needs: no screen, Python's own answer to Ctrl-C, and the extras that it uses."""
 
+import contextlib
 import importlib.util
 import os
 import re
 import signal
 
 import pytest
+
+# PyTorch's CUDA build imports it with the first optimizer: after software OpenGL, that is a crash.
+with contextlib.suppress(ImportError):
+    import triton  # noqa: F401
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")

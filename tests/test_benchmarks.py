@@ -369,19 +369,26 @@ class TestPoliciesAndPortraits:
         kept = found[["algorithm", "env", "seed"]].to_numpy().tolist()
         assert sorted(kept) == [["A", "x", 3], ["B", "y", 2]]
 
-    def test_policies_are_trained_and_written(self, tmp_path, monkeypatch, capsys):
+    @pytest.mark.parametrize("radius", [1.0, 300.0])
+    def test_policies_are_trained_and_written(self, radius, tmp_path, monkeypatch, capsys):
         rows = {"algorithm": ["NSES"], "env": ["CuriosityMaze-Hard-v0"], "seed": [7]}
-        monkeypatch.setitem(pretrained.SWEEPS, "mazes", self.settings)
+        env_kwargs = ["horizon:50", f"goal_radius:{radius}"]
+        monkeypatch.setitem(pretrained.SWEEPS, "mazes", self.settings | {"env_kwargs": env_kwargs})
         monkeypatch.setattr(
             pretrained, "read_runs", lambda name: pd.DataFrame(rows | {"best_return": [0.5]})
         )
         pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
-        told = capsys.readouterr().out
-        assert told.endswith("NSES CuriosityMaze-Hard-v0 7: 0.0000, 0.5000 there\n")
-        with np.load(tmp_path / "NSES_CuriosityMaze-Hard-v0.npz") as file:
+        told = capsys.readouterr().out.splitlines()[-1]
+        path = tmp_path / "NSES_CuriosityMaze-Hard-v0.npz"
+        if radius == 1.0:
+            assert told == "NSES CuriosityMaze-Hard-v0 7: 0.0000, 0.5000 there"
+            assert not path.exists()
+            return
+        with np.load(path) as file:
             assert file["parameters"].shape == (1746,)
             assert file["net_arch"].tolist() == [32, 16]
-            assert file["return"] == 0.0
+            assert file["return"] == 0.98
+        assert told == "NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 there"
 
     def test_each_algorithm_has_its_curve_and_map(self, tmp_path, monkeypatch):
         sweep(

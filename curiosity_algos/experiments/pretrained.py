@@ -1,0 +1,46 @@
+"""Policies that come with the package: the best of an algorithm's run in an environment."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import gymnasium as gym
+import numpy as np
+
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.experiments.names import ENVIRONMENTS, check_known, find_algorithm
+
+# Not by paths: the package may lie in an archive.
+_FILES = {
+    file.name.removesuffix(".npz"): file
+    for file in files("curiosity_algos").joinpath("pretrained").iterdir()
+    if file.name.endswith(".npz")
+}
+PRETRAINED = tuple(sorted(tuple(name.split("_", 1)) for name in _FILES))
+"""Algorithm and environment of each."""
+
+
+def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
+    """A policy that found the goal: the best of the runs that the pages of results show.
+
+    It `predict`s as a trained model does, and is where `evaluate_policy` takes a model.
+
+    Args:
+        algorithm: Its name, in any spelling.
+        env_id: Id of the environment, of this package.
+
+    Raises:
+        ValueError: If there is none of them.
+    """
+    name = find_algorithm(algorithm).__name__
+    check_known("env", env_id, ENVIRONMENTS, shown=env_id, choices=ENVIRONMENTS)
+    if (name, env_id) not in PRETRAINED:
+        known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"
+        raise ValueError(f"`pretrained` {name} is there for {known}, not for {env_id}.")
+    with _FILES[f"{name}_{env_id}"].open("rb") as file, np.load(file) as saved:
+        parameters, net_arch = saved["parameters"], saved["net_arch"].tolist()
+    env = gym.make(env_id)
+    policy = MlpPolicy(env.observation_space, env.action_space, net_arch)
+    env.close()
+    policy.vector[:] = parameters
+    return policy

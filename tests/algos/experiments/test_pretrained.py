@@ -1,0 +1,54 @@
+"""Policies that come with the package do what their files say."""
+
+from importlib.resources import files
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3.common.evaluation import evaluate_policy
+
+from curiosity_algos.experiments.film import Pretrained, play
+from curiosity_algos.experiments.pretrained import PRETRAINED, load_pretrained
+
+FOLDER = files("curiosity_algos").joinpath("pretrained")
+ONE = "CuriosityES", "CuriosityMaze-Hard-v0"
+
+
+def promised_return(algorithm, env_id):
+    with np.load(FOLDER / f"{algorithm}_{env_id}.npz") as file:
+        return float(file["return"])
+
+
+@pytest.mark.parametrize(("algorithm", "env_id"), PRETRAINED)
+def test_each_is_rewarded_as_it_was(algorithm, env_id):
+    assert promised_return(algorithm, env_id) > 0.0
+    assert round(play(Pretrained(algorithm, env_id), seed=0), 6) == promised_return(
+        algorithm, env_id
+    )
+
+
+def test_they_are_small():
+    sizes = [len(file.read_bytes()) for file in FOLDER.iterdir()]
+    assert len(sizes) == len(PRETRAINED) >= 20
+    assert sum(sizes) < 5e6
+
+
+def test_one_is_evaluated_as_a_model_is():
+    env = gym.wrappers.TransformObservation(gym.make(ONE[1]), lambda seen: seen, None)
+    policy = load_pretrained("curiosity-es", ONE[1])
+    mean, _ = evaluate_policy(policy, env, n_eval_episodes=1, warn=False)
+    assert mean == pytest.approx(promised_return(*ONE), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "env_id", "message"),
+    [
+        ("curiosity_ee", ONE[1], "did you mean CuriosityES"),
+        ("curiosity_es", "CuriosityMaze-Hrd-v0", "did you mean CuriosityMaze-Hard-v0"),
+        ("td3icm", ONE[1], "`pretrained` TD3ICM is there for nothing, not for CuriosityMaze-Hard"),
+        ("nses", "CuriosityMaze-v0", "`pretrained` NSES is there for CuriosityMaze-Hard-v0, "),
+    ],
+)
+def test_what_is_not_there_is_said(algorithm, env_id, message):
+    with pytest.raises(ValueError, match=message):
+        load_pretrained(algorithm, env_id)

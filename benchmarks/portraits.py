@@ -1,7 +1,7 @@
 """`python -m benchmarks.portraits RUNS` draws each algorithm's page a curve and a map.
 
-The curve is of the runs of `benchmarks.learning mazes`, all seeds, the map of the final states of
-one of them: `python -m benchmarks.learning mazes --seeds 0 --runs RUNS` trains those that it needs.
+The curve is of the results' runs, all seeds, the map of the final states of one of them, trained
+again: `python -m benchmarks.learning mazes --seeds 0 --out runs`, RUNS is then `runs/mazes`.
 """
 
 from __future__ import annotations

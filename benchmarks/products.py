@@ -12,7 +12,8 @@ from curiosity_algos.curiosity.icm import ICM
 
 def products(model: Any) -> float:
     """Of all that an evolutionary algorithm has computed so far: policies, scores, training."""
-    done = 2e-9 * model.num_timesteps * model.evaluator.n_parameters
+    sizes = model.policy.mlp.sizes.astype(float)
+    done = 2e-9 * model.num_timesteps * float(sizes[:-1] @ sizes[1:])
     if isinstance(model, CuriosityES):
         done += products_of_scores(model) + products_of_updates(model)
     return done

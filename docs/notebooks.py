@@ -24,11 +24,15 @@ def pages(folder: Path) -> list[Path]:
 
 
 def write(app: Sphinx) -> None:
-    """Write a notebook for each page, without outputs."""
+    """Write a notebook for each page, without outputs, and without links to other pages."""
     folder = Path(app.outdir) / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for page in pages(Path(app.srcdir) / FOLDER):
-        jupytext.write(jupytext.read(page), folder / f"{page.stem}.ipynb")
+        notebook = jupytext.read(page)
+        for cell in notebook.cells:
+            if cell.cell_type == "markdown":
+                cell.source = re.sub(r"\[([^]]+)\]\((?!https?:)[^)]+\)", r"\1", cell.source)
+        jupytext.write(notebook, folder / f"{page.stem}.ipynb")
 
 
 def link(app: Sphinx, name: str, source: list[str]) -> None:

@@ -62,12 +62,12 @@ def is_public(name, member, owner):
     return not name.startswith("_") and is_own and kinds
 
 
-def described(docstring):
+def described(docstring, headings=HEADINGS):
     """The names that a docstring's sections of arguments and attributes describe."""
     names, inside = set(), False
     for line in inspect.cleandoc(docstring).splitlines():
         if not line.startswith(" ") and line:
-            inside = line in HEADINGS
+            inside = line in headings
         elif inside and (match := re.match(r" {4}(\*{0,2}\w+)(?: \(.*\))?: ", line)):
             names.add(match[1].lstrip("*"))
     return names
@@ -106,3 +106,10 @@ def test_everything_shown_says_what_it_is(path):
 @pytest.mark.parametrize("path", TAKERS)
 def test_arguments_are_those_that_are_described(path):
     assert arguments(TAKERS[path]) <= described(inspect.getdoc(TAKERS[path]))
+
+
+@pytest.mark.parametrize("path", TAKERS)
+def test_no_other_arguments_are_described(path):
+    each = getattr(TAKERS[path], "__func__", TAKERS[path])
+    given = () if isinstance(each, property) else inspect.signature(each).parameters
+    assert described(inspect.getdoc(each), ["Args:"]) <= set(given)

@@ -9,11 +9,12 @@ from types import ModuleType
 
 import numpy as np
 import pandas as pd
+import pytest
 from stable_baselines3 import TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 import curiosity_algos
-from curiosity_algos import CuriosityES
+from curiosity_algos import CuriosityES, MAPElites
 from curiosity_algos.experiments.search_spaces import SPACES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -88,6 +89,8 @@ def test_the_example_tunes(tmp_path):
         "seed": 0,
         "device": "cpu",
         "log-folder": tmp_path,
+        "storage": "sqlite:///trials.db",
+        "study-name": "tuning",
     }
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent), "OMP_NUM_THREADS": "1"}
@@ -101,3 +104,16 @@ def test_the_example_tunes(tmp_path):
     sampled = {f"params_{name}" for name in SPACES["CuriosityES"]}
     assert len(trials) == 3
     assert sampled <= set(trials)
+
+    # What was tuned is trained.
+    arguments = [script, "--conf-file", EXAMPLES / "rl_zoo3.yml", "--trial-id", 1]
+    arguments += ["--storage", f"sqlite:///{tmp_path}/trials.db", "--study-name", "tuning"]
+    model = CuriosityES.load(train("CuriosityES", 1000, tmp_path, map(str, arguments)))
+    assert model.learning_rate == pytest.approx(trials["params_learning_rate"][1])
+    assert model.sigma == pytest.approx(trials["params_sigma"][1])
+
+
+def test_an_algorithm_with_an_archive_trains(tmp_path):
+    script = [EXAMPLES / "rl_zoo3_train.py", "--conf-file", EXAMPLES / "rl_zoo3.yml"]
+    model = MAPElites.load(train("MAPElites", 1000, tmp_path, script))
+    assert model.num_timesteps == GENERATION

@@ -20,8 +20,8 @@ from curiosity_algos.curiosity.encoders import action_scale
 from curiosity_algos.curiosity.spans import draw_steps, horizon_of
 from curiosity_algos.evaluation.rollouts import check_observations
 
-N_TOGETHER = 16
-"""Batches whose bonus is computed in one call, as each call costs as much as a batch itself."""
+N_SCORED = 2048
+"""Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
 COLUMNS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")
 
 
@@ -45,6 +45,8 @@ class CuriosityReplayBuffer(ReplayBuffer):
         device: Where samples go.
     """
 
+    _ahead: Iterator[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = iter(())
+
     def __init__(
         self,
         capacity: int,
@@ -64,7 +66,6 @@ class CuriosityReplayBuffer(ReplayBuffer):
         assert isinstance(action_space, spaces.Box)
         self._center, self._half_range = action_scale(action_space)
         self._rng = np.random.default_rng(seed)
-        self._ahead: Iterator[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = iter(())
 
     def add(
         self,
@@ -118,9 +119,10 @@ class CuriosityReplayBuffer(ReplayBuffer):
 
     @contextmanager
     def drawn_ahead(self, n_batches: int, batch_size: int) -> Iterator[None]:
-        """Where bonus and buffer stay as they are: the next samples, of one size, at less cost.
+        """Where bonus and buffer stay as they are: samples, all of `batch_size`, at less cost.
 
-        They are those that are drawn otherwise.
+        Their rows are those that are drawn otherwise; of batches that are no multiples of 128 the
+        bonus may be rounded otherwise.
         """
         self._ahead = self._drawn(n_batches, batch_size)
         try:
@@ -132,8 +134,10 @@ class CuriosityReplayBuffer(ReplayBuffer):
         self, n_batches: int, batch_size: int
     ) -> Iterator[tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
         """Rows (n,) of each batch and their bonus (n,), computed when the batch is needed."""
-        for begin in range(0, n_batches, N_TOGETHER):
-            n = min(N_TOGETHER, n_batches - begin)
+        is_image = len(self.observation_space.shape or ()) > 1  # of which one batch is a lot
+        n_together = 1 if is_image else max(1, N_SCORED // batch_size)
+        for begin in range(0, n_batches, n_together):
+            n = min(n_together, n_batches - begin)
             rows = self._draw(n * batch_size)
             curiosity = self.bonus.score(*self._transitions(rows))
             yield from zip(rows.reshape(n, -1), curiosity.reshape(n, -1), strict=True)

@@ -21,9 +21,9 @@ PRETRAINED = tuple(sorted(tuple(name.split("_", 1)) for name in _FILES))
 
 
 def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
-    """A policy that found the goal: the best of the runs that the pages of results show.
+    """A policy that found the goal, of the best run of the results that was trained again.
 
-    It `predict`s as a trained model does, and is where `evaluate_policy` takes a model.
+    It `predict`s as a trained model does; `evaluate_policy` takes it for one.
 
     Args:
         algorithm: Its name, in any spelling.

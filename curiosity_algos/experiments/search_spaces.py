@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from curiosity_algos.experiments.names import find_algorithm
+
 Keywords = dict[str, Any]
 
-NET_ARCHS = {"tiny": [16], "small": [32, 16], "medium": [64, 64]}
+NET_ARCHS = {"tiny": [16], "small": [32, 16], "square": [32, 32], "medium": [64, 64]}
 
 
 class Whole(NamedTuple):
@@ -85,6 +87,7 @@ SPACES: dict[str, Space] = {
     "TD3ICM": {
         "net_arch": Choice(tuple(NET_ARCHS)),
         **BONUS,
+        "bonus_learning_rate": Real(1e-7, 1e-3),  # a fast one outruns the policy
         "weight": Real(0.01, 10.0),
         "learning_rate": Real(1e-5, 1e-3),
         "tau": Real(1e-3, 0.1),
@@ -95,12 +98,18 @@ SPACES: dict[str, Space] = {
 
 
 def sampler(algorithm: str) -> Callable[[Any, int, int, Keywords], Keywords]:
-    """The function of rl-zoo3 that samples an algorithm's keywords in an Optuna trial."""
+    """The function of rl-zoo3 that samples an algorithm's keywords in an Optuna trial.
+
+    Args:
+        algorithm: Its name, in any spelling.
+
+    Raises:
+        ValueError: If there is none.
+    """
+    space = SPACES[find_algorithm(algorithm).__name__]
 
     def sample(trial: Any, n_actions: int, n_envs: int, additional_args: Keywords) -> Keywords:
-        return convert(
-            {name: each.suggest(trial, name) for name, each in SPACES[algorithm].items()}
-        )
+        return convert({name: each.suggest(trial, name) for name, each in space.items()})
 
     return sample
 
@@ -113,7 +122,8 @@ def convert(sampled: Mapping[str, Any]) -> Keywords:
             keywords[name.removesuffix("_pow")] = 2**value
         else:
             keywords[name] = value
-    keywords["policy_kwargs"] = {"net_arch": NET_ARCHS[keywords.pop("net_arch")]}
+    if "net_arch" in keywords:
+        keywords["policy_kwargs"] = {"net_arch": NET_ARCHS[keywords.pop("net_arch")]}
     if "parents_share" in keywords:
         share = keywords.pop("parents_share")
         keywords["n_parents"] = max(1, round(share * keywords["population_size"]))

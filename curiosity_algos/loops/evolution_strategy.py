@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
+from stable_baselines3.common.utils import ConstantSchedule
 
 from curiosity_algos.common.plain_files import check_plain
 from curiosity_algos.common.randomness import generator_state, load_generator_state
@@ -141,6 +142,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         self.step = step
         self.mirrored_sampling = mirrored_sampling
         self.search = search
+        if isinstance(learning_rate, ConstantSchedule):  # as rl-zoo3 gives numbers
+            learning_rate = learning_rate.val
         super().__init__(env, policy, _learning_rate=learning_rate, **kwargs)
 
     def _check_settings(self) -> None:

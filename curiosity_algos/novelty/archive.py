@@ -66,8 +66,7 @@ class NoveltyArchive:
             ValueError: If `behaviors` has another shape, or entries that are not finite or not
                 below 1e150 in size.
         """
-        rows = self._checked(behaviors)
-        self._seen.add(rows, self._equal_to(rows))
+        self._seen.add(self._checked(behaviors))
         n_distinct, n_indexed = len(self._seen.distinct), self._large.n
         is_due = n_distinct > (1.0 + REBUILD_SHARE) * n_indexed
         if is_due:
@@ -109,15 +108,6 @@ class NoveltyArchive:
         order = np.argsort(distances, axis=1, kind="stable")[:, :n_found]
         return np.take_along_axis(distances, order, 1), np.take_along_axis(numbers, order, 1)
 
-    def _equal_to(self, rows: FloatArray) -> IntArray:
-        """Numbers (n,) of the distinct behaviors that rows (n, B) are equal to, -1 for none."""
-        numbers = np.full(len(rows), -1)
-        if len(self._seen.distinct):
-            nearest = self._nearest_distinct(rows, 1)[1][:, 0]
-            is_equal = (self._seen.distinct.view[nearest] == rows).all(axis=1)
-            numbers[is_equal] = nearest[is_equal]
-        return numbers
-
     def _with_copies(
         self, distances: FloatArray, numbers: IntArray, k: int
     ) -> tuple[FloatArray, list[int]]:
@@ -138,6 +128,7 @@ class NoveltyArchive:
 
     def _index(self, n_indexed: int) -> None:
         """Build the trees, the large one of the first `n_indexed` distinct behaviors."""
+        self._seen.sort_hashes()
         rows = self._seen.distinct.view
         self._large, self._small = _tree(rows[:n_indexed]), _tree(rows[n_indexed:])
 
@@ -148,16 +139,15 @@ class NoveltyArchive:
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
         self._seen = _Behaviors(self.n_dimensions)
-        rows = self._checked(state["behaviors"].cpu().numpy())
-        self._seen.add(rows, np.full(len(rows), -1))
+        self._seen.add(self._checked(state["behaviors"].cpu().numpy()))
         self._index(state["n_indexed"])
 
 
 class _Behaviors:
     """Behaviors in order of insertion, and which of them are equal.
 
-    Nearly all are distinct: what is kept of each is in arrays, as Python's objects would take ten
-    times the memory.
+    Nearly all are distinct: what is kept of each is in arrays, as a list and a dictionary's entry
+    would take several times its numbers. It is found by its hash, among sorted ones.
 
     Attributes:
         every: All of them.
@@ -167,28 +157,50 @@ class _Behaviors:
     def __init__(self, n_dimensions: int) -> None:
         self.every = _Rows(n_dimensions)
         self.distinct = _Rows(n_dimensions)
-        self._first = _Rows(1, np.int64)
+        self._first = _Rows(1, np.int64)  # places in `every` of the distinct
         self._later: dict[int, list[int]] = {}
+        self._hashes = _Rows(1, np.int64)  # of the distinct
+        self.sort_hashes()
+
+    def sort_hashes(self) -> None:
+        """Look for those that are held by their hashes; for later ones in a dictionary."""
+        hashes = self._hashes.view[:, 0]
+        self._order = np.argsort(hashes)
+        self._sorted = hashes[self._order]
+        self._recent: dict[bytes, int] = {}
 
     def places(self, number: int) -> list[int]:
         """Where in `every` a distinct behavior is, ascending."""
         return [int(self._first.view[number, 0]), *self._later.get(number, ())]
 
-    def add(self, rows: FloatArray, numbers: IntArray) -> None:
-        """Append rows (n, B); those equal to distinct ones have their numbers (n,), others -1."""
+    def add(self, rows: FloatArray) -> None:
+        """Append rows (n, B)."""
         n_before, place = len(self.distinct), len(self.every)
-        new: dict[bytes, int] = {}
-        first: list[int] = []
+        new: list[int] = []
+        hashes: list[int] = []
         # Adding 0 makes -0 equal to 0 in its bytes, too.
-        for i, (row, known) in enumerate(zip(rows + 0.0, numbers.tolist(), strict=True)):
-            number = known if known >= 0 else new.setdefault(row.tobytes(), n_before + len(new))
-            if number == n_before + len(first):
-                first.append(i)
+        for i, row in enumerate(rows + 0.0):
+            key = row.tobytes()
+            number = self._number(key, row)
+            if number is None:
+                self._recent[key] = n_before + len(new)
+                new.append(i)
+                hashes.append(hash(key))
             else:
                 self._later.setdefault(number, []).append(place + i)
         self.every.append(rows)
-        self.distinct.append(rows[first])
-        self._first.append(place + np.array(first, dtype=np.int64)[:, None])
+        self.distinct.append(rows[new])
+        self._first.append(place + np.array(new, dtype=np.int64)[:, None])
+        self._hashes.append(np.array(hashes, dtype=np.int64)[:, None])
+
+    def _number(self, key: bytes, row: FloatArray) -> int | None:
+        """That of the distinct behavior which a row of these bytes is equal to."""
+        i = int(np.searchsorted(self._sorted, hash(key)))
+        if i < len(self._sorted) and self._sorted[i] == hash(key):
+            number = int(self._order[i])
+            if (self.distinct.view[number] == row).all():  # and not one of the same hash
+                return number
+        return self._recent.get(key)
 
 
 class _Rows:

@@ -1,4 +1,6 @@
 import io
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -7,7 +9,9 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from curiosity_algos.curiosity.replay import N_TOGETHER, CuriosityReplayBuffer
+from curiosity_algos import ICM
+from curiosity_algos.curiosity import replay as module
+from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
 
 OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
 
@@ -72,8 +76,9 @@ class TestSamples:
         assert th.allclose(sample.actions, x / 10)
         assert th.allclose(sample.rewards, 100 * x + 0.5 * worth(x))
 
-    def test_those_drawn_ahead_are_the_same(self):
-        n_batches = 2 * N_TOGETHER + 3
+    def test_those_drawn_ahead_are_the_same(self, monkeypatch):
+        monkeypatch.setattr(module, "N_SCORED", 20)  # four of the batches
+        n_batches = 11
         buffers = make_buffer(), make_buffer()
         for buffer in buffers:
             for x in range(7):
@@ -84,6 +89,54 @@ class TestSamples:
         ahead += [buffers[1].sample(5) for _ in range(2)]
         for one, other in zip(one_by_one, ahead, strict=True):
             assert all(map(th.equal, one[:5], other[:5]))
+
+    @pytest.mark.parametrize(
+        ("shape", "batch_size", "n_rows"),
+        [((1,), 128, 2048), ((1,), 100, 2000), ((1,), 4096, 4096), ((8, 8, 3), 32, 32)],
+    )
+    def test_so_many_are_scored_at_once(self, shape, batch_size, n_rows):
+        scored = []
+        bonus = SimpleNamespace(
+            score=lambda seen, *_: scored.append(len(seen)) or np.zeros(len(seen))
+        )
+        buffer = CuriosityReplayBuffer(
+            4,
+            spaces.Box(0, 255, shape, np.uint8),
+            ACTIONS,
+            bonus=bonus,
+            weight=0.5,
+            extrinsic=True,
+            seed=np.random.SeedSequence(0),
+            device=th.device("cpu"),
+        )
+        row = np.zeros((1, *shape), np.uint8)
+        buffer.add(row, row, np.zeros((1, 1)), np.zeros(1), np.zeros(1), [{}])
+        with buffer.drawn_ahead(100, batch_size):
+            buffer.sample(batch_size)
+        assert scored == [n_rows]
+
+    @pytest.mark.parametrize("batch_size", [128, 256, 1024])
+    def test_the_icm_has_the_same_bits_ahead(self, batch_size):
+        space = spaces.Box(-9, 9, (5,))
+        rewards = []
+        for together in (False, True):
+            buffer = CuriosityReplayBuffer(
+                500,
+                space,
+                ACTIONS,
+                bonus=ICM(space, ACTIONS, seed=0, device="cpu"),
+                weight=0.5,
+                extrinsic=False,
+                seed=np.random.SeedSequence(0),
+                device=th.device("cpu"),
+            )
+            rng = np.random.default_rng(1)
+            for _ in range(300):
+                seen, then = rng.normal(size=(2, 1, 5)).astype(np.float32)
+                buffer.add(seen, then, rng.uniform(size=(1, 1)), np.zeros(1), np.zeros(1), [{}])
+            with buffer.drawn_ahead(20, batch_size) if together else nullcontext():
+                rewards.append([buffer.sample(batch_size).rewards for _ in range(20)])
+        assert all(map(th.equal, *rewards))
 
     def test_what_was_drawn_ahead_is_left_where_training_ends_early(self):
         buffer = make_buffer(extrinsic=False)

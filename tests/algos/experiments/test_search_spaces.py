@@ -45,6 +45,17 @@ def test_seeds_differ_in_all_that_is_sampled(algorithm):
         assert len({params[name] for params in sampled}) > 1, name
 
 
+def test_spaces_may_be_cut():
+    assert convert({"sigma": 0.5}) == {"sigma": 0.5}
+
+
+def test_algorithms_have_any_spelling():
+    with pytest.raises(ValueError, match="did you mean CuriosityES"):
+        sampler("curiosity-ee")
+    trial = optuna.create_study().ask()
+    assert "bonus" in sampler("curiosity_es")(trial, 2, 1, {})
+
+
 def test_parameters_stand_for_keywords():
     params = {"net_arch": "small", "population_size_pow": 5, "parents_share": 0.26, "sigma": 0.5}
     assert convert(params) == {

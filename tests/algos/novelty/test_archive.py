@@ -126,6 +126,15 @@ def test_thousands_of_copies_are_held_once_in_the_trees():
     np.testing.assert_array_equal(distances[1, 4999:5001], [1.0, np.sqrt(5.0)])
 
 
+def test_behaviors_whose_distance_is_none_are_told_apart():
+    near = 3e-200 * np.arange(4.0)[:, None]  # whose squares are 0
+    archive = make_archive(*[near] * 5, n_dimensions=1)
+    assert archive.state_dict()["n_indexed"] == 4
+    (found,) = archive.nearest([[0.0]], 20)[1].reshape(1, 4, 5)
+    assert sorted(found[:, 0].tolist()) == [0, 1, 2, 3]
+    np.testing.assert_array_equal(found - found[:, :1], [[0, 4, 8, 12, 16]] * 4)
+
+
 def test_a_behavior_takes_little_more_than_its_numbers():
     batches = random_batches(20, 1000, n_dimensions=2)
     tracemalloc.start()

@@ -98,7 +98,8 @@ class Processes:
     def close(self) -> None:
         """Let the processes go."""
         if self._pool is not None:
-            self._end()
+            self._end.detach()
+            self._pool.shutdown(kill_workers=True)
             self._pool = None
 
     def _try(self, parameters: Float32Array, seed: int, here: Play) -> Rollouts:
@@ -151,7 +152,9 @@ class Processes:
         self._pool = ProcessPoolExecutor(
             self._n, initializer=_begin_worker, initargs=(packed, os.getpid()), env=SINGLE_THREADED
         )
-        self._end = weakref.finalize(self, self._pool.shutdown, kill_workers=True)
+        # Any thread may collect garbage, with any lock in its hands: it must not wait for another.
+        end = self._pool.shutdown
+        self._end = weakref.finalize(self, end, wait=False, kill_workers=True)
 
     def _play_apart(self, parameters: Float32Array, seed: int, here: Play) -> Rollouts:
         from loky.process_executor import BrokenProcessPool

@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from multiprocessing import get_context
 from pathlib import Path
@@ -246,6 +247,17 @@ class TestFaults:
         assert all(map(is_running, pids))
         del evaluator
         gc.collect()
+        assert wait_for_the_end_of(pids)
+
+    def test_garbage_waits_for_no_thread(self, monkeypatch):
+        evaluator = make_evaluator(Walk(), n_threads=2)
+        evaluator.evaluate(make_parameters(evaluator), 0)
+        pids, joined = pids_of(evaluator), []
+        monkeypatch.setattr(threading.Thread, "join", lambda self, *_: joined.append(self.name))
+        del evaluator
+        gc.collect()
+        assert joined == []
+        monkeypatch.undo()
         assert wait_for_the_end_of(pids)
 
     @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="asks Linux for processes")

@@ -6,6 +6,7 @@ Lehman and Stanley 2011, "Abandoning Objectives: Evolution Through the Search fo
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from itertools import chain
 from typing import Any
@@ -185,7 +186,7 @@ class _Behaviors:
             if number is None:
                 self._recent[key] = n_before + len(new)
                 new.append(i)
-                hashes.append(hash(key))
+                hashes.append(_hash(key))
             else:
                 self._later.setdefault(number, []).append(place + i)
         self.every.append(rows)
@@ -195,12 +196,18 @@ class _Behaviors:
 
     def _number(self, key: bytes, row: FloatArray) -> int | None:
         """That of the distinct behavior which a row of these bytes is equal to."""
-        i = int(np.searchsorted(self._sorted, hash(key)))
-        if i < len(self._sorted) and self._sorted[i] == hash(key):
+        wanted = _hash(key)
+        i = int(np.searchsorted(self._sorted, wanted))
+        if i < len(self._sorted) and self._sorted[i] == wanted:
             number = int(self._order[i])
             if (self.distinct.view[number] == row).all():  # and not one of the same hash
                 return number
         return self._recent.get(key)
+
+
+def _hash(key: bytes) -> int:
+    """64 bits; Python's own hash of bytes is another one in each process."""
+    return int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), signed=True)
 
 
 class _Rows:

@@ -1,3 +1,7 @@
+import os
+import pickle
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -133,6 +137,19 @@ def test_behaviors_whose_distance_is_none_are_told_apart():
     (found,) = archive.nearest([[0.0]], 20)[1].reshape(1, 4, 5)
     assert sorted(found[:, 0].tolist()) == [0, 1, 2, 3]
     np.testing.assert_array_equal(found - found[:, :1], [[0, 4, 8, 12, 16]] * 4)
+
+
+def test_a_pickled_archive_knows_its_behaviors_in_another_process():
+    archive = make_archive(random_batches(1, 100)[0])
+    code = (
+        "import pickle, sys\n"
+        "archive = pickle.load(sys.stdin.buffer)\n"
+        "archive.add(archive.behaviors.copy())\n"
+        "print(archive.state_dict()['n_indexed'], archive.nearest(archive.behaviors[:1], 2)[1])"
+    )
+    given = {"input": pickle.dumps(archive), "env": {**os.environ, "PYTHONHASHSEED": "7"}}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, **given)
+    assert done.stdout.decode().split() == ["100", "[[", "0", "100]]"]
 
 
 def test_a_behavior_takes_little_more_than_its_numbers():

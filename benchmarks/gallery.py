@@ -19,6 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from benchmarks.figures import IMAGES
 from curiosity_algos import CuriosityES
 from curiosity_algos.experiments.film import write_film
+from curiosity_algos.experiments.replay import episode
 
 FOUND = {
     "snake": ("CuriosityMaze-Snake-v0", 3e7),
@@ -49,13 +50,8 @@ def find_actions(env_id: str, timesteps: float) -> tuple[npt.NDArray[Any], int]:
     """Actions of an episode of CuriosityES's best policy, and the seed of its reset."""
     model = CuriosityES(env_id, seed=0).learn(timesteps, callback=_StopAtReward())
     env = gym.make(env_id)
-    actions, is_over = [], False
-    observation, _ = env.reset(seed=0)
-    while not is_over:
-        actions.append(model.predict(observation, deterministic=True)[0])
-        observation, _, terminated, truncated, _ = env.step(actions[-1])
-        is_over = terminated or truncated
-    return np.array(actions), 0
+    actions = [step.action for step in episode(model.policy, env, seed=0)]
+    return np.array(actions[1:]), 0
 
 
 def read_actions(env_id: str) -> tuple[npt.NDArray[Any], int]:

@@ -11,6 +11,7 @@ from stable_baselines3 import TD3
 from stable_baselines3.common.noise import NormalActionNoise
 
 from benchmarks.measure import (
+    Figures,
     Plan,
     Row,
     Stopwatch,
@@ -83,20 +84,21 @@ def run(plan: Plan) -> list[Table]:
         "An episode each repeat, and as many gradient steps; the same networks, batches and noise; "
         "both train on one torch thread."
     ]
-    stages = {row.name: row for row in stage_rows(STAGES, runs)}
-    n_sampled = n_steps * icm.batch_size
-    floor = products_of_errors(icm.trained_bonus, n_sampled)
-    spent = [floor / rate for rate in figures["products"]]
-    scored = stages["rewards of samples"]
-    stages[scored.name] = replace(scored, of_roof=ratios(spent, scored.figures))
-    rest = [
+    floor = products_of_errors(icm.trained_bonus, n_steps * icm.batch_size)
+    floors = [floor / rate for rate in figures["products"]]
+    return [Table(f"td3: {MAZE}", rows, notes), _stages(runs, floors)]
+
+
+def _stages(runs: list[dict[str, float]], floors: Figures) -> Table:
+    """Where the time of each run goes; `floors` are seconds of the products of its rewards."""
+    rows = {row.name: row for row in stage_rows(STAGES, runs)}
+    scored = rows["rewards of samples"]
+    rows[scored.name] = replace(scored, of_roof=ratios(floors, scored.figures))
+    notes = [
         "`rest` is acting, storing, logging and the loop itself. The roof of rewards is the time "
         "of their matrix products at the rate of large ones, on one thread."
     ]
-    return [
-        Table(f"td3: {MAZE}", rows, notes),
-        Table("td3: where TD3ICM's time goes", list(stages.values()), rest),
-    ]
+    return Table("td3: where TD3ICM's time goes", list(rows.values()), notes)
 
 
 def watched(model: TD3ICM) -> Stopwatch:

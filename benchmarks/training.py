@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from itertools import count
 from typing import Any
 
@@ -10,10 +11,12 @@ from stable_baselines3 import PPO
 
 import curiosity_algos
 from benchmarks.measure import (
+    Figures,
     Plan,
     Row,
     Stopwatch,
     Table,
+    Task,
     interleave,
     ratios,
     seconds,
@@ -53,23 +56,49 @@ def run(plan: Plan) -> list[Table]:
 
     for name in TARGETS:
         timed_run(name, 1.0, 0)  # compiles the kernels
-    ppo = PPO("MlpPolicy", MAZE, n_steps=min(2048, ppo_timesteps), seed=0, device="cpu")
-
-    def learn_ppo() -> None:
-        # As CuriosityES does: on busy cores torch's default makes PPO tens of times slower.
-        with single_torch_thread():
-            ppo.learn(ppo_timesteps)
-
-    learn_ppo()
     pool = ThreadPool()
     tasks = {
         **{name: lambda name=name: learn(name) for name in TARGETS},
-        "PPO": lambda: ppo_timesteps / seconds(learn_ppo),
+        "PPO": _ppo_task(ppo_timesteps),
         "products": products_task(plan, pool, pool.n_threads),
     }
     figures = interleave(tasks, plan.repeats)
     rates = ratios(steps, figures[DEFAULT])
-    times = [
+    rows = [
+        *_times(figures, done, timesteps),
+        Row(DEFAULT, rates, "steps/s"),
+        Row("Stable-Baselines3's PPO", figures["PPO"], "steps/s"),
+        Row("CuriosityES over PPO", ratios(rates, figures["PPO"]), "x"),
+        Row(f"matrix products, {pool.n_threads} threads", figures["products"], "GFLOP/s"),
+        *_gradient_steps(figures, updates, stages),
+    ]
+    notes = [
+        "Another seed each repeat; machine code loaded before. PPO is another kind of algorithm, "
+        "here only for scale; it trains on one torch thread. The roof, and what gradient steps are "
+        "held to, is the time that the matrix products of policies, scores and training would take "
+        "at the rate of large ones, on all threads."
+    ]
+    return [Table(f"learn: {MAZE}", rows, notes), _shares(stages)]
+
+
+def _ppo_task(timesteps: int) -> Task:
+    """Timesteps a second of PPO, after a first training."""
+    ppo = PPO("MlpPolicy", MAZE, n_steps=min(2048, timesteps), seed=0, device="cpu")
+
+    def learn() -> None:
+        # As CuriosityES does: on busy cores torch's default makes PPO tens of times slower.
+        with single_torch_thread():
+            ppo.learn(timesteps)
+
+    learn()
+    return lambda: timesteps / seconds(learn)
+
+
+def _times(
+    figures: Mapping[str, Figures], done: Mapping[str, Figures], timesteps: float
+) -> list[Row]:
+    """Seconds of each algorithm, and the share that its matrix products would take."""
+    return [
         Row(
             f"{name}, learn({timesteps:,.0f})",
             figures[name],
@@ -79,26 +108,22 @@ def run(plan: Plan) -> list[Table]:
         )
         for name, target in TARGETS.items()
     ]
-    rows = [
-        *times,
-        Row(DEFAULT, rates, "steps/s"),
-        Row("Stable-Baselines3's PPO", figures["PPO"], "steps/s"),
-        Row("CuriosityES over PPO", ratios(rates, figures["PPO"]), "x"),
-        Row(f"matrix products, {pool.n_threads} threads", figures["products"], "GFLOP/s"),
-    ]
+
+
+def _gradient_steps(
+    figures: Mapping[str, Figures],
+    updates: Mapping[str, Figures],
+    stages: Mapping[str, list[dict[str, float]]],
+) -> list[Row]:
+    """Time of the bonus' training over that of its matrix products."""
+    rows = []
     for name, target in {DEFAULT: "", PAPER: "<= 2.5"}.items():
         floors = ratios(updates[name], figures["products"])
         spent = [by_stage["bonus updates"] for by_stage in stages[name]]
         rows.append(
             Row(f"{name}, gradient steps over their products", ratios(spent, floors), "x", target)
         )
-    notes = [
-        "Another seed each repeat; machine code loaded before. PPO is another kind of algorithm, "
-        "here only for scale; it trains on one torch thread. The roof, and what gradient steps are "
-        "held to, is the time that the matrix products of policies, scores and training would take "
-        "at the rate of large ones, on all threads."
-    ]
-    return [Table(f"learn: {MAZE}", rows, notes), _shares(stages)]
+    return rows
 
 
 def _shares(stages: dict[str, list[dict[str, float]]]) -> Table:

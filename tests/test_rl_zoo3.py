@@ -1,15 +1,13 @@
 """rl-zoo3 trains on our environments, and with our algorithms."""
 
-import os
 import runpy
-import subprocess
 import sys
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pandas as pd
 import pytest
+from scripts import ROOT, run_python
 from stable_baselines3 import TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -17,21 +15,22 @@ import curiosity_algos
 from curiosity_algos import CuriosityES, MAPElites
 from curiosity_algos.experiments.search_spaces import SPACES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = ROOT / "examples"
 ENV = "CuriosityMaze-US-v0"
 GENERATION = 56 * 2000
 """Timesteps of a generation of CuriosityES while no individual is at the goal."""
+
+
+def words(options):
+    """A command line's, of options by their names."""
+    return [word for name, value in options.items() for word in (f"--{name}", str(value))]
 
 
 def train(algo, budget, folder, arguments):
     """The model file of a run of rl-zoo3, `arguments` beginning with the script."""
     options = {"algo": algo, "env": ENV, "n-timesteps": budget, "eval-freq": -1, "seed": 0}
     options |= {"device": "cpu", "log-folder": folder}
-    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
-    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, *arguments, *words]
-    result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
+    run_python([*arguments, *words(options)], folder)
     run = max((folder / algo).glob(f"{ENV}_*"))
     return run / f"{ENV}.zip"
 
@@ -92,11 +91,8 @@ def test_the_example_tunes(tmp_path):
         "storage": "sqlite:///trials.db",
         "study-name": "tuning",
     }
-    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
-    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, script, "--optimize-hyperparameters", "--no-optim-plots", *words]
-    result = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
+    flags = ["--optimize-hyperparameters", "--no-optim-plots"]
+    run_python([script, *flags, *words(options)], tmp_path)
     (report,) = (tmp_path / "CuriosityES").glob("report_*.csv")
     trials = pd.read_csv(report)
     assert (trials["state"] == "COMPLETE").all()

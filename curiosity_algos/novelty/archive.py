@@ -182,11 +182,12 @@ class _Behaviors:
         # Adding 0 makes -0 equal to 0 in its bytes, too.
         for i, row in enumerate(rows + 0.0):
             key = row.tobytes()
-            number = self._number(key, row)
+            hashed = _hash(key)
+            number = self._number(hashed, key, row)
             if number is None:
                 self._recent[key] = n_before + len(new)
                 new.append(i)
-                hashes.append(_hash(key))
+                hashes.append(hashed)
             else:
                 self._later.setdefault(number, []).append(place + i)
         self.every.append(rows)
@@ -194,11 +195,10 @@ class _Behaviors:
         self._first.append(place + np.array(new, dtype=np.int64)[:, None])
         self._hashes.append(np.array(hashes, dtype=np.int64)[:, None])
 
-    def _number(self, key: bytes, row: FloatArray) -> int | None:
+    def _number(self, hashed: int, key: bytes, row: FloatArray) -> int | None:
         """That of the distinct behavior which a row of these bytes is equal to."""
-        wanted = _hash(key)
-        i = int(np.searchsorted(self._sorted, wanted))
-        if i < len(self._sorted) and self._sorted[i] == wanted:
+        i = int(np.searchsorted(self._sorted, hashed))
+        if i < len(self._sorted) and self._sorted[i] == hashed:
             number = int(self._order[i])
             if (self.distinct.view[number] == row).all():  # and not one of the same hash
                 return number

@@ -1,6 +1,7 @@
 """What the documentation promises of its own pages."""
 
 import re
+from importlib.metadata import metadata
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,14 @@ def test_links_outside_of_the_site_lead_somewhere(name):
         if anchor:
             titles = re.findall(r"^#+ (.+)$", target.read_text(), flags=re.M)
             assert anchor in {slug(title) for title in titles}, link
+
+
+def test_the_description_on_a_package_index_needs_no_file_beside_it():
+    description = metadata("curiosity-search")["Description"]
+    assert "# Curiosity-driven policy search" in description
+    links = re.findall(r"\]\(([^)\s]+)\)", description)
+    assert links
+    assert all(link.startswith(("https://", "#")) for link in links)
 
 
 def slug(title):

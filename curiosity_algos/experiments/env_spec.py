@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from gymnasium.envs.registration import EnvSpec, WrapperSpec
+import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec, WrapperSpec, load_env_creator
 
 from curiosity_algos.common.plain_json import decode, encode
 
@@ -42,9 +43,29 @@ def _importable(entry: object) -> str | None:
 
 
 def decode_spec(encoded: Mapping[str, Any]) -> EnvSpec:
-    """What `encode_spec` was given, for `gymnasium.make`."""
+    """What `encode_spec` was given, for `gymnasium.make`, if it names nothing but environments.
+
+    Raises:
+        ValueError: If an entry point is neither a class of environments or wrappers, nor what the
+            id is registered with: a file could name any function.
+        AttributeError: If an entry point is not in its module.
+        ImportError: If there is no such module.
+    """
     fields = decode(dict(encoded))
     fields["additional_wrappers"] = tuple(
         WrapperSpec(**each) for each in fields["additional_wrappers"]
     )
-    return EnvSpec(**fields)
+    spec = EnvSpec(**fields)
+    _check_entry(encoded["entry_point"], gym.Env, spec.id)
+    for each in spec.additional_wrappers:
+        _check_entry(each.entry_point, gym.Wrapper)
+    return spec
+
+
+def _check_entry(entry: str, kind: type, env_id: str = "") -> None:
+    named = load_env_creator(entry)
+    registered = gym.registry.get(env_id)  # only now: its module may register it
+    is_registered = registered is not None and registered.entry_point in (entry, named)
+    if not is_registered and not (isinstance(named, type) and issubclass(named, kind)):
+        kinds = f"a class of gymnasium.{kind.__name__}"
+        raise ValueError(f"`run` must name {kinds} in run.json, or a registered id; got {entry}.")

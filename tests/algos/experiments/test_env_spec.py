@@ -50,11 +50,33 @@ def test_ids_that_are_registered_elsewhere_are_made_by_their_class():
     assert type(made_again(env).unwrapped) is Mine
 
 
-def test_what_no_file_holds_is_not_made_again():
-    def make_mine():
-        return Mine()
+def make_mine():
+    return Mine()
 
-    gym.register("Mine-v1", make_mine)
+
+def test_a_registered_function_makes_it_again():
+    gym.register("Mine-v2", f"{__name__}:make_mine")
+    env = gym.make("Mine-v2")
+    assert type(made_again(env).unwrapped) is Mine
+    del gym.registry["Mine-v2"]
+    with pytest.raises(ValueError, match=r"a class of gymnasium\.Env in run\.json.*:make_mine"):
+        made_again(env)
+
+
+@pytest.mark.parametrize("entry", ["os:system", "subprocess:Popen", "gymnasium:make"])
+def test_a_file_runs_nothing_but_environments(entry, tmp_path):
+    env = gym.wrappers.RescaleAction(gym.make("Pendulum-v1"), np.float32(-1), np.float32(1))
+    encoded = encode_spec(env.spec)
+    (wrapper,) = encoded["additional_wrappers"]
+    given = {"entry_point": entry, "kwargs": {"command": f"touch {tmp_path / 'ran'}"}}
+    for changed in (given, {"additional_wrappers": [wrapper | given]}):
+        with pytest.raises(ValueError, match=f"`run` must name a class of .*; got {entry}"):
+            decode_spec(encoded | changed)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_no_file_holds_is_not_made_again():
+    gym.register("Mine-v1", lambda: Mine())
     pendulum = gym.make("Pendulum-v1")
     for env in (
         gym.make("Mine-v1"),

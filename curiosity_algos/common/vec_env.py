@@ -57,8 +57,9 @@ class GymnasiumVecEnv(VecEnv):
         if self._mode == AutoresetMode.NEXT_STEP:
             raise ValueError(
                 "`vector_env` must begin an episode in the step that ends the one before, as "
-                "Stable-Baselines3 does: make it with "
-                "autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP."
+                "Stable-Baselines3 does: give `gymnasium.make_vec` "
+                "autoreset_mode=AutoresetMode.SAME_STEP (of gymnasium.vector) for a native one, "
+                "and vector_kwargs={'autoreset_mode': AutoresetMode.SAME_STEP} for any other."
             )
         self.vector_env = vector_env
         self._actions: npt.NDArray[Any] = np.empty(0)

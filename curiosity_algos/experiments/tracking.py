@@ -80,7 +80,7 @@ class TrackRun(BaseCallback):
             entity=self._project.entity,
             name=f"{described['algorithm']} {described['env']} {described['seed']}",
             config=described,
-            dir=self._folder,
+            dir=str(self._folder),
             id=known.read_text() if known.exists() else None,
             resume="allow",
         )

@@ -43,8 +43,8 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["9"], "Invalid value for 'figures'"),
-        (["two"], "Invalid value for 'figures'"),
+        (["9"], "9 is not in the range 1<=x<=8"),
+        (["two"], "'two' is not a valid"),
         (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, paper"),
         (["2", "--preset", "best"], "`preset` must be one of paper, tuned"),
         (["2", "--seeds", "0;1"], "--seeds must be whole numbers"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from packaging.version import Version
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
@@ -161,6 +162,8 @@ class TestAlgorithms:
 
     @pytest.mark.parametrize("mode", MODES)
     def test_know_episodes_that_gymnasium_records(self, mode):
+        if mode == AutoresetMode.SAME_STEP and Version(gym.__version__) < Version("1.4"):
+            pytest.skip("Gymnasium before 1.4 counts a step less of each episode but the first")
         venv = GymnasiumVecEnv(RecordEpisodeStatistics(make_native(mode, horizon=7)))
         model = PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(48)
         assert {int(info["l"]) for info in model.ep_info_buffer} == {7}
@@ -181,7 +184,7 @@ class TestAlgorithms:
 
 class TestMistakes:
     def test_a_new_episode_a_step_late(self):
-        with pytest.raises(ValueError, match="autoreset_mode=gymnasium"):
+        with pytest.raises(ValueError, match="`vector_env` must begin an episode in"):
             GymnasiumVecEnv(make_native(AutoresetMode.NEXT_STEP))
 
     @pytest.mark.parametrize("env", [MAZE, None])

@@ -18,18 +18,18 @@ def small(timesteps):
 @pytest.fixture
 def rows(monkeypatch):
     """What is sent: step and numbers of each row, and exit codes."""
-    import wandb
+    from wandb.sdk.wandb_run import Run as Sent  # `wandb.Run` is there from 0.22 on
 
     sent = []
 
     def spy(name):
-        original = getattr(wandb.Run, name)
+        original = getattr(Sent, name)
 
         def keep(self, *args, **kwargs):
             sent.append((self.id, args, kwargs))
             return original(self, *args, **kwargs)
 
-        monkeypatch.setattr(wandb.Run, name, keep)
+        monkeypatch.setattr(Sent, name, keep)
 
     monkeypatch.setenv("WANDB_MODE", "offline")
     monkeypatch.setenv("WANDB_SILENT", "true")

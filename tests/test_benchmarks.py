@@ -360,35 +360,40 @@ class TestPoliciesAndPortraits:
         "env_kwargs": ["horizon:50"],
     }
 
-    def test_the_best_run_of_each_pair_that_was_rewarded_is_kept(self):
+    def test_the_best_run_of_each_pair_that_was_rewarded_comes_first(self):
         runs = pd.DataFrame(
             [("A", "x", 0, 0.2), ("A", "x", 3, 0.5), ("A", "y", 1, 0.0), ("B", "y", 2, 0.1)],
             columns=["algorithm", "env", "seed", "best_return"],
         )
-        found = pretrained.best_runs(runs)
-        kept = found[["algorithm", "env", "seed"]].to_numpy().tolist()
-        assert sorted(kept) == [["A", "x", 3], ["B", "y", 2]]
+        tried = [
+            rows[["algorithm", "env", "seed"]].to_numpy().tolist()
+            for rows in pretrained.rewarded_pairs(runs)
+        ]
+        assert tried == [[["A", "x", 3], ["A", "x", 0]], [["B", "y", 2]]]
 
     @pytest.mark.parametrize("radius", [1.0, 300.0])
     def test_policies_are_trained_and_written(self, radius, tmp_path, monkeypatch, capsys):
-        rows = {"algorithm": ["NSES"], "env": ["CuriosityMaze-Hard-v0"], "seed": [7]}
+        rows = {"algorithm": "NSES", "env": "CuriosityMaze-Hard-v0", "seed": [5, 7]}
         env_kwargs = ["horizon:50", f"goal_radius:{radius}"]
         monkeypatch.setitem(pretrained.SWEEPS, "mazes", self.settings | {"env_kwargs": env_kwargs})
         monkeypatch.setattr(
-            pretrained, "read_runs", lambda name: pd.DataFrame(rows | {"best_return": [0.5]})
+            pretrained, "read_runs", lambda name: pd.DataFrame(rows | {"best_return": [0.0, 0.5]})
         )
         pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
-        told = capsys.readouterr().out.splitlines()[-1]
+        told = [line for line in capsys.readouterr().out.splitlines() if line.endswith(" there")]
         path = tmp_path / "NSES_CuriosityMaze-Hard-v0.npz"
         if radius == 1.0:
-            assert told == "NSES CuriosityMaze-Hard-v0 7: 0.0000, 0.5000 there"
+            assert told == [
+                "NSES CuriosityMaze-Hard-v0 7: 0.0000, 0.5000 there",
+                "NSES CuriosityMaze-Hard-v0 5: 0.0000, 0.0000 there",
+            ]
             assert not path.exists()
             return
         with np.load(path) as file:
             assert file["parameters"].shape == (1746,)
             assert file["net_arch"].tolist() == [32, 16]
             assert file["return"] == 0.98
-        assert told == "NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 there"
+        assert told == ["NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 there"]
 
     def test_each_algorithm_has_its_curve_and_map(self, tmp_path, monkeypatch):
         sweep(

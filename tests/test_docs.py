@@ -44,10 +44,14 @@ def test_links_outside_of_the_site_lead_somewhere(name):
 
 def test_the_description_on_a_package_index_needs_no_file_beside_it():
     description = metadata("curiosity-search")["Description"]
+    readme = (ROOT / "README.md").read_text()
     assert "# Curiosity-driven policy search" in description
     links = re.findall(r"\]\(([^)\s]+)\)", description)
     assert links
     assert all(link.startswith(("https://", "#")) for link in links)
+    assert not re.search(r"<img|^\[[^\]]+\]: ", description, flags=re.M)
+    code = re.compile(r"^```.*?^```|`[^`\n]+`", flags=re.M | re.S)
+    assert code.findall(description) == code.findall(readme)
 
 
 def slug(title):

@@ -56,7 +56,9 @@ class APT(NetworkBonus):
     Args:
         observation_space: As of `ICM`.
         action_space: Any; taken so that bonuses are made alike.
-        horizon: Steps between the two states of a transition that it learns from, at most.
+        horizon: Steps between the two states of a transition that it learns from, at most. It is
+            who calls `update` that draws such pairs, as the algorithms and the wrapper do: given
+            single steps, it learns as with a horizon of 1.
         n_neighbors: Nearest states whose distances are averaged.
         memory_size: Observations kept; None: 20,000, or 2,000 images.
         learning_rate: Adam's, above 0.

@@ -1,7 +1,9 @@
 """`python -m benchmarks.gallery` films each environment for the pages, and says what it has filmed.
 
 In mazes and control tasks the policy is what CuriosityES has come to with its first reward, or with
-its budget; at the traps it is the plan that the tests replay, which was found by sampling.
+its budget; at the traps it is the plan that the tests replay, which was found by sampling. All
+other environments, which nothing here was trained in, are shown with actions at random. Run it with
+MUJOCO_GL=egl where there is no display.
 """
 
 from __future__ import annotations
@@ -36,6 +38,23 @@ PLANNED = {
     "ant_maze": "CuriosityLocomotion-AntMaze-v0",
     "humanoid_trap": "CuriosityLocomotion-HumanoidTrap-v0",
 }
+RANDOM = {
+    **{
+        f"robot_{name.lower()}": f"CuriosityLocomotion-{name}-v0"
+        for name in ("Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d")
+    },
+    **{
+        f"sparse_{name.lower()}": f"CuriositySparse-{name}-v0"
+        for name in (
+            "PointMaze_UMaze",
+            "PointMaze_Large",
+            "AntMaze_UMaze",
+            "CartPoleSwingUp",
+            "AcrobotSwingUp",
+        )
+    },
+}
+N_STEPS, N_HELD = 200, 10
 PLANS = Path(__file__).parents[1] / "tests" / "gym" / "locomotion" / "solutions.npz"
 N_FRAMES, HEIGHT, N_COLORS = 40, 160, 32
 Frame = npt.NDArray[np.uint8]
@@ -61,6 +80,22 @@ def read_actions(env_id: str) -> tuple[npt.NDArray[Any], int]:
         return plans[name].astype(np.float32), int(plans[f"{name} seed"])
 
 
+def draw_actions(env_id: str) -> tuple[npt.NDArray[Any], int]:
+    """Random actions, held for some steps, to the end of an episode, and the seed of its reset."""
+    env = gym.make(env_id)
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    actions: list[npt.NDArray[Any]] = []
+    is_over = False
+    while not is_over and len(actions) < N_STEPS:
+        is_new = len(actions) % N_HELD == 0
+        actions.append(env.action_space.sample() if is_new else actions[-1])
+        _, _, terminated, truncated, _ = env.step(actions[-1])
+        is_over = terminated or truncated
+    env.close()
+    return np.array(actions), 0
+
+
 def film(env_id: str, actions: npt.NDArray[Any], seed: int) -> tuple[list[Frame], bool]:
     """At most `N_FRAMES` frames of an episode, and whether it came to the goal."""
     env = gym.make(env_id, render_mode="rgb_array")
@@ -72,7 +107,17 @@ def film(env_id: str, actions: npt.NDArray[Any], seed: int) -> tuple[list[Frame]
         if t % stride == 0 or t == len(actions):
             frames.append(np.asarray(env.render()))
     env.close()
-    return frames, bool(info["is_success"])
+    return frames, bool(info.get("is_success"))  # dense tasks have no goal
+
+
+def play(name: str) -> tuple[str, npt.NDArray[Any], int]:
+    """The environment of a picture, actions of an episode in it, and the seed of its reset."""
+    if name in FOUND:
+        env_id, timesteps = FOUND[name]
+        return env_id, *find_actions(env_id, timesteps)
+    if name in PLANNED:
+        return PLANNED[name], *read_actions(PLANNED[name])
+    return RANDOM[name], *draw_actions(RANDOM[name])
 
 
 def shrink(frames: list[Frame]) -> list[Frame]:
@@ -92,17 +137,16 @@ def main(
     out: Path = IMAGES,
 ) -> None:
     """Write a GIF for each environment."""
-    known = [*FOUND, *PLANNED]
+    known = [*FOUND, *PLANNED, *RANDOM]
     names = known if only is None else only.split(",")
     if unknown := sorted(set(names) - set(known)):
         raise typer.BadParameter(f"--only knows {', '.join(known)}, not {', '.join(unknown)}.")
     out.mkdir(parents=True, exist_ok=True)
     for name in names:
-        env_id = PLANNED[name] if name in PLANNED else FOUND[name][0]
-        actions, seed = read_actions(env_id) if name in PLANNED else find_actions(*FOUND[name])
+        env_id, actions, seed = play(name)
         frames, success = film(env_id, actions, seed)
         write_film(shrink(frames), out / f"{name}.gif")
-        print(f"{name}: {len(actions)} steps, {'at the goal' if success else 'no reward'}")
+        print(f"{name}: {len(actions)} steps, {'at the goal' if success else 'at no goal'}")
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ from curiosity_algos import CuriosityES, make_evaluator
 from curiosity_algos.cli.sweep import sweep
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.registration import SPECS
 
 ROOT = Path(__file__).parents[1]
 CONTROL = ["BallInCup", "Finger", "Stacker"]
@@ -331,7 +332,7 @@ class TestGallery:
     def test_films_what_was_found(self, tmp_path, monkeypatch, capsys):
         monkeypatch.setattr(gallery, "FOUND", {"snake": ("CuriosityMaze-Snake-v0", 1.0)})
         gallery.main(only="snake", out=tmp_path)
-        assert capsys.readouterr().out == "snake: 2000 steps, no reward\n"
+        assert capsys.readouterr().out == "snake: 2000 steps, at no goal\n"
         with Image.open(tmp_path / "snake.gif") as image:
             assert image.n_frames <= gallery.N_FRAMES
             assert image.height == gallery.HEIGHT
@@ -344,6 +345,22 @@ class TestGallery:
         frames, success = gallery.film(env_id, *gallery.read_actions(env_id))
         assert success
         assert 1 < len(frames) <= gallery.N_FRAMES
+
+    @pytest.mark.extra("locomotion")
+    def test_plays_at_random_until_an_episode_ends(self):
+        env_id, actions, seed = gallery.play("robot_hopper")
+        env = gym.make(env_id)
+        env.reset(seed=seed)
+        ends = [env.step(action)[2] for action in actions]
+        assert ends == [False] * (len(actions) - 1) + [True]
+        assert len(actions) < gallery.N_STEPS
+        assert len(np.unique(actions, axis=0)) == -(-len(actions) // gallery.N_HELD)
+
+    def test_shows_every_environment(self):
+        shown = {id_ for id_, _ in gallery.FOUND.values()}
+        shown |= {*gallery.PLANNED.values(), *gallery.RANDOM.values()}
+        ids = {name for name in SPECS if name.startswith("Curiosity")}
+        assert ids - shown == {"CuriosityMaze-v0"}  # whose layout is the user's
 
     def test_knows_no_others(self, tmp_path):
         with pytest.raises(typer.BadParameter, match="--only knows snake, us"):

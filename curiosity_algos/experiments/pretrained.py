@@ -9,6 +9,7 @@ import numpy as np
 
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.names import ENVIRONMENTS, check_known, find_algorithm
+from curiosity_gym.registration import SPECS
 
 # Not by paths: the package may lie in an archive.
 _FILES = {
@@ -34,6 +35,7 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
     """
     name = find_algorithm(algorithm).__name__
     check_known("env", env_id, ENVIRONMENTS, shown=env_id, choices=ENVIRONMENTS)
+    env_id = next(known for known, spec in SPECS.items() if spec == SPECS[env_id])  # of an alias
     if (name, env_id) not in PRETRAINED:
         known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"
         raise ValueError(f"`pretrained` {name} is there for {known}, not for {env_id}.")

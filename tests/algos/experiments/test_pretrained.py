@@ -11,6 +11,7 @@ from curiosity_algos.experiments.film import Pretrained, play
 from curiosity_algos.experiments.pretrained import PRETRAINED, load_pretrained
 
 FOLDER = files("curiosity_algos").joinpath("pretrained")
+US = "CuriosityMaze-US-v0"
 ONE = "CuriosityES", "CuriosityMaze-Hard-v0"
 
 
@@ -38,6 +39,11 @@ def test_one_is_evaluated_as_a_model_is():
     policy = load_pretrained("curiosity-es", ONE[1])
     mean, _ = evaluate_policy(policy, env, n_eval_episodes=1, warn=False)
     assert mean == pytest.approx(promised_return(*ONE), abs=1e-5)
+
+
+def test_an_alias_of_an_environment_will_do():
+    found, expected = load_pretrained("nses", "Maze-US-v0"), load_pretrained("nses", US)
+    np.testing.assert_array_equal(found.vector, expected.vector)
 
 
 @pytest.mark.parametrize(

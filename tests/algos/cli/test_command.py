@@ -105,7 +105,7 @@ def test_help_says_what_there_is(run_here):
         (["train", "--env", "CuriosityMaze-Hrd-v0"], "did you mean CuriosityMaze-Hard-v0"),
         (["train", "--hyperparams", "sigm:1"], "did you mean sigma"),
         (["train", "--hyperparams", "sigma"], "--hyperparams must be NAME:VALUE"),
-        (["train", "-n", "many"], "'many' is not a valid"),
+        (["train", "-n", "many"], "Invalid value for '--timesteps'"),
         (["train", "-n", "-5"], "must be finite and at least 0"),
         (["train", "--env-kwargs", "horizn:3"], "`env_kwargs` must be keywords"),
         (["train", "--conf-file", "no.yml"], "no.yml"),

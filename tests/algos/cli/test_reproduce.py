@@ -1,6 +1,7 @@
 """The command `curiosity reproduce`, as users run it."""
 
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -43,8 +44,8 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["9"], "invalid value for 'figures"),  # which older releases of typer write in capitals
-        (["two"], "invalid value for 'figures"),
+        (["9"], "Invalid value for '(?i:figures)"),  # older releases of typer: in capitals
+        (["two"], "Invalid value for '(?i:figures)"),
         (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, paper"),
         (["2", "--preset", "best"], "`preset` must be one of paper, tuned"),
         (["2", "--seeds", "0;1"], "--seeds must be whole numbers"),
@@ -54,7 +55,7 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
     ],
 )
 def test_a_mistake_is_one_line(words, message, refused, tmp_path):
-    assert message.lower() in refused("reproduce", *words).lower()
+    assert re.search(message, refused("reproduce", *words))
     assert not any(tmp_path.iterdir())
 
 

@@ -69,6 +69,7 @@ def main(
         raise typer.BadParameter(f"The row is one of {'; '.join(known)}, not {only}.")
     n_episodes, shortened = (3, {"horizon": 20}) if quick else (200, {})
     policies = [f"policies of N(0, {deviation:g}²)" for deviation in DEVIATIONS]
+    out.mkdir(parents=True, exist_ok=True)
     columns = ["Task", "No actions", "Uniform actions", f"+-1, held {N_HELD} steps", *policies]
     for file, rows in FILES.items():
         path = out / f"{file}.csv"

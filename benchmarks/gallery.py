@@ -1,15 +1,15 @@
 """`python -m benchmarks.gallery` films each environment for the pages, and says what it has filmed.
 
 In mazes and control tasks the policy is what CuriosityES has come to with its first reward, or with
-its budget; at the traps it is the plan that the tests replay, which was found by sampling. All
-other environments, which nothing here was trained in, are shown with actions at random. Run it with
-MUJOCO_GL=egl where there is no display.
+its budget, and "best_ant" is the same of the results' best run; at the traps it is the plan that
+the tests replay, which was found by sampling. All other environments, which nothing here was
+trained in, are shown with actions at random. Run it with MUJOCO_GL=egl where there is no display.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -19,20 +19,32 @@ from PIL import Image
 from stable_baselines3.common.callbacks import BaseCallback
 
 from benchmarks.figures import IMAGES
-from curiosity_algos import CuriosityES
 from curiosity_algos.experiments.film import write_film
-from curiosity_algos.experiments.replay import episode
+from curiosity_algos.experiments.names import find_algorithm
+
+
+class Search(NamedTuple):
+    """A run: its environment, and at most so many timesteps of an algorithm with a seed."""
+
+    env_id: str
+    timesteps: float
+    algorithm: str = "CuriosityES"
+    seed: int = 0
+
 
 FOUND = {
-    "snake": ("CuriosityMaze-Snake-v0", 3e7),
-    "us": ("CuriosityMaze-US-v0", 3e7),
-    "hard": ("CuriosityMaze-Hard-v0", 3e7),
-    "labyrinth": ("CuriosityMaze-Labyrinth-v0", 1e8),
-    "ball_in_cup": ("CuriosityControl-BallInCup-v0", 1e6),
-    "finger": ("CuriosityControl-Finger-v0", 1e6),
-    "stacker": ("CuriosityControl-Stacker-v0", 1e6),
+    "snake": Search("CuriosityMaze-Snake-v0", 3e7),
+    "us": Search("CuriosityMaze-US-v0", 3e7),
+    "hard": Search("CuriosityMaze-Hard-v0", 3e7),
+    "labyrinth": Search("CuriosityMaze-Labyrinth-v0", 1e8),
+    "ball_in_cup": Search("CuriosityControl-BallInCup-v0", 1e6),
+    "finger": Search("CuriosityControl-Finger-v0", 1e6),
+    "stacker": Search("CuriosityControl-Stacker-v0", 1e6),
+    "best_ant": Search("CuriosityLocomotion-AntTrap-v0", 1e6, "NSES", 1),
 }
-"""Name of the picture: environment, and at most so many timesteps."""
+"""Name of the picture: what found the episode."""
+N_STARTS = 100
+"""Seeds of resets, of which the best policy's best is shown: some environments draw their start."""
 PLANNED = {
     "ant_trap": "CuriosityLocomotion-AntTrap-v0",
     "ant_maze": "CuriosityLocomotion-AntMaze-v0",
@@ -65,12 +77,14 @@ class _StopAtReward(BaseCallback):
         return self.model.first_success_timesteps is None
 
 
-def find_actions(env_id: str, timesteps: float) -> tuple[npt.NDArray[Any], int]:
-    """Actions of an episode of CuriosityES's best policy, and the seed of its reset."""
-    model = CuriosityES(env_id, seed=0).learn(timesteps, callback=_StopAtReward())
-    env = gym.make(env_id)
-    actions = [step.action for step in episode(model.policy, env, seed=0)]
-    return np.array(actions[1:]), 0
+def find_actions(search: Search) -> tuple[npt.NDArray[Any], int]:
+    """Actions of the best episode of a run's best policy, and the seed of its reset."""
+    make = find_algorithm(search.algorithm)
+    model = make(search.env_id, seed=search.seed).learn(search.timesteps, callback=_StopAtReward())
+    policy = model.policy.vector[None]
+    episodes = [model.evaluator.evaluate(policy, seed) for seed in range(N_STARTS)]
+    best = int(np.argmax([each.returns[0] for each in episodes]))
+    return episodes[best].trajectories[1][0], best
 
 
 def read_actions(env_id: str) -> tuple[npt.NDArray[Any], int]:
@@ -113,8 +127,7 @@ def film(env_id: str, actions: npt.NDArray[Any], seed: int) -> tuple[list[Frame]
 def play(name: str) -> tuple[str, npt.NDArray[Any], int]:
     """The environment of a picture, actions of an episode in it, and the seed of its reset."""
     if name in FOUND:
-        env_id, timesteps = FOUND[name]
-        return env_id, *find_actions(env_id, timesteps)
+        return FOUND[name].env_id, *find_actions(FOUND[name])
     if name in PLANNED:
         return PLANNED[name], *read_actions(PLANNED[name])
     return RANDOM[name], *draw_actions(RANDOM[name])

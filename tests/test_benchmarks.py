@@ -33,7 +33,7 @@ from benchmarks import (
     training,
 )
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
-from curiosity_algos import CuriosityES, make_evaluator
+from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
 from curiosity_algos.cli.sweep import sweep
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
@@ -183,8 +183,8 @@ def test_baselines_count_successes(tmp_path):
 @pytest.mark.extra("control")
 def test_a_row_of_baselines_joins_those_that_are_there(tmp_path):
     for label in ("Finger", "BallInCup", "Finger"):
-        baselines.main(only=label, quick=True, out=tmp_path)
-    table = pd.read_csv(tmp_path / "control_baselines.csv")
+        baselines.main(only=label, quick=True, out=tmp_path / "new")
+    table = pd.read_csv(tmp_path / "new" / "control_baselines.csv")
     assert list(table["Task"]) == ["BallInCup", "Finger"]
 
 
@@ -328,14 +328,37 @@ def test_a_stage_does_not_count_the_stages_within_it(monkeypatch):
     assert watch.seconds == {"inner": 9.0, "outer": 1.0}
 
 
+def played_by(policy, env, seed):
+    """The return of an episode, and its actions."""
+    observation, _ = env.reset(seed=seed)
+    total, actions, ended = 0.0, [], False
+    while not ended:
+        actions.append(policy.predict(observation, deterministic=True)[0])
+        observation, reward, terminated, truncated, _ = env.step(actions[-1])
+        total, ended = total + reward, terminated or truncated
+    return total, np.array(actions)
+
+
 class TestGallery:
     def test_films_what_was_found(self, tmp_path, monkeypatch, capsys):
-        monkeypatch.setattr(gallery, "FOUND", {"snake": ("CuriosityMaze-Snake-v0", 1.0)})
+        search = gallery.Search("CuriosityMaze-Snake-v0", 1.0)
+        monkeypatch.setattr(gallery, "FOUND", {"snake": search})
         gallery.main(only="snake", out=tmp_path)
         assert capsys.readouterr().out == "snake: 2000 steps, at no goal\n"
         with Image.open(tmp_path / "snake.gif") as image:
             assert image.n_frames <= gallery.N_FRAMES
             assert image.height == gallery.HEIGHT
+
+    @pytest.mark.extra("locomotion")
+    def test_shows_the_best_of_some_starts(self, monkeypatch):
+        monkeypatch.setattr(gallery, "N_STARTS", 3)
+        search = gallery.Search("CuriosityLocomotion-Hopper-v0", 1.0, "CanonicalES", 4)
+        actions, best = gallery.find_actions(search)
+        policy = CanonicalES(search.env_id, seed=4).learn(1.0).policy
+        env = gym.make(search.env_id)
+        totals, played = zip(*[played_by(policy, env, seed) for seed in range(3)], strict=True)
+        assert best == np.argmax(totals)
+        np.testing.assert_allclose(actions, played[best], atol=1e-5)
 
     @pytest.mark.extra("locomotion")
     @pytest.mark.parametrize("name", gallery.PLANNED)
@@ -357,7 +380,7 @@ class TestGallery:
         assert len(np.unique(actions, axis=0)) == -(-len(actions) // gallery.N_HELD)
 
     def test_shows_every_environment(self):
-        shown = {id_ for id_, _ in gallery.FOUND.values()}
+        shown = {search.env_id for search in gallery.FOUND.values()}
         shown |= {*gallery.PLANNED.values(), *gallery.RANDOM.values()}
         ids = {name for name in SPECS if name.startswith("Curiosity")}
         assert ids - shown == {"CuriosityMaze-v0"}  # whose layout is the user's

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +19,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.env_util import make_vec_env
 
 from benchmarks.off_policy import make_td3
+from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, collect
 from curiosity_algos import TD3ICM, BonusVecEnvWrapper
 from curiosity_algos.experiments import RunFolder, SaveRun
@@ -83,9 +82,7 @@ def main(
         raise typer.BadParameter(f"The name is one of {', '.join(VARIANTS)}, not {name}.")
     budget = TIMESTEPS[name] if timesteps is None else timesteps
     tasks = product([name], VARIANTS[name], map(int, seeds.split(",")), [budget], [runs])
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for future in [pool.submit(train, *task) for task in tasks]:
-            future.result()
+    run_all(train, tasks, jobs)
     table = name.partition("/")[0]
     collect(runs / table, table, out)
 

@@ -31,7 +31,7 @@ CURVE = {
 def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     """Write the two files `name` of all runs in a folder."""
     table = load_runs(runs)
-    table["algorithm"] = label_runs(table)
+    table["algorithm"] = _label(table, runs)
     table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
     shares = sorted(column for column in table if column.startswith("coverage."))
     kept = table[[*RUN, *shares]].sort_values(KEYS)
@@ -41,6 +41,15 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     curves["algorithm"] = curves["run"].map(labels)
     parts = [_thin(curve) for _, curve in curves.groupby(KEYS)]
     _write(pd.concat(parts), folder / f"{name}_curves.csv")
+
+
+def _label(table: pd.DataFrame, runs: Path) -> pd.Series:
+    """As `label_runs`, but the runs of a sweep in a folder of its own are told by that's name."""
+    sweeps = table["run"].map(lambda run: Path(run).relative_to(runs).parts[:-3])
+    return pd.concat(
+        label_runs(group).map(lambda label, sweep=sweep: ", ".join([label, *sweep]))
+        for sweep, group in table.groupby(sweeps)
+    )
 
 
 def _thin(curve: pd.DataFrame) -> pd.DataFrame:

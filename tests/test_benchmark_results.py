@@ -1,34 +1,24 @@
 """Published tables come from committed data, and that from runs."""
 
 import sys
-from types import SimpleNamespace
 
 import gymnasium as gym
 import pandas as pd
 import pytest
 
-from benchmarks import bonuses, figures, learning, record, results, speed_tables, tables, unseen
+from benchmarks import (
+    bonuses,
+    figures,
+    learning,
+    record,
+    results,
+    speed_tables,
+    tables,
+    unseen,
+)
 from benchmarks.measure import Row, Table
 from curiosity_algos import CanonicalES
 from curiosity_algos.experiments import RunFolder, load_progress, load_runs
-
-
-class Inline:
-    """A pool whose tasks run in this process, which knows what a test has changed."""
-
-    def __init__(self, *args, **kwargs):
-        pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        pass
-
-    def submit(self, function, *task):
-        function(*task)
-        return SimpleNamespace(result=lambda: None)
-
 
 PAGES = [tables.ROOT / name for name in tables.PAGES]
 
@@ -183,6 +173,17 @@ def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
     )
 
 
+def test_a_sweep_within_another_is_told_by_its_name(tmp_path, monkeypatch):
+    small = {"algos": ("NSES",), "envs": ("CuriosityMaze-US-v0",), "timesteps": 1}
+    monkeypatch.setitem(learning.SWEEPS, "mazes", small)
+    monkeypatch.setitem(learning.SWEEPS, "mazes/far", small | {"hyperparams": ["k:3", "phi:.5"]})
+    for name in ("mazes", "mazes/far"):
+        learning.main(name, seeds="0,1", runs=tmp_path / "runs", jobs=1, out=tmp_path)
+    runs, curves = results.read_runs("mazes", tmp_path), results.read_curves("mazes", tmp_path)
+    for table in (runs, curves):
+        assert sorted(table["algorithm"]) == ["NSES"] * 2 + ["NSES, far"] * 2
+
+
 @pytest.mark.extra("control")
 def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
     env, starts = "CuriosityControl-BallInCup-v0", 12
@@ -224,7 +225,6 @@ def test_bonuses_leave_the_data_of_their_runs(tmp_path, monkeypatch):
     monkeypatch.setitem(
         bonuses.VARIANTS, "ppo", {name: made[name] for name in ("PPO", "PPO + RND")}
     )
-    monkeypatch.setattr(bonuses, "ProcessPoolExecutor", Inline)
     for _ in range(2):  # what is finished is not done again
         words = {"seeds": "0", "runs": tmp_path, "jobs": 1, "out": tmp_path / "out"}
         bonuses.main("ppo", timesteps=1, **words)

@@ -41,13 +41,13 @@ CONTROL: dict[str, tuple[str, dict[str, Any]]] = {
         {"random_start": True, "success_threshold": 0.5},
     ),
 }
-UPRIGHT = {"env_kwargs": {"terminate_when_unhealthy": False}}
+UNENDING = {"env_kwargs": {"terminate_when_unhealthy": False}}
 LOCOMOTION: dict[str, tuple[str, dict[str, Any]]] = {
     "AntTrap": ("CuriosityLocomotion-AntTrap-v0", {}),
     "AntMaze": ("CuriosityLocomotion-AntMaze-v0", {}),
     "HumanoidTrap": ("CuriosityLocomotion-HumanoidTrap-v0", {}),
-    "AntTrap, falls do not end it": ("CuriosityLocomotion-AntTrap-v0", UPRIGHT),
-    "AntMaze, falls do not end it": ("CuriosityLocomotion-AntMaze-v0", UPRIGHT),
+    "AntTrap, `terminate_when_unhealthy=False`": ("CuriosityLocomotion-AntTrap-v0", UNENDING),
+    "AntMaze, `terminate_when_unhealthy=False`": ("CuriosityLocomotion-AntMaze-v0", UNENDING),
 }
 FILES = {"control_baselines": CONTROL, "locomotion_baselines": LOCOMOTION}
 """File, and its rows. Label: environment and its keywords."""

@@ -145,6 +145,32 @@ def unseen(values: pd.DataFrame) -> str:
     return markdown([f"Of {values['starts'].iloc[0]} starts", *map(short_name, envs)], rows)
 
 
+def roaming(values: pd.DataFrame) -> str:
+    """A row for each way to move: means over seeds and standard errors.
+
+    Shares are of the run that came to most cells, as RAMP's paper has them.
+    """
+    values = values.assign(share=100 * values["xyz"] / values["xyz"].max())
+    groups = values.groupby("algorithm")[["xyz", "share", "xy"]].agg(["mean", "sem"])
+    digits = {"xyz": 0, "share": 1, "xy": 0}
+    rows = [
+        [name, *(_with_error(*row[key], digits[key]) for key in digits)]
+        for name, row in groups.sort_values(("xyz", "mean"), ascending=False).iterrows()
+    ]
+    return markdown(["", "Cells of x, y, z", "Share of the best run (%)", "Cells of x, y"], rows)
+
+
+def _with_error(mean: float, error: float, digits: int) -> str:
+    return f"{mean:,.{digits}f} ± {error:,.{digits}f}"
+
+
+def ramp(values: pd.DataFrame) -> str:
+    """The shares that RAMP's paper published, with their standard errors, the highest first."""
+    ordered = values.sort_values("mean", ascending=False).itertuples()
+    rows = [[each.algorithm, f"{each.mean:g} ± {each.error:g}"] for each in ordered]
+    return markdown(["Published", "Share of the best run (%)"], rows)
+
+
 def counts(values: pd.DataFrame) -> str:
     """The rows as they are."""
     return markdown(list(values), values.astype(str).to_numpy().tolist())

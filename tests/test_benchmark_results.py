@@ -10,6 +10,7 @@ from benchmarks import (
     bonuses,
     figures,
     learning,
+    pool,
     record,
     results,
     speed_tables,
@@ -218,6 +219,10 @@ def test_unseen_starts_stand_in_a_table():
     table = tables.unseen(pd.DataFrame(rows, columns=columns)).splitlines()
     assert table[0] == "| Of 9 starts | Finger | Stacker |"
     assert table[2] == "| NSES | 0 / 1 | 3 / 4 |"
+
+
+def test_runs_are_done_in_processes_too():
+    assert pool.run_all(pow, [(2, 3), (3, 2)], jobs=2) == [8, 9]
 
 
 def test_bonuses_leave_the_data_of_their_runs(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from curiosity_gym.extras import import_extra
 from curiosity_gym.maze.layouts import BUILT_IN, GOAL_RADIUS, MazeLayout, resolve_layout
 
 WALL_HEIGHT = 10.0
-"""Of what stops a robot: an ant that may fall and go on has been seen 4 m high."""
+"""Of what stops a robot: an ant that jumps and may go on has been seen 4 m high."""
 DRAWN_HEIGHT = 1.0
 """Of what a picture shows."""
 HIDDEN, SHOWN = 3, 0

@@ -64,7 +64,7 @@ class TestWalls:
             env.step(np.zeros(8, np.float32))
         assert 10.0 < data.qpos[0] < 11.5  # the face of the U's back
 
-    def test_are_too_high_to_get_over_for_a_robot_that_falls_and_goes_on(self):
+    def test_are_too_high_to_get_over_for_a_robot_that_jumps_and_goes_on(self):
         box = MazeLayout(
             "box", width=6.0, height=6.0, start=(2.5, 3.0), goal=(5, 5), walls=np.zeros((0, 4))
         )

@@ -220,6 +220,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "tries": partial(make_table, read_rows, "tries", tries),
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
+    "roaming": partial(make_table, read_rows, "roaming", roaming),
+    "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},

@@ -221,6 +221,16 @@ def test_unseen_starts_stand_in_a_table():
     assert table[2] == "| NSES | 0 / 1 | 3 / 4 |"
 
 
+def test_what_an_ant_visited_stands_in_a_table():
+    rows = [("NSES", 0, 1000, 50), ("NSES", 1, 3000, 70), ("NSLC", 0, 4000, 90)]
+    rows += [("NSLC", 1, 4000, 90)]
+    table = tables.roaming(pd.DataFrame(rows, columns=["algorithm", "seed", "xyz", "xy"]))
+    assert table.splitlines()[2:] == [
+        "| NSLC | 4,000 ± 0 | 100.0 ± 0.0 | 90 ± 0 |",
+        "| NSES | 2,000 ± 1,000 | 50.0 ± 25.0 | 60 ± 10 |",
+    ]
+
+
 def test_runs_are_done_in_processes_too():
     assert pool.run_all(pow, [(2, 3), (3, 2)], jobs=2) == [8, 9]
 

@@ -29,6 +29,7 @@ from benchmarks import (
     portraits,
     pretrained,
     products,
+    roaming,
     run,
     training,
 )
@@ -226,6 +227,101 @@ def test_open_loop_counts_goals_and_not_falls():
     actions = baselines.bang_bang(np.random.default_rng(0), (n, 8))
     assert 0 < sum(successes) < n
     assert baselines.open_loop(env, n, actions) == sum(successes)
+
+
+def cells_of(positions):
+    """Bins of 1 m along x and y, 2 cm along z; what is out of bounds is in the outermost."""
+    places = [((x + 50.0) / 1.0, (y + 50.0) / 1.0, z / 0.02) for x, y, z in map(list, positions)]
+    return {tuple(min(max(math.floor(value), 0), 99) for value in place) for place in places}
+
+
+def cells_in(counter):
+    return set(zip(*map(np.ndarray.tolist, counter.visited.nonzero()), strict=True))
+
+
+def test_a_counter_counts_the_cells_of_the_first_steps():
+    positions = np.random.default_rng(0).normal(size=(100, 3)) * [40.0, 3.0, 1.0]
+    counter = roaming.Counter(80)
+    for part in np.split(positions, [7, 60]):
+        assert not counter.is_full
+        counter.add(part)
+    assert counter.is_full
+    assert cells_in(counter) == cells_of(positions[:80])
+
+
+@pytest.mark.extra("locomotion")
+def test_every_step_of_a_population_is_counted():
+    env = gym.make(roaming.ANT, env_kwargs=roaming.ENV_KWARGS)
+    evaluator = make_evaluator(env)
+    parameters = np.random.default_rng(1).normal(size=(3, evaluator.n_parameters))
+    rollouts = evaluator.evaluate(parameters.astype(np.float32), seed=2)
+    assert rollouts.lengths.min() < rollouts.lengths.max()  # one ends before the others
+    positions = []
+    for actions, length in zip(rollouts.actions, rollouts.lengths, strict=True):
+        positions.append(env.reset(seed=2)[0][:3])
+        positions += [env.step(action)[0][:3] for action in actions[:length]]
+        positions.pop()  # no step begins there
+    counter = roaming.Counter(rollouts.timesteps)
+    roaming.CountingEvaluator(evaluator, counter).evaluate(parameters.astype(np.float32), seed=2)
+    assert counter.is_full
+    assert cells_in(counter) == cells_of(positions)
+
+
+@pytest.mark.extra("locomotion")
+def test_every_random_step_is_counted(monkeypatch):
+    monkeypatch.setattr(roaming, "N_ENVS", 2)
+    counter = roaming.Counter(400)
+    roaming.act_at_random(counter, seed=3, timesteps=400)
+    envs = [gym.make(roaming.ANT, env_kwargs=roaming.ENV_KWARGS) for _ in range(2)]
+    space = gym.vector.utils.batch_space(envs[0].action_space, 2)
+    space.seed(3)
+    observations, ended = [env.reset()[0] for env in envs], [False, False]
+    positions = []
+    while len(positions) < 400:
+        for i, action in enumerate(space.sample()):
+            if ended[i]:  # the action of a step that resets is nobody's
+                observations[i], _ = envs[i].reset()
+                ended[i] = False
+                continue
+            positions.append(observations[i][:3])
+            observations[i], _, terminated, truncated, _ = envs[i].step(action)
+            ended[i] = terminated or truncated
+    assert cells_in(counter) == cells_of(positions[:400])
+
+
+@pytest.mark.extra("locomotion")
+def test_a_search_is_counted(monkeypatch):
+    class Search:
+        def __init__(self, env, seed, evaluator, n_threads):
+            self.played = evaluator.evaluate, np.zeros((2, evaluator.n_parameters), np.float32)
+
+        def learn(self, timesteps):
+            evaluate, parameters = self.played
+            evaluate(parameters, 0)
+
+    monkeypatch.setattr(roaming, "find_algorithm", lambda name: Search)
+    counter = roaming.Counter(1_500)
+    roaming.search("any", counter, seed=0, timesteps=1)
+    assert counter.is_full  # of two that stand still for a thousand steps each
+    assert 0 < counter.visited.sum() < 100
+
+
+def test_runs_of_the_ant_are_done_once(tmp_path, monkeypatch):
+    def walk(counter, seed, timesteps):
+        done.append((seed, timesteps))
+        counter.add(np.zeros((timesteps, 3)))
+
+    done: list[tuple[int, int]] = []
+    monkeypatch.setattr(roaming, "WAYS", {"here": walk, "there": walk})
+    words = {"seeds": "0,4", "runs": tmp_path / "runs", "jobs": 1, "out": tmp_path / "out"}
+    for names in ("here", "there,here", "there"):
+        roaming.main(names, timesteps=90, **words)
+    assert done == [(0, 90), (4, 90)] * 2
+    table = pd.read_csv(tmp_path / "out" / "roaming.csv")
+    rows = [[name, seed, 90, 1, 1] for name in ("here", "there") for seed in (0, 4)]
+    assert table.to_numpy().tolist() == rows
+    with pytest.raises(typer.BadParameter, match="--names knows here, there, not nowhere"):
+        roaming.main("nowhere", **words)
 
 
 def test_bang_bang_actions_are_held():

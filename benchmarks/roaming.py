@@ -1,0 +1,147 @@
+"""How far an ant gets around, as RAMP counts it: `python -m benchmarks.roaming` trains and counts.
+
+The measure is that of Table 1 of Le Tolguenec et al., "Exploration by Running Away from the Past"
+(2024, arXiv:2411.14085): of the torso's x, y and z, 100 bins each, the cells in which any step of
+the training began. Bounds, the start without noise and the position in the observation are those of
+the code that its authors published; what lies out of bounds counts at the edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import torch as th
+import typer
+
+from benchmarks.learning import SWEEPS
+from benchmarks.pool import run_all
+from benchmarks.results import FOLDER
+from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.experiments.names import find_algorithm
+from curiosity_gym.core import CoverageGrid
+
+ANT = "CuriosityLocomotion-Ant-v0"
+ENV_KWARGS = {"reset_noise_scale": 0.0, "exclude_current_positions_from_observation": False}
+GRID = CoverageGrid(
+    (0, 1, 2),
+    low=np.array([-50.0, -50.0, 0.0]),
+    high=np.array([50.0, 50.0, 2.0]),
+    n_cells=100,
+)
+N_ENVS = 64
+"""Of the random actions."""
+
+
+class Counter:
+    """The cells of the first steps of a training.
+
+    Args:
+        timesteps: So many steps; what comes later is not counted.
+
+    Attributes:
+        visited: (100, 100, 100) bool, along x, y and z.
+    """
+
+    def __init__(self, timesteps: int) -> None:
+        self.visited = np.zeros(GRID.shape, dtype=np.bool_)
+        self._n_left = timesteps
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no more steps are counted."""
+        return self._n_left == 0
+
+    def add(self, positions: npt.NDArray[Any]) -> None:
+        """Count steps by their positions (n, 3), in their order."""
+        counted = positions[: self._n_left].astype(np.float64)
+        self.visited.flat[GRID.cells(counted)] = True
+        self._n_left -= len(counted)
+
+
+class CountingEvaluator:
+    """An evaluator, and a count of the steps of all that it plays, policy by policy."""
+
+    def __init__(self, evaluator: Evaluator, counter: Counter) -> None:
+        self.n_parameters = evaluator.n_parameters
+        self._evaluator, self._counter = evaluator, counter
+
+    def evaluate(self, parameters: npt.NDArray[np.float32], seed: int | None = None) -> Rollouts:
+        """Play one episode of each policy."""
+        rollouts = self._evaluator.evaluate(parameters, seed)
+        positions = rollouts.trajectories[0][:, :-1, :3]
+        is_played = np.arange(positions.shape[1]) < rollouts.lengths[:, None]
+        self._counter.add(positions[is_played])
+        return rollouts
+
+
+def search(name: str, counter: Counter, seed: int, timesteps: int) -> None:
+    """Train an algorithm with its defaults."""
+    env = gym.make(ANT, env_kwargs=ENV_KWARGS)
+    evaluator = CountingEvaluator(make_evaluator(env, n_threads=1), counter)
+    find_algorithm(name)(env, seed=seed, evaluator=evaluator, n_threads=1).learn(timesteps)
+
+
+def act_at_random(counter: Counter, seed: int, timesteps: int) -> None:
+    """Take uniform actions."""
+    mode: Any = "vector_entry_point"
+    envs = gym.make_vec(ANT, N_ENVS, mode, env_kwargs=ENV_KWARGS, n_threads=1)
+    envs.action_space.seed(seed)
+    observations, _ = envs.reset(seed=seed)
+    ended = np.zeros(N_ENVS, dtype=np.bool_)
+    while not counter.is_full:
+        counter.add(observations[~ended, :3])  # after an end there is no step but a reset
+        observations, _, terminated, truncated, _ = envs.step(envs.action_space.sample())
+        ended = terminated | truncated
+
+
+WAYS: dict[str, Callable[[Counter, int, int], None]] = {
+    **{name: partial(search, name) for name in SWEEPS["locomotion"]["algos"]},
+    "Uniform actions": act_at_random,
+}
+"""What moves the ant in each row."""
+
+
+def train(name: str, seed: int, timesteps: int, runs: Path) -> None:
+    """Train with one seed, unless it was done, and write the cells: of x, y and z, of x and y."""
+    path = runs / "roaming" / name / f"{seed}.csv"
+    if path.exists() and pd.read_csv(path)["timesteps"].item() == timesteps:
+        return
+    th.set_num_threads(1)
+    counter = Counter(timesteps)
+    WAYS[name](counter, seed, timesteps)
+    xyz, xy = int(counter.visited.sum()), int(counter.visited.any(axis=2).sum())
+    row = {"algorithm": name, "seed": seed, "timesteps": timesteps, "xyz": xyz, "xy": xy}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame([row]).to_csv(path, index=False)
+
+
+def main(
+    names: Annotated[str, typer.Option(help="Rows, with commas.")] = ",".join(WAYS),
+    seeds: str = "0,1,2,3,4",
+    timesteps: float = 1e6,
+    runs: Path = Path("runs"),
+    jobs: int = 2,
+    out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
+) -> None:
+    """Train every row with every seed, and write a CSV file of all runs that are there."""
+    if unknown := sorted(set(names.split(",")) - set(WAYS)):
+        raise typer.BadParameter(f"--names knows {', '.join(WAYS)}, not {', '.join(unknown)}.")
+    tasks = product(names.split(","), map(int, seeds.split(",")), [int(timesteps)], [runs])
+    run_all(train, tasks, jobs)
+    table = pd.concat(map(pd.read_csv, sorted((runs / "roaming").glob("*/*.csv"))))
+    out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(out / "roaming.csv", index=False)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -44,7 +44,7 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
 
 
 def _label(table: pd.DataFrame, runs: Path) -> pd.Series:
-    """As `label_runs`, but the runs of a sweep in a folder of its own are told by that's name."""
+    """As `label_runs`; runs of a sweep with a folder of its own have the folder's name, too."""
     sweeps = table["run"].map(lambda run: Path(run).relative_to(runs).parts[:-3])
     return pd.concat(
         label_runs(group).map(lambda label, sweep=sweep: ", ".join([label, *sweep]))

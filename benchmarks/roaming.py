@@ -133,14 +133,14 @@ def main(
     jobs: int = 2,
     out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
-    """Train every row with every seed, and write a CSV file of all runs that are there."""
+    """Train every row with every seed, and write a CSV file of all runs of that length."""
     if unknown := sorted(set(names.split(",")) - set(WAYS)):
         raise typer.BadParameter(f"--names knows {', '.join(WAYS)}, not {', '.join(unknown)}.")
     tasks = product(names.split(","), map(int, seeds.split(",")), [int(timesteps)], [runs])
     run_all(train, tasks, jobs)
     table = pd.concat(map(pd.read_csv, sorted((runs / "roaming").glob("*/*.csv"))))
     out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "roaming.csv", index=False)
+    table[table["timesteps"] == int(timesteps)].to_csv(out / "roaming.csv", index=False)
 
 
 if __name__ == "__main__":

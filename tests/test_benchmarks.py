@@ -320,6 +320,8 @@ def test_runs_of_the_ant_are_done_once(tmp_path, monkeypatch):
     table = pd.read_csv(tmp_path / "out" / "roaming.csv")
     rows = [[name, seed, 90, 1, 1] for name in ("here", "there") for seed in (0, 4)]
     assert table.to_numpy().tolist() == rows
+    roaming.main("here", timesteps=80, **words)  # beside which the others are too long
+    assert set(pd.read_csv(tmp_path / "out" / "roaming.csv")["algorithm"]) == {"here"}
     with pytest.raises(typer.BadParameter, match="--names knows here, there, not nowhere"):
         roaming.main("nowhere", **words)
 

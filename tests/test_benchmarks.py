@@ -36,6 +36,7 @@ from benchmarks import (
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
 from curiosity_algos.cli.sweep import sweep
+from curiosity_algos.experiments.replay import episode
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.registration import SPECS
@@ -426,17 +427,6 @@ def test_a_stage_does_not_count_the_stages_within_it(monkeypatch):
     assert watch.seconds == {"inner": 9.0, "outer": 1.0}
 
 
-def played_by(policy, env, seed):
-    """The return of an episode, and its actions."""
-    observation, _ = env.reset(seed=seed)
-    total, actions, ended = 0.0, [], False
-    while not ended:
-        actions.append(policy.predict(observation, deterministic=True)[0])
-        observation, reward, terminated, truncated, _ = env.step(actions[-1])
-        total, ended = total + reward, terminated or truncated
-    return total, np.array(actions)
-
-
 class TestGallery:
     def test_films_what_was_found(self, tmp_path, monkeypatch, capsys):
         search = gallery.Search("CuriosityMaze-Snake-v0", 1.0)
@@ -454,9 +444,10 @@ class TestGallery:
         actions, best = gallery.find_actions(search)
         policy = CanonicalES(search.env_id, seed=4).learn(1.0).policy
         env = gym.make(search.env_id)
-        totals, played = zip(*[played_by(policy, env, seed) for seed in range(3)], strict=True)
-        assert best == np.argmax(totals)
-        np.testing.assert_allclose(actions, played[best], atol=1e-5)
+        played = [list(episode(policy, env, seed))[1:] for seed in range(3)]
+        assert best == np.argmax([sum(step.reward for step in steps) for steps in played])
+        expected = [step.action for step in played[best]]
+        np.testing.assert_allclose(actions, expected, atol=1e-5)
 
     @pytest.mark.extra("locomotion")
     @pytest.mark.parametrize("name", gallery.PLANNED)

@@ -49,10 +49,12 @@ class Counter:
         timesteps: So many steps; what comes later is not counted.
 
     Attributes:
+        timesteps: The steps that are counted when it is full.
         visited: (100, 100, 100) bool, along x, y and z.
     """
 
     def __init__(self, timesteps: int) -> None:
+        self.timesteps = timesteps
         self.visited = np.zeros(GRID.shape, dtype=np.bool_)
         self._n_left = timesteps
 
@@ -84,14 +86,14 @@ class CountingEvaluator:
         return rollouts
 
 
-def search(name: str, counter: Counter, seed: int, timesteps: int) -> None:
+def search(name: str, counter: Counter, seed: int) -> None:
     """Train an algorithm with its defaults."""
     env = gym.make(ANT, env_kwargs=ENV_KWARGS)
     evaluator = CountingEvaluator(make_evaluator(env, n_threads=1), counter)
-    find_algorithm(name)(env, seed=seed, evaluator=evaluator, n_threads=1).learn(timesteps)
+    find_algorithm(name)(env, seed=seed, evaluator=evaluator, n_threads=1).learn(counter.timesteps)
 
 
-def act_at_random(counter: Counter, seed: int, timesteps: int) -> None:
+def act_at_random(counter: Counter, seed: int) -> None:
     """Take uniform actions."""
     mode: Any = "vector_entry_point"
     envs = gym.make_vec(ANT, N_ENVS, mode, env_kwargs=ENV_KWARGS, n_threads=1)
@@ -104,7 +106,7 @@ def act_at_random(counter: Counter, seed: int, timesteps: int) -> None:
         ended = terminated | truncated
 
 
-WAYS: dict[str, Callable[[Counter, int, int], None]] = {
+WAYS: dict[str, Callable[[Counter, int], None]] = {
     **{name: partial(search, name) for name in SWEEPS["locomotion"]["algos"]},
     "Uniform actions": act_at_random,
 }
@@ -118,7 +120,7 @@ def train(name: str, seed: int, timesteps: int, runs: Path) -> None:
         return
     th.set_num_threads(1)
     counter = Counter(timesteps)
-    WAYS[name](counter, seed, timesteps)
+    WAYS[name](counter, seed)
     xyz, xy = int(counter.visited.sum()), int(counter.visited.any(axis=2).sum())
     row = {"algorithm": name, "seed": seed, "timesteps": timesteps, "xyz": xyz, "xy": xy}
     path.parent.mkdir(parents=True, exist_ok=True)

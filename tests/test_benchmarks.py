@@ -272,7 +272,7 @@ def test_every_step_of_a_population_is_counted():
 def test_every_random_step_is_counted(monkeypatch):
     monkeypatch.setattr(roaming, "N_ENVS", 2)
     counter = roaming.Counter(400)
-    roaming.act_at_random(counter, seed=3, timesteps=400)
+    roaming.act_at_random(counter, seed=3)
     envs = [gym.make(roaming.ANT, env_kwargs=roaming.ENV_KWARGS) for _ in range(2)]
     space = gym.vector.utils.batch_space(envs[0].action_space, 2)
     space.seed(3)
@@ -302,15 +302,15 @@ def test_a_search_is_counted(monkeypatch):
 
     monkeypatch.setattr(roaming, "find_algorithm", lambda name: Search)
     counter = roaming.Counter(1_500)
-    roaming.search("any", counter, seed=0, timesteps=1)
+    roaming.search("any", counter, seed=0)
     assert counter.is_full  # of two that stand still for a thousand steps each
     assert 0 < counter.visited.sum() < 100
 
 
 def test_runs_of_the_ant_are_done_once(tmp_path, monkeypatch):
-    def walk(counter, seed, timesteps):
-        done.append((seed, timesteps))
-        counter.add(np.zeros((timesteps, 3)))
+    def walk(counter, seed):
+        done.append((seed, counter.timesteps))
+        counter.add(np.zeros((counter.timesteps, 3)))
 
     done: list[tuple[int, int]] = []
     monkeypatch.setattr(roaming, "WAYS", {"here": walk, "there": walk})

@@ -184,14 +184,16 @@ class LocomotionSimulation:
         """Go on from a `state`, bit for bit; `observations` stay, as forces are no part of it.
 
         Raises:
-            ValueError: If MuJoCo warns of it, or more steps have touched something than there were;
-                the simulations are where they were then.
+            ValueError: If MuJoCo warns of it, if steps are not whole, or if more of them have
+                touched something than there were; the simulations are where they were then.
         """
         before = self.state
         n_feet = self._touches.shape[1]
-        steps, touches = np.split(state[:, -1 - n_feet :], [1], axis=1)
-        if (steps < 0).any() or ((touches < 0) | (touches > steps)).any():
-            raise ValueError("`state` must not count more steps on a foot than there were.")
+        counts = state[:, -1 - n_feet :]
+        steps, touches = np.split(counts, [1], axis=1)
+        is_whole = (counts >= 0).all() and (counts == np.floor(counts)).all()
+        if not is_whole or (touches > steps).any():
+            raise ValueError("`state` must count whole steps, no more on a foot than there were.")
         self._put(state)
         if any(np.count_nonzero(data.warning.number) for data in self.data):
             self._put(before)

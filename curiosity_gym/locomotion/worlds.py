@@ -21,6 +21,8 @@ HIDDEN, SHOWN = 3, 0
 """Groups of geoms that pictures leave out, and show, unless a viewer is told otherwise."""
 CAMERA, CAMERA_AXES = (0.0, -5.0, 7.0), (1.0, 0.0, 0.0, 0.0, 0.81, 0.59)
 """Where pictures are taken from, the robot being at the origin: above it, to see the walls."""
+TOUCHES_ALL, TOUCHES_NONE = 2**31 - 1, 0
+"""Bits of contact: robots of one's own may have any."""
 BORDER = 1.0
 """Thickness of the walls around the world."""
 COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)
@@ -113,16 +115,16 @@ class World:
         """The model of an XML file, compiled with the walls."""
         (mujoco,) = import_extra("locomotion", "mujoco")
         spec = mujoco.MjSpec.from_file(path)
-        kinds = ((WALL_HEIGHT, HIDDEN, 1), (DRAWN_HEIGHT, SHOWN, 0))
-        for (height, group, touches), box in product(kinds, self._boxes().tolist()):
+        kinds = ((WALL_HEIGHT, HIDDEN, TOUCHES_ALL), (DRAWN_HEIGHT, SHOWN, TOUCHES_NONE))
+        for (height, group, bits), box in product(kinds, self._boxes().tolist()):
             x, y, width, depth = box
             spec.worldbody.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 pos=(x + width / 2.0, y + depth / 2.0, height / 2.0),
                 size=(width / 2.0, depth / 2.0, height / 2.0),
                 group=group,
-                contype=touches,
-                conaffinity=touches,
+                contype=bits,
+                conaffinity=bits,
                 rgba=COLOR,
             )
         spec.worldbody.add_site(

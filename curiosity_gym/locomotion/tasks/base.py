@@ -53,7 +53,8 @@ class LocomotionTask:
 
     Raises:
         ValueError: If `behavior` is none of them, or the model lacks the feet it asks for; if the
-            robot cannot turn in a world.
+            robot cannot turn in a world, or does not start in its middle; if what Gymnasium takes
+            for true or false is neither.
     """
 
     env_id: ClassVar[str]
@@ -94,8 +95,9 @@ class LocomotionTask:
         inner: Any = env.unwrapped
         for name in self.options:
             setattr(self, name, getattr(inner, f"_{name}"))
-        if world is not None and not self.walks_around:
-            raise ValueError(f"`world` must be None of {self.env_id}, which does not walk around.")
+        self._check_truths()
+        if world is not None:
+            self._check_can_be_in_a_world(inner)
         self.behavior_name = behavior
         self.world = world
         # Its own: what is changed in the environment later is not half of it.
@@ -112,6 +114,22 @@ class LocomotionTask:
         self.needs_forces = "cfrc_ext" in self.fields or behavior == "feet"
         self._prepare(inner)
         self._bound_behavior()
+
+    def _check_truths(self) -> None:
+        for name in self.options:
+            value = getattr(self, name)
+            # Gymnasium multiplies by some of them, and compares others with True itself.
+            if name.startswith(("exclude_", "include_")) and not isinstance(value, bool):
+                raise ValueError(f"`{name}` must be True or False, got {value!r:.60}.")
+
+    def _check_can_be_in_a_world(self, env: Any) -> None:
+        if not self.walks_around:
+            raise ValueError(f"`world` must be None of {self.env_id}, which does not walk around.")
+        if np.any(env.init_qpos[:2] != 0.0):
+            raise ValueError(
+                "`xml_file` must begin with the robot at x = 0 and y = 0 where there is a `world`, "
+                f"not at {env.init_qpos[:2].tolist()}."
+            )
 
     def _bound_behavior(self) -> None:
         n = len(self.foot_bodies)

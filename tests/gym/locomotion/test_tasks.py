@@ -2,11 +2,13 @@
 
 import copy
 import pickle
+import re
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils import seeding
+from robots import changed_model
 
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
@@ -128,6 +130,22 @@ def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number(env_
     assert named <= tested
 
 
+@pytest.mark.parametrize(
+    ("env_id", "option", "value"),
+    [
+        ("Ant-v5", "exclude_current_positions_from_observation", 2),
+        ("Humanoid-v5", "include_cinert_in_observation", np.True_),
+        ("Humanoid-v5", "include_cfrc_ext_in_observation", 1),
+    ],
+)
+def test_what_gymnasium_half_takes_for_true_is_refused(env_id, option, value):
+    message = re.escape(f"`{option}` must be True or False, got {value!r}.")
+    with pytest.raises(ValueError, match=message):
+        LocomotionEnv(env_id, env_kwargs={option: value})
+    with pytest.raises(ValueError, match=message):
+        TASKS[env_id](gym.make(env_id, **{option: value}))
+
+
 def test_a_model_that_was_changed_is_the_one_that_is_simulated():
     original = make_original("Hopper-v5", **NEVER_ENDS)
     original.model.opt.gravity[2] = -2.0
@@ -174,10 +192,9 @@ class TestFeet:
             make_simulation("Swimmer-v5", behavior="feet")
 
     def test_needs_the_feet_in_a_model_of_ones_own(self, tmp_path):
-        xml = tmp_path / "robot.xml"
-        xml.write_text(open_asset("hopper.xml").replace("foot_geom", "sole"))
+        xml = changed_model(tmp_path, "hopper.xml", ("foot_geom", "sole"))
         with pytest.raises(ValueError, match="`xml_file` has the geoms of the feet: foot_geom"):
-            make_simulation("Hopper-v5", behavior="feet", xml_file=str(xml))
+            make_simulation("Hopper-v5", behavior="feet", xml_file=xml)
 
 
 def pushed_geoms(model, data):
@@ -189,14 +206,6 @@ def pushed_geoms(model, data):
         mujoco.mj_contactForce(model, data, i, force)
         if force.any():
             yield from contact.geom
-
-
-def open_asset(name):
-    from pathlib import Path
-
-    from gymnasium.envs import mujoco
-
-    return (Path(mujoco.__file__).parent / "assets" / name).read_text()
 
 
 def test_behaviors_are_where_the_torso_is_within_the_bounds():

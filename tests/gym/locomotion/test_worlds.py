@@ -5,6 +5,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from robots import changed_model
 
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
@@ -34,7 +35,7 @@ def boxes_of(model):
     stop, drawn = np.split(np.concatenate([center - half, 2.0 * half], axis=1), 2)
     np.testing.assert_array_equal(stop, drawn)
     touches = model.geom_contype[is_box] & model.geom_conaffinity[is_box]
-    assert touches.tolist() == [1] * len(stop) + [0] * len(drawn)
+    assert touches.tolist() == [2**31 - 1] * len(stop) + [0] * len(drawn)
     return stop
 
 
@@ -55,11 +56,17 @@ class TestWalls:
             (layout.width + 2) * (layout.height + 2) - layout.width * layout.height
         )
 
-    def test_stop_the_robot(self):
-        env = LocomotionEnv("Ant-v5", world="trap", env_kwargs={"terminate_when_unhealthy": False})
+    @pytest.mark.parametrize("bits", [1, 2, 2**30])
+    def test_stop_the_robot(self, tmp_path, bits):
+        everything = 'contype="2147483647" conaffinity="2147483647"'
+        own = f'contype="{bits}" conaffinity="{bits}"'
+        changes = ('conaffinity="1"', everything), ('conaffinity="0"', own)
+        xml = changed_model(tmp_path, "ant.xml", *changes)
+        keywords = {"terminate_when_unhealthy": False, "xml_file": xml}
+        env = LocomotionEnv("Ant-v5", world="trap", env_kwargs=keywords)
         env.reset(seed=0)
         data = env._simulation.data[0]
-        for _ in range(60):
+        for _ in range(100):  # through a wall, it would end at the goal
             data.qvel[:2] = 4.0, 0.0
             env.step(np.zeros(8, np.float32))
         assert 10.0 < data.qpos[0] < 11.5  # the face of the U's back
@@ -150,6 +157,12 @@ class TestMistakes:
     def test_a_robot_that_does_not_walk_around(self, robot):
         with pytest.raises(ValueError, match=f"`world` must be None of {robot}"):
             LocomotionEnv(robot, world="trap")
+
+    def test_a_robot_that_starts_beside_the_start(self, tmp_path):
+        xml = changed_model(tmp_path, "ant.xml", ('pos="0 0 0.75"', 'pos="0 3 0.75"'))
+        LocomotionEnv("Ant-v5", env_kwargs={"xml_file": xml})
+        with pytest.raises(ValueError, match=r"`xml_file` must begin .* not at \[0.0, 3.0\]"):
+            LocomotionEnv("Ant-v5", env_kwargs={"xml_file": xml}, world="trap")
 
     def test_a_sparse_reward_without_a_goal(self):
         with pytest.raises(ValueError, match="`sparse` must be False where there is no `world`"):

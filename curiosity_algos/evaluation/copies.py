@@ -52,7 +52,7 @@ def env_and_copies(env: Env, mlp: Mlp) -> tuple[list[Env], bool]:
     except Exception:  # whatever an env of the user's raises, it can still be used alone
         return [env], True
     actions = _actions(mlp)
-    with _trial():
+    with trial():
         try:
             repeated = [_apart(tried, actions) for _ in range(2)]
         except Exception:  # the env may raise it, too, when it is used
@@ -70,9 +70,9 @@ def alone(envs: list[Env]) -> list[Env]:
     env, *copies = envs
     _keep_while_alive(env, copies)
     warnings.warn(
-        "Copies of `env` that take turns do not do what one does alone, so policies are evaluated "
-        "one after the other: to step several at once, pass a VectorEnv or a VecEnv of "
-        "environments that are made separately.",
+        "Copies of `env` that take turns do not do what one does alone, as they share a state or "
+        "lack what was changed in it, so policies are evaluated one after the other: to step "
+        "several at once, pass a VectorEnv or a VecEnv of environments that are made separately.",
         stacklevel=2,
     )
     return [env]
@@ -116,7 +116,7 @@ def _results(rollouts: Rollouts, policies: Iterable[int]) -> list[tuple[npt.NDAr
 
 
 @contextmanager
-def _trial() -> Iterator[None]:
+def trial() -> Iterator[None]:
     """Leave no trace of what is tried out."""
     with _unchanged_globals(), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the env that is used will give its own

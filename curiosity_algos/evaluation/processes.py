@@ -1,8 +1,9 @@
 """A single environment on several processes, once a trial has shown that they pay.
 
 Their results are those of one process: whoever plays a policy resets its environment with the same
-seed. A trial compares them, bit for bit, and the time they take; later, one policy of each
-population is played here, too, while the others wait for the rest.
+seed, and an environment that remembers earlier episodes is refused. A trial compares results, bit
+for bit, and the time they take; later, one policy of each population is played here, too, while the
+others wait for the rest.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import cloudpickle
 import gymnasium as gym
 
 from curiosity_algos.evaluation.copies import N_COPIES, are_same_episodes
+from curiosity_algos.evaluation.memory import remembers
 from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.rollouts import Rollouts, concatenate
 
@@ -107,8 +109,9 @@ class Processes:
         expected, seconds = _timed(here, parameters, seed)
         is_same = pays = False
         try:
-            self._begin()
-            is_same, pays = self._compare(parameters, seed, expected, seconds)
+            if not remembers(self._env):
+                self._begin()
+                is_same, pays = self._compare(parameters, seed, expected, seconds)
         except TimeoutError:  # that of somebody else, such as a job's alarm
             raise
         except (NotImplementedError, OSError, RuntimeError):

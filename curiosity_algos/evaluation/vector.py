@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -43,7 +44,8 @@ class VectorEvaluator:
     Args:
         env: The environment. Copies of a single one step side by side where they can be trusted;
             otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`). To
-            tell, two policies of the first seeded wave are played again in the env alone.
+            tell, two policies of the first seeded wave are played again in the env alone; before
+            it, no copy plays.
         mlp: The policies' shape.
         n_processes: Processes that a single env is tried on, once that is worth their start; it is
             played there if it comes to the same, bit for bit, and that is faster
@@ -92,33 +94,34 @@ class VectorEvaluator:
 
     def _play_here(self, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play episodes in this process, as many at a time as the batch has envs."""
-        n = self._batch.n
-        first = self._play(self._batch, parameters[:n], seed)
-        if self._stays_alone_after(first, parameters[:n], seed):
+        if self._untried is None:
+            return self._play_in_waves(self._batch, parameters, seed)
+        single, n = SingleEnvBatch(self._untried.envs[:1]), self._batch.n
+        first, rest = parameters[:n], parameters[n:]
+        if seed is None or (first == first[0]).all():  # would tell nothing of the copies
+            return self._play_in_waves(single, parameters, seed)
+        wave = self._play(self._batch, first, seed)
+        if self._stays_alone_after(wave, lambda: self._play_in_waves(single, first[[-1, 0]], seed)):
             return self._play_here(parameters, seed)
-        later = range(n, len(parameters), n)
-        waves = [self._play(self._batch, parameters[i : i + n], seed) for i in later]
-        return concatenate([first, *waves])
+        return concatenate([wave, self._play_here(rest, seed)]) if len(rest) else wave
 
-    def _stays_alone_after(
-        self, wave: Rollouts, parameters: Float32Array, seed: int | None
-    ) -> bool:
-        """Whether the first wave of different policies shows that copies share a state.
+    def _stays_alone_after(self, wave: Rollouts, replay: Callable[[], Rollouts]) -> bool:
+        """Whether a wave of different policies shows that copies are not to be trusted.
 
         The env then plays alone from now on. Else it is left as the wave left it: its last replay
         is of the policy that it has just played.
         """
-        if self._untried is None or seed is None or (parameters == parameters[0]).all():
-            return False
+        assert self._untried is not None
         envs, self._untried = self._untried.envs, None
-        single = SingleEnvBatch(envs[:1])
-        if not share_state(
-            wave, lambda: concatenate([self._play(single, parameters[[i]], seed) for i in (-1, 0)])
-        ):
+        if not share_state(wave, replay):
             return False
         self._batch = SingleEnvBatch(alone(envs))
         self._processes = None
         return True
+
+    def _play_in_waves(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
+        starts = range(0, len(parameters), batch.n)
+        return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play one episode of each of at most as many policies as the batch has envs."""

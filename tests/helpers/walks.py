@@ -65,6 +65,22 @@ class Alarmed(Elsewhere):
         return Walk.observe(self)
 
 
+class Curriculum(Walk):
+    """One whose rewards double after so many episodes."""
+
+    def __init__(self, n_easy):
+        self.n_easy = n_easy
+        self.n_episodes = 0
+
+    def reset(self, **keywords):
+        self.n_episodes += 1
+        return super().reset(**keywords)
+
+    def step(self, action):
+        observation, reward, *rest = super().step(action)
+        return observation, reward * (1 + (self.n_episodes > self.n_easy)), *rest
+
+
 class Locked(Walk):
     """One that can be neither copied nor pickled."""
 

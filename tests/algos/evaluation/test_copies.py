@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from gymnasium.utils import EzPickle
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_algos import make_evaluator
@@ -262,7 +263,36 @@ def test_two_policies_are_played_again_once(monkeypatch):
     for seed in (None, 3, 4):
         evaluator.evaluate(parameters, seed)
         counts.append(len(resets))
-    assert counts == [2, 6, 8]  # two waves each, and once two episodes more
+    assert counts == [20, 24, 26]  # alone; then two waves each, and once two episodes more
+
+
+class Changed(EzPickle, Line):
+    """One whose copies are made anew, without what was changed in it."""
+
+    def __init__(self):
+        EzPickle.__init__(self)
+        Line.__init__(self)
+        self.gain = 1.0
+
+    def step(self, action):
+        return super().step(self.gain * action)
+
+
+def test_what_was_changed_is_in_all_episodes(play, assert_equal_episodes):
+    envs = Changed(), Changed()
+    for env in envs:
+        env.gain = 0.5
+    evaluator = make_evaluator(envs[0])
+    others = policies(evaluator, 20)
+    alike = np.repeat(others[:1], 20, axis=0)
+    for seed in (None, 1):  # neither would tell that copies are others
+        env, oracle = envs
+        env.np_random, oracle.np_random = (np.random.default_rng(7) for _ in envs)
+        rollouts = evaluator.evaluate(alike, seed)
+        assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, alike, seed))
+    with pytest.warns(UserWarning, match="as they share a state or lack what was changed"):
+        rollouts = evaluator.evaluate(others, 2)
+    assert_equal_episodes(rollouts, play(envs[1], evaluator.mlp, others, 2))
 
 
 def test_the_env_is_left_as_the_wave_left_it():

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import walks
 from gymnasium.vector import SyncVectorEnv
-from walks import Alarmed, Elsewhere, Failing, Locked, Scaled, Walk
+from walks import Alarmed, Curriculum, Elsewhere, Failing, Locked, Scaled, Walk
 
 from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import processes
@@ -128,12 +128,13 @@ class TestAlone:
             Elsewhere,  # comes to something else there
             Locked,  # cannot be pickled
             Failing,  # fails there
+            lambda: Curriculum(30),  # has played fewer episodes there
         ],
     )
     def test_where_they_cannot_be_the_same(self, eager, make_env, assert_same_rollouts):
         apart, alone = (make_evaluator(make_env(), n_threads=n) for n in (2, 1))
         parameters = make_parameters(alone)
-        for seed in (0, 1):
+        for seed in range(8):
             expected = alone.evaluate(parameters, seed)
             assert_same_rollouts(apart.evaluate(parameters, seed), expected)
             assert apart.n_processes == 1

@@ -179,8 +179,7 @@ def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
 
 
 def _is_locomotion(env: Any) -> bool:
-    is_known = is_exactly(bare(env), LocomotionEnv, LocomotionVectorEnv)
-    return is_known and env.render_mode is None
+    return is_exactly(bare(env), LocomotionEnv, LocomotionVectorEnv)
 
 
 def _make_locomotion(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
@@ -196,8 +195,8 @@ def _make_locomotion(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
 
 
 def _is_gymnasium_robot(env: Any) -> bool:
-    """Whether it is one of Gymnasium's own whose episodes end, and is not shown."""
-    if not isinstance(env, gym.Env) or env.render_mode is not None or time_limit(env) is None:
+    """Whether it is one of Gymnasium's own whose episodes end, and that has no window."""
+    if not isinstance(env, gym.Env) or env.render_mode == "human" or time_limit(env) is None:
         return False
     return task_class(bare(env)) is not None and not has_methods_of_its_own(bare(env))
 

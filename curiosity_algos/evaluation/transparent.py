@@ -14,6 +14,7 @@ from curiosity_algos.common.vec_env import GymnasiumVecEnv
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.locomotion.tasks import task_class
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 
@@ -24,7 +25,8 @@ _TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, wrappers.Ti
 def without_monitors(env: Any) -> Any:
     """The environment without what Stable-Baselines3 put around it to record episodes.
 
-    A DummyVecEnv whose envs are all the same maze or task, or that holds one, becomes its first.
+    A DummyVecEnv whose envs are all the same maze, task or robot, or that holds one, becomes its
+    first.
 
     Raises:
         ValueError: If a wrapper of a whole batch of environments remains.
@@ -83,7 +85,7 @@ def time_limit(env: Any) -> int | None:
 
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
-    """Whether one env can stand for all: it is alone, or they are the same maze or task."""
+    """Whether one env can stand for all: it is alone, or they are the same maze, task or robot."""
     first, *others = [env.env if isinstance(env, Monitor) else env for env in envs]
     return all(_is_same(first, other) for other in others)
 
@@ -91,6 +93,8 @@ def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
 def _is_same(env: Any, other: Any) -> bool:
     one, two = bare(env), bare(other)
     known = MazeEnv, ControlEnv, LocomotionEnv
+    if type(one) is type(two) and task_class(one) is not None:
+        return time_limit(env) == time_limit(other) and _are_same_robots(one, two)
     if type(one) is not type(two) or not (is_exactly(one, *known) and is_exactly(two, *known)):
         return False
     if one.horizon != two.horizon or max_steps(env) != max_steps(other):
@@ -98,3 +102,12 @@ def _is_same(env: Any, other: Any) -> bool:
     if type(one) is LocomotionEnv and one.sparse != two.sparse:
         return False
     return same_maze(one.maze, two.maze) if type(one) is MazeEnv else bool(one.task == two.task)
+
+
+def _are_same_robots(env: Any, other: Any) -> bool:
+    """Whether two of the same class of Gymnasium's begin, move, observe and reward alike."""
+    make_task = task_class(env)
+    assert make_task is not None
+    if has_methods_of_its_own(env) or has_methods_of_its_own(other):
+        return False
+    return bool(make_task(env, behavior=None) == make_task(other, behavior=None))

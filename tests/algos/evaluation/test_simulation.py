@@ -1,6 +1,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
@@ -251,7 +252,7 @@ class TestRobots:
         "make_env",
         [
             lambda: gym.make("Hopper-v5").unwrapped,  # endless
-            lambda: gym.make("Hopper-v5", render_mode="rgb_array"),
+            lambda: gym.make("Hopper-v5", render_mode="human"),
             lambda: gym.wrappers.TransformReward(gym.make("Hopper-v5"), lambda reward: 2 * reward),
             lambda: gym.make("Pendulum-v1"),
         ],
@@ -275,7 +276,8 @@ class TestRobots:
         native = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
         copies = DummyVecEnv([lambda: Monitor(gym.make(env_id))] * 2)
         alone = DummyVecEnv([lambda: Monitor(gym.make("Hopper-v5"))])
-        for env in (env_id, "Hopper-v5", native, copies, alone):
+        made = [make_vec_env(each, n_envs=3) for each in (env_id, "Hopper-v5")]  # "rgb_array"
+        for env in (env_id, "Hopper-v5", native, copies, alone, *made):
             assert isinstance(make_evaluator(env), SimulationEvaluator)
         others = DummyVecEnv(
             [lambda b=b: gym.make(env_id, behavior=b) for b in ("position", "feet")]

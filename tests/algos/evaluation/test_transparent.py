@@ -36,6 +36,38 @@ def test_envs_that_differ_in_their_limit_stay_together():
     assert without_monitors(others) is others
 
 
+def robots(*keywords):
+    """What SB3's `make_vec_env` makes of Gymnasium's ants."""
+    return DummyVecEnv(
+        [lambda given=given: Monitor(gym.make("Ant-v5", **given)) for given in keywords]
+    )
+
+
+@pytest.mark.extra("locomotion")
+def test_robots_that_are_the_same_become_one():
+    alike = robots({}, {}, {})
+    assert without_monitors(alike) is alike.envs[0].env
+
+
+@pytest.mark.extra("locomotion")
+@pytest.mark.parametrize("given", [{"reset_noise_scale": 0.0}, {"max_episode_steps": 9}])
+def test_robots_that_differ_stay_together(given):
+    different = robots({}, given)
+    assert without_monitors(different) is different
+
+
+@pytest.mark.extra("locomotion")
+def test_robots_that_were_changed_stay_together():
+    for change in ("gravity", "method"):
+        changed = robots({}, {})
+        last = changed.envs[1].unwrapped
+        if change == "gravity":
+            last.model.opt.gravity[2] = -3.0
+        else:
+            last.set_state = lambda qpos, qvel: None
+        assert without_monitors(changed) is changed
+
+
 def test_other_wrappers_of_a_batch_are_refused():
     env = VecMonitor(VecNormalize(DummyVecEnv([lambda: limited(5)])))
     with pytest.raises(ValueError, match="`env` is wrapped in VecNormalize"):

@@ -20,7 +20,8 @@ from curiosity_algos.evaluation.blocks import read_in_blocks
 from curiosity_algos.evaluation.rollouts import Read
 from curiosity_gym.processors import available_cpus
 
-MAZE, CONTROL, ANT = "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0", "Ant-v5"
+MAZE, CONTROL = "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0"
+IN_PYTHON = "Pusher-v5"
 POPULATION_SIZE = 56
 MAZE_POPULATIONS = (56, 560, 5600)
 NODES = (10, 100)
@@ -69,7 +70,7 @@ def _run(plan: Plan) -> list[Table]:
     ]
     n = plan.size(POPULATION_SIZE, 4)
     workloads = [Workload(MAZE, size, n_cores) for size in maze_sizes]
-    workloads += [Workload(CONTROL, n, n_cores), Workload(ANT, n, 1)]
+    workloads += [Workload(CONTROL, n, n_cores), Workload(IN_PYTHON, n, 1)]
     tasks: dict[str, Task] = {}
     for each in workloads:
         local = make_evaluator(each.env_id, n_threads=each.n_workers)
@@ -90,7 +91,7 @@ def _run(plan: Plan) -> list[Table]:
     rows.append(Row("a shard with nothing to play", [1e3 * each for each in shard], "ms"))
     notes = [
         f"A generation, read as CuriosityES reads it; on as many workers as threads, on {n_cores} "
-        f"cores. {ANT} is stepped in Python, by one process without Ray."
+        f"cores. {IN_PYTHON} is stepped in Python, by one process without Ray."
     ]
     return [_bytes(n), Table("cluster: time of a generation", rows, notes), _model(figures, shard)]
 

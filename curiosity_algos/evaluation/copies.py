@@ -52,7 +52,7 @@ def env_and_copies(env: Env, mlp: Mlp) -> tuple[list[Env], bool]:
     except Exception:  # whatever an env of the user's raises, it can still be used alone
         return [env], True
     actions = _actions(mlp)
-    with trial():
+    with _trial():
         try:
             repeated = [_apart(tried, actions) for _ in range(2)]
         except Exception:  # the env may raise it, too, when it is used
@@ -66,7 +66,7 @@ def env_and_copies(env: Env, mlp: Mlp) -> tuple[list[Env], bool]:
 
 
 def alone(envs: list[Env]) -> list[Env]:
-    """The first of `envs` without its copies, as these share a state with it; a warning says so."""
+    """The first of `envs` without its copies, which are not to be trusted; a warning says so."""
     env, *copies = envs
     _keep_while_alive(env, copies)
     warnings.warn(
@@ -116,7 +116,7 @@ def _results(rollouts: Rollouts, policies: Iterable[int]) -> list[tuple[npt.NDAr
 
 
 @contextmanager
-def trial() -> Iterator[None]:
+def _trial() -> Iterator[None]:
     """Leave no trace of what is tried out."""
     with _unchanged_globals(), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the env that is used will give its own

@@ -109,7 +109,8 @@ def register_evaluator(fits: Fits, make: Make) -> None:
     Args:
         fits: `fits(env)` says whether the evaluator can take the place of `env`: a Gymnasium env or
             VectorEnv, or an SB3 VecEnv. SB3's monitors are taken off before, and so is a
-            DummyVecEnv around one env; Gymnasium's wrappers are left on.
+            DummyVecEnv around one env, or around mazes, tasks or robots that are the same;
+            Gymnasium's wrappers are left on.
         make: `make(env, mlp, n_threads)` gives the evaluator. `mlp` is the policies' shape, an
             argument of `curiosity_algos.evaluation.policies.act`.
 

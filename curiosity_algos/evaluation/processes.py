@@ -1,9 +1,9 @@
 """A single environment on several processes, once a trial has shown that they pay.
 
 Their results are those of one process: whoever plays a policy resets its environment with the same
-seed, and an environment that remembers earlier episodes is refused. A trial compares results, bit
-for bit, and the time they take; later, one policy of each population is played here, too, while the
-others wait for the rest.
+seed, and an environment that is seen to remember earlier episodes is refused. A trial compares
+results, bit for bit, and the time they take; later, one policy of each population is played here,
+too, while the others wait for the rest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from concurrent.futures import Future
 from functools import partial
 from multiprocessing import current_process
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
 import cloudpickle
 import gymnasium as gym
@@ -45,6 +45,7 @@ SHARDS_PER_PROCESS = 2
 """More shards than processes, as episodes differ in length."""
 SINGLE_THREADED = dict.fromkeys(("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 
+T = TypeVar("T")
 Env = gym.Env[Any, Any]
 Play = Callable[[Float32Array, int], Rollouts]
 """`play(parameters, seed)`: one episode of each policy."""
@@ -109,9 +110,8 @@ class Processes:
         expected, seconds = _timed(here, parameters, seed)
         is_same = pays = False
         try:
-            if not remembers(self._env):
-                self._begin()
-                is_same, pays = self._compare(parameters, seed, expected, seconds)
+            self._begin()
+            is_same, pays = self._compare(parameters, seed, expected, seconds)
         except TimeoutError:  # that of somebody else, such as a job's alarm
             raise
         except (NotImplementedError, OSError, RuntimeError):
@@ -128,6 +128,12 @@ class Processes:
     ) -> tuple[bool, bool]:
         """Whether processes come to what is expected, and whether they are faster."""
         deadline = time.monotonic() + DEADLINE + 10.0 * seconds
+        # There, as a copy that is played here may undo something when it is freed.
+        if (
+            _outcome(self._pool.submit(_remembers_in_worker, _pack(self._env)), deadline)
+            is not False
+        ):
+            return False, False
         for _ in range(N_TRIES):
             begin = time.perf_counter()
             futures = self._submit(parameters, seed)
@@ -201,20 +207,20 @@ def _timed(play: Play, parameters: Float32Array, seed: int) -> tuple[Rollouts, f
     return rollouts, time.perf_counter() - begin
 
 
-def _pack(make: Callable[[], Play]) -> bytes:
-    """The pickled function; what stands behind a handle is not made again: that may undo something.
+def _pack(what: Any) -> bytes:
+    """A pickle; what stands behind a handle is not made again: that may undo something.
 
     Raises:
         RuntimeError: If it cannot be pickled.
     """
     try:
-        packed: bytes = cloudpickle.dumps(make)
+        packed: bytes = cloudpickle.dumps(what)
     except Exception as error:  # of any kind: environments say what they like
         raise RuntimeError("The environment cannot be pickled.") from error
     return packed
 
 
-def _outcome(future: Future[Rollouts], deadline: float) -> Rollouts | None:
+def _outcome(future: Future[T], deadline: float) -> T | None:
     """What a process returned; None where it raised or is late."""
     try:
         error = future.exception(max(0.0, deadline - time.monotonic()))
@@ -249,6 +255,13 @@ def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(1.0)
     os._exit(1)
+
+
+def _remembers_in_worker(packed: bytes) -> bool:
+    try:
+        return remembers(cloudpickle.loads(packed))
+    except Exception:  # of any kind, and seldom made to be sent
+        return True
 
 
 def _play_in_worker(parameters: Float32Array, seed: int) -> Rollouts:

@@ -93,16 +93,18 @@ class VectorEvaluator:
         return 1 if self._processes is None else self._processes.n_live
 
     def _play_here(self, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """Play episodes in this process, as many at a time as the batch has envs."""
+        """Play episodes in this process, as many at a time as there are envs to be trusted."""
         if self._untried is None:
             return self._play_in_waves(self._batch, parameters, seed)
         single, n = SingleEnvBatch(self._untried.envs[:1]), self._batch.n
         first, rest = parameters[:n], parameters[n:]
         if seed is None or (first == first[0]).all():  # would tell nothing of the copies
-            return self._play_in_waves(single, parameters, seed)
-        wave = self._play(self._batch, first, seed)
-        if self._stays_alone_after(wave, lambda: self._play_in_waves(single, first[[-1, 0]], seed)):
-            return self._play_here(parameters, seed)
+            wave = self._play_in_waves(single, first, seed)
+        else:
+            wave = self._play(self._batch, first, seed)
+            pair = first[[-1, 0]]
+            if self._stays_alone_after(wave, lambda: self._play_in_waves(single, pair, seed)):
+                return self._play_here(parameters, seed)
         return concatenate([wave, self._play_here(rest, seed)]) if len(rest) else wave
 
     def _stays_alone_after(self, wave: Rollouts, replay: Callable[[], Rollouts]) -> bool:

@@ -191,7 +191,7 @@ class LocomotionSimulation:
         n_feet = self._touches.shape[1]
         counts = state[:, -1 - n_feet :]
         steps, touches = np.split(counts, [1], axis=1)
-        is_whole = (counts >= 0).all() and (counts == np.floor(counts)).all()
+        is_whole = np.isfinite(counts).all() and (counts == np.floor(np.abs(counts))).all()
         if not is_whole or (touches > steps).any():
             raise ValueError("`state` must count whole steps, no more on a foot than there were.")
         self._put(state)

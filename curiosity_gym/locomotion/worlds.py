@@ -21,8 +21,8 @@ HIDDEN, SHOWN = 3, 0
 """Groups of geoms that pictures leave out, and show, unless a viewer is told otherwise."""
 CAMERA, CAMERA_AXES = (0.0, -5.0, 7.0), (1.0, 0.0, 0.0, 0.0, 0.81, 0.59)
 """Where pictures are taken from, the robot being at the origin: above it, to see the walls."""
-TOUCHES_ALL, TOUCHES_NONE = 2**31 - 1, 0
-"""Bits of contact: robots of one's own may have any."""
+TOUCHES_ALL, TOUCHES_NONE = -1, 0
+"""Bits of contact, of which robots of one's own may have any."""
 BORDER = 1.0
 """Thickness of the walls around the world."""
 COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)

@@ -5,6 +5,7 @@ import signal
 import threading
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -79,6 +80,26 @@ class Curriculum(Walk):
     def step(self, action):
         observation, reward, *rest = super().step(action)
         return observation, reward * (1 + (self.n_episodes > self.n_easy)), *rest
+
+
+class Client(Walk):
+    """One of a server that is in this process, and that its copies disconnect from."""
+
+    servers: ClassVar = set()
+
+    def __init__(self):
+        self.servers.add(os.getpid())
+
+    def __deepcopy__(self, memo):
+        raise TypeError("There is one server.")
+
+    def observe(self):
+        if os.getpid() not in self.servers:
+            raise ConnectionError("There is no server.")
+        return super().observe()
+
+    def __del__(self):
+        self.servers.discard(os.getpid())
 
 
 class Locked(Walk):

@@ -53,8 +53,8 @@ class LocomotionTask:
 
     Raises:
         ValueError: If `behavior` is none of them, or the model lacks the feet it asks for; if the
-            robot cannot turn in a world, or does not start in its middle; if what Gymnasium takes
-            for true or false is neither.
+            robot cannot turn in a world, or does not start where that does; if an option is not
+            true or false, and Gymnasium's own observations are not in their space.
     """
 
     env_id: ClassVar[str]
@@ -118,9 +118,11 @@ class LocomotionTask:
     def _check_truths(self) -> None:
         for name in self.options:
             value = getattr(self, name)
-            # Gymnasium multiplies by some of them, and compares others with True itself.
-            if name.startswith(("exclude_", "include_")) and not isinstance(value, bool):
+            if name.startswith(("exclude_", "include_")) and not self._is_truth(name, value):
                 raise ValueError(f"`{name}` must be True or False, got {value!r:.60}.")
+
+    def _is_truth(self, name: str, value: Any) -> bool:
+        return value in (True, False)  # Gymnasium multiplies a length by it
 
     def _check_can_be_in_a_world(self, env: Any) -> None:
         if not self.walks_around:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import walks
 from gymnasium.vector import SyncVectorEnv
-from walks import Alarmed, Curriculum, Elsewhere, Failing, Locked, Scaled, Walk
+from walks import Alarmed, Client, Curriculum, Elsewhere, Failing, Locked, Scaled, Walk
 
 from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import processes
@@ -129,6 +129,7 @@ class TestAlone:
             Locked,  # cannot be pickled
             Failing,  # fails there
             lambda: Curriculum(30),  # has played fewer episodes there
+            Client,  # is connected here alone
         ],
     )
     def test_where_they_cannot_be_the_same(self, eager, make_env, assert_same_rollouts):

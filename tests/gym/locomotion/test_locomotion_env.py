@@ -154,7 +154,16 @@ class TestStates:
     @pytest.mark.parametrize("make", [LocomotionEnv, partial(LocomotionVectorEnv, num_envs=2)])
     @pytest.mark.parametrize(
         ("place", "value"),
-        [(1, 1e12), (8, 1e12), (-1, 900.0), (-1, -1.0), (-1, 0.5), (-2, -77.0), (-2, 1.5)],
+        [
+            (1, 1e12),
+            (8, 1e12),
+            (-1, 900.0),
+            (-1, -1.0),
+            (-1, 0.5),
+            (-2, -77.0),
+            (-2, 1.5),
+            (-2, np.inf),
+        ],
     )
     def test_that_physics_never_led_to_are_refused(self, make, place, value):
         # Integration's state begins with the time, positions and velocities, and feet are last.

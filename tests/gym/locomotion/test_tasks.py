@@ -136,14 +136,34 @@ def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number(env_
         ("Ant-v5", "exclude_current_positions_from_observation", 2),
         ("Humanoid-v5", "include_cinert_in_observation", np.True_),
         ("Humanoid-v5", "include_cfrc_ext_in_observation", 1),
+        ("Ant-v5", "include_cfrc_ext_in_observation", 2),
     ],
 )
 def test_what_gymnasium_half_takes_for_true_is_refused(env_id, option, value):
+    original = gym.make(env_id, **{option: value}).unwrapped
+    assert original.reset()[0].shape != original.observation_space.shape
     message = re.escape(f"`{option}` must be True or False, got {value!r}.")
     with pytest.raises(ValueError, match=message):
         LocomotionEnv(env_id, env_kwargs={option: value})
     with pytest.raises(ValueError, match=message):
-        TASKS[env_id](gym.make(env_id, **{option: value}))
+        TASKS[env_id](original)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "option", "value"),
+    [
+        ("Ant-v5", "exclude_current_positions_from_observation", 1),
+        ("Ant-v5", "include_cfrc_ext_in_observation", np.False_),
+        ("Hopper-v5", "exclude_current_positions_from_observation", 0),
+        ("Humanoid-v5", "include_cvel_in_observation", 0),
+        ("Swimmer-v5", "exclude_current_positions_from_observation", np.True_),
+    ],
+)
+def test_what_gymnasium_takes_for_true_or_false_is_taken(env_id, option, value):
+    original = gym.make(env_id, **{option: value})
+    env = LocomotionEnv(env_id, env_kwargs={option: value})
+    np.testing.assert_array_equal(env.reset(seed=0)[0], original.reset(seed=0)[0])
+    assert env.observation_space == original.observation_space
 
 
 def test_a_model_that_was_changed_is_the_one_that_is_simulated():

@@ -93,19 +93,21 @@ class VectorEvaluator:
         return 1 if self._processes is None else self._processes.n_live
 
     def _play_here(self, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """Play episodes in this process, as many at a time as there are envs to be trusted."""
+        """Play episodes in this process, wave by wave."""
+        starts, n = range(0, len(parameters), self._batch.n), self._batch.n
+        return concatenate([self._play_wave(parameters[i : i + n], seed) for i in starts])
+
+    def _play_wave(self, parameters: Float32Array, seed: int | None) -> Rollouts:
+        """Play as many policies as there are envs: side by side, once these are to be trusted."""
         if self._untried is None:
-            return self._play_in_waves(self._batch, parameters, seed)
-        single, n = SingleEnvBatch(self._untried.envs[:1]), self._batch.n
-        first, rest = parameters[:n], parameters[n:]
-        if seed is None or (first == first[0]).all():  # would tell nothing of the copies
-            wave = self._play_in_waves(single, first, seed)
-        else:
-            wave = self._play(self._batch, first, seed)
-            pair = first[[-1, 0]]
-            if self._stays_alone_after(wave, lambda: self._play_in_waves(single, pair, seed)):
-                return self._play_here(parameters, seed)
-        return concatenate([wave, self._play_here(rest, seed)]) if len(rest) else wave
+            return self._play_on(self._batch, parameters, seed)
+        single = SingleEnvBatch(self._untried.envs[:1])
+        if seed is None or (parameters == parameters[0]).all():  # would tell nothing of copies
+            return self._play_on(single, parameters, seed)
+        wave = self._play(self._batch, parameters, seed)
+        if self._stays_alone_after(wave, lambda: self._play_on(single, parameters[[-1, 0]], seed)):
+            return self._play_on(single, parameters, seed)
+        return wave
 
     def _stays_alone_after(self, wave: Rollouts, replay: Callable[[], Rollouts]) -> bool:
         """Whether a wave of different policies shows that copies are not to be trusted.
@@ -121,7 +123,7 @@ class VectorEvaluator:
         self._processes = None
         return True
 
-    def _play_in_waves(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
+    def _play_on(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         starts = range(0, len(parameters), batch.n)
         return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
 

@@ -266,6 +266,14 @@ def test_two_policies_are_played_again_once(monkeypatch):
     assert counts == [20, 24, 26]  # alone; then two waves each, and once two episodes more
 
 
+@pytest.mark.parametrize("render_mode", [None, "rgb_array"])
+def test_any_number_of_policies_may_play_alone(render_mode):
+    env = gym.make("CartPole-v1", render_mode=render_mode, max_episode_steps=2)
+    evaluator = make_evaluator(env)
+    alike = np.zeros((1500, evaluator.n_parameters), np.float32)
+    assert evaluator.evaluate(alike, 0).lengths.tolist() == [2] * 1500
+
+
 class Changed(EzPickle, Line):
     """One whose copies are made anew, without what was changed in it."""
 

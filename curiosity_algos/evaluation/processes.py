@@ -129,10 +129,8 @@ class Processes:
         """Whether processes come to what is expected, and whether they are faster."""
         deadline = time.monotonic() + DEADLINE + 10.0 * seconds
         # There, as a copy that is played here may undo something when it is freed.
-        if (
-            _outcome(self._pool.submit(_remembers_in_worker, _pack(self._env)), deadline)
-            is not False
-        ):
+        seen = self._pool.submit(_remembers_in_worker, _pack(self._env))
+        if _outcome(seen, deadline) is not False:  # None: it could not be told
             return False, False
         for _ in range(N_TRIES):
             begin = time.perf_counter()

@@ -45,7 +45,7 @@ class VectorEvaluator:
         env: The environment. Copies of a single one step side by side where they can be trusted;
             otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`). To
             tell, two policies of the first seeded wave are played again in the env alone; before
-            it, no copy plays.
+            it no copy plays, nor without a seed.
         mlp: The policies' shape.
         n_processes: Processes that a single env is tried on, once that is worth their start; it is
             played there if it comes to the same, bit for bit, and that is faster
@@ -61,11 +61,13 @@ class VectorEvaluator:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._grid = coverage_grid(env)
+        self._alone: SingleEnvBatch | None = None
         self._untried: SingleEnvBatch | None = None
         self._batch: Batch
         self._processes: Processes | None = None
         if isinstance(env, gym.Env):
             envs, may_play_apart = env_and_copies(env, mlp)
+            self._alone = SingleEnvBatch([env])
             self._batch = self._untried = SingleEnvBatch(envs)
             if n_processes > 1 and may_play_apart:
                 self._processes = Processes(env, partial(_make_play, mlp=mlp), n_processes)
@@ -94,19 +96,21 @@ class VectorEvaluator:
 
     def _play_here(self, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play episodes in this process, wave by wave."""
+        if seed is None and self._alone is not None:  # copies would begin like one another
+            return self._play_on(self._alone, parameters, seed)
         starts, n = range(0, len(parameters), self._batch.n), self._batch.n
         return concatenate([self._play_wave(parameters[i : i + n], seed) for i in starts])
 
     def _play_wave(self, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play as many policies as there are envs: side by side, once these are to be trusted."""
-        if self._untried is None:
+        if self._alone is None or self._untried is None:
             return self._play_on(self._batch, parameters, seed)
-        single = SingleEnvBatch(self._untried.envs[:1])
-        if seed is None or (parameters == parameters[0]).all():  # would tell nothing of copies
-            return self._play_on(single, parameters, seed)
+        play_alone = partial(self._play_on, self._alone)
+        if (parameters == parameters[0]).all():  # would tell nothing of the copies
+            return play_alone(parameters, seed)
         wave = self._play(self._batch, parameters, seed)
-        if self._stays_alone_after(wave, lambda: self._play_on(single, parameters[[-1, 0]], seed)):
-            return self._play_on(single, parameters, seed)
+        if self._stays_alone_after(wave, lambda: play_alone(parameters[[-1, 0]], seed)):
+            return play_alone(parameters, seed)
         return wave
 
     def _stays_alone_after(self, wave: Rollouts, replay: Callable[[], Rollouts]) -> bool:

@@ -266,6 +266,17 @@ def test_two_policies_are_played_again_once(monkeypatch):
     assert counts == [20, 24, 26]  # alone; then two waves each, and once two episodes more
 
 
+def test_episodes_without_a_seed_begin_where_those_of_the_env_do(play, assert_equal_episodes):
+    env, oracle = Line(), Line()
+    evaluator = make_evaluator(env)
+    parameters = policies(evaluator, 20)
+    evaluator.evaluate(parameters, 3)
+    env.reset(seed=4)
+    oracle.reset(seed=4)
+    episodes = play(oracle, evaluator.mlp, parameters)
+    assert_equal_episodes(evaluator.evaluate(parameters), episodes)
+
+
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 def test_any_number_of_policies_may_play_alone(render_mode):
     env = gym.make("CartPole-v1", render_mode=render_mode, max_episode_steps=2)

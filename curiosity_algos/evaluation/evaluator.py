@@ -17,6 +17,7 @@ from curiosity_algos.evaluation.transparent import (
     has_methods_of_its_own,
     is_exactly,
     max_steps,
+    robot_task,
     time_limit,
     without_monitors,
 )
@@ -203,10 +204,9 @@ def _is_gymnasium_robot(env: Any) -> bool:
 
 
 def _make_gymnasium_robot(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    limit, make_task = time_limit(env), task_class(bare(env))
+    limit, task = time_limit(env), robot_task(bare(env))
     assert limit is not None
-    assert make_task is not None
-    task = make_task(bare(env), behavior=None)
+    assert task is not None
     return SimulationEvaluator(
         task, LocomotionSimulation, mlp, max_steps=limit, n_threads=n_threads
     )

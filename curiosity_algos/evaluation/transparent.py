@@ -14,7 +14,7 @@ from curiosity_algos.common.vec_env import GymnasiumVecEnv
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
-from curiosity_gym.locomotion.tasks import task_class
+from curiosity_gym.locomotion.tasks import LocomotionTask, task_class
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 
@@ -63,6 +63,14 @@ def has_methods_of_its_own(env: Any) -> bool:
     return any(callable(getattr(type(env), name, None)) for name in vars(env))
 
 
+def robot_task(env: Any) -> LocomotionTask | None:
+    """The task of one of Gymnasium's own robots, without wrappers; None: it is another env."""
+    make_task = task_class(env)
+    if make_task is None or has_methods_of_its_own(env):
+        return None
+    return make_task(env, behavior=None)
+
+
 def max_steps(env: Any) -> int:
     """Steps after which an episode of a maze or task ends: its horizon, or a lower limit.
 
@@ -93,8 +101,9 @@ def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
 def _is_same(env: Any, other: Any) -> bool:
     one, two = bare(env), bare(other)
     known = MazeEnv, ControlEnv, LocomotionEnv
-    if type(one) is type(two) and task_class(one) is not None:
-        return time_limit(env) == time_limit(other) and _are_same_robots(one, two)
+    if task_class(one) is not None:
+        task = robot_task(one)
+        return time_limit(env) == time_limit(other) and task is not None and task == robot_task(two)
     if type(one) is not type(two) or not (is_exactly(one, *known) and is_exactly(two, *known)):
         return False
     if one.horizon != two.horizon or max_steps(env) != max_steps(other):
@@ -102,12 +111,3 @@ def _is_same(env: Any, other: Any) -> bool:
     if type(one) is LocomotionEnv and one.sparse != two.sparse:
         return False
     return same_maze(one.maze, two.maze) if type(one) is MazeEnv else bool(one.task == two.task)
-
-
-def _are_same_robots(env: Any, other: Any) -> bool:
-    """Whether two of the same class of Gymnasium's begin, move, observe and reward alike."""
-    make_task = task_class(env)
-    assert make_task is not None
-    if has_methods_of_its_own(env) or has_methods_of_its_own(other):
-        return False
-    return bool(make_task(env, behavior=None) == make_task(other, behavior=None))

@@ -15,9 +15,9 @@ import numpy as np
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
 from benchmarks.population import DEVIATION
 from curiosity_algos import make_evaluator
-from curiosity_algos.curiosity.motivation import make_motivation
 from curiosity_algos.evaluation.blocks import read_in_blocks
 from curiosity_algos.evaluation.rollouts import Read
+from curiosity_algos.motivations.curiosity import make_motivation
 from curiosity_gym.processors import available_cpus
 
 MAZE, CONTROL = "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0"

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
-from curiosity_algos.novelty.archive import NoveltyArchive
+from curiosity_algos.motivations.novelty_archive import NoveltyArchive
 from curiosity_gym.maze.config import configure_maze
 from curiosity_gym.maze.dynamics import observe
 

@@ -7,7 +7,7 @@ from typing import Any
 import torch as th
 
 from curiosity_algos import CuriosityES
-from curiosity_algos.curiosity.icm import ICM
+from curiosity_algos.bonuses.icm import ICM
 
 
 def products(model: Any) -> float:

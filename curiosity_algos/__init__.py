@@ -11,15 +11,15 @@ from curiosity_algos.algorithms.canonical_es import CanonicalES
 from curiosity_algos.algorithms.curiosity_es import CuriosityES
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.td3_icm import TD3ICM
-from curiosity_algos.common.vec_env import GymnasiumVecEnv
-from curiosity_algos.curiosity.apt import APT
-from curiosity_algos.curiosity.callbacks import BonusCheckpointCallback, ExplorationCallback
-from curiosity_algos.curiosity.icm import ICM
-from curiosity_algos.curiosity.rnd import RND
-from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper, ICMVecEnvWrapper
+from curiosity_algos.bonuses.apt import APT
+from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.common.presets import load_preset
 from curiosity_algos.evaluation.evaluator import make_evaluator, register_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.presets import load_preset
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper, ICMVecEnvWrapper
+from curiosity_algos.sb3.callbacks import BonusCheckpointCallback, ExplorationCallback
+from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 
 if TYPE_CHECKING:
     from curiosity_algos.algorithms.aurora import AURORA

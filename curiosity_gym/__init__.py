@@ -1,6 +1,6 @@
 """Sparse-reward environments for Gymnasium; importing this package registers their ids."""
 
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.registration import register_envs
 from curiosity_gym.wrappers.behavior import BehaviorAccumulator, BehaviorWrapper
 from curiosity_gym.wrappers.sparse import SparseRewardWrapper

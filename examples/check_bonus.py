@@ -14,7 +14,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from curiosity_algos import APT, ICM, RND
-from curiosity_algos.curiosity.checks import (
+from curiosity_algos.bonuses.checks import (
     Learned,
     StatePrediction,
     Watched,

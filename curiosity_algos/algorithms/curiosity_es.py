@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_algos.curiosity.base import Bonus
-from curiosity_algos.curiosity.make import check_bonus_choice
-from curiosity_algos.curiosity.motivation import (
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.make import check_bonus_choice
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
+from curiosity_algos.motivations.curiosity import (
     CuriosityMotivation,
     check_how_to_score,
     make_motivation,
 )
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
 from curiosity_gym.validation import check_at_least_one
 
 

@@ -13,14 +13,14 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.algorithms.map_elites import MAPElites
-from curiosity_algos.curiosity.base import Bonus
-from curiosity_algos.curiosity.elites import EliteCuriosity
-from curiosity_algos.curiosity.make import check_bonus_choice, stored_action_size
-from curiosity_algos.curiosity.motivation import make_motivation
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.make import check_bonus_choice, stored_action_size
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
+from curiosity_algos.motivations.curiosity import make_motivation
+from curiosity_algos.motivations.elites import EliteCuriosity
 from curiosity_algos.search.emitters import TournamentEmitter
 from curiosity_gym.validation import check_at_least_one
 

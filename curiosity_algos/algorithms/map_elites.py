@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_algos.common.plain_files import plain
+from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.quality_diversity import QualityDiversity

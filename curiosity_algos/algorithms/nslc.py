@@ -14,12 +14,12 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.arguments import check_parents
 from curiosity_algos.loops.quality_diversity import FieldTypes, QualityDiversity
-from curiosity_algos.novelty.motivation import behavior_size, behaviors_of
+from curiosity_algos.motivations.novelty import behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
 from curiosity_gym.validation import check_at_least_one
 

@@ -14,12 +14,12 @@ import numpy as np
 import torch as th
 from stable_baselines3.td3.policies import TD3Policy
 
+from curiosity_algos.bonuses.base import Bonus, record_bonus, train
+from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.curiosity.base import Bonus, record_bonus, train
-from curiosity_algos.curiosity.make import check_bonus_choice, make_bonus
-from curiosity_algos.curiosity.replay import CuriosityReplayBuffer
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.loops.resumable_td3 import ResumableTD3
+from curiosity_algos.sb3.replay_buffer import CuriosityReplayBuffer
+from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 NET_ARCH = [32, 32]

@@ -15,9 +15,9 @@ import numpy.typing as npt
 import torch as th
 from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 
-from curiosity_algos.archives.files import FIELDS, read_archive, write_archive
 from curiosity_algos.archives.store import Description, EliteStore
 from curiosity_algos.archives.verify import Verification, verify
+from curiosity_algos.checkpoints.archive_file import FIELDS, read_archive, write_archive
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_gym.validation import check_at_least_one, check_choice
 
@@ -314,7 +314,7 @@ class EliteArchive(ArchiveBase):
     # -- files and checkpoints ------------------------------------------------------------------
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write all elites to one `.npz` file, which `curiosity_algos.archives.files` describes.
+        """Write all elites to one file, see `curiosity_algos.checkpoints.archive_file`.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.

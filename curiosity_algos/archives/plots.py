@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.plots import draw_layout
 from curiosity_gym.validation import check_at_least_one, check_choice
 

@@ -7,8 +7,8 @@ import typer
 
 def list_names() -> None:
     """Print environments, algorithms and presets."""
+    from curiosity_algos.common.presets import PRESETS
     from curiosity_algos.experiments.names import ALGORITHMS, ENVIRONMENTS
-    from curiosity_algos.loops.presets import PRESETS
 
     for title, names in [
         ("Environments", ENVIRONMENTS),

@@ -17,7 +17,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.vec_env import has_generators, info_of
+from curiosity_algos.evaluation.vector_infos import has_generators, info_of
 
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]

@@ -6,12 +6,10 @@ from typing import Any
 
 import gymnasium as gym
 from gymnasium import wrappers
-from gymnasium.vector import VectorWrapper
+from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecMonitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.common.vec_env import GymnasiumVecEnv
-from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.tasks import LocomotionTask, task_class
@@ -31,8 +29,9 @@ def without_monitors(env: Any) -> Any:
     Raises:
         ValueError: If a wrapper of a whole batch of environments remains.
     """
-    if isinstance(env, GymnasiumView | GymnasiumVecEnv):
-        return without_monitors(env.vector_env)
+    vector_env = getattr(env, "vector_env", None)  # of a GymnasiumView, or a GymnasiumVecEnv
+    if isinstance(env, VecEnv) and isinstance(vector_env, VectorEnv):
+        return without_monitors(vector_env)
     if isinstance(env, VecMonitor):
         return without_monitors(env.venv)
     if isinstance(env, VecEnvWrapper | VectorWrapper):

@@ -20,10 +20,10 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.curiosity.callbacks import bonus_wrapper
 from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_gym.processors import available_cpus
 
 PACKAGES = ("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3")

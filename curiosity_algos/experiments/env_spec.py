@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec, WrapperSpec, load_env_creator
 
-from curiosity_algos.common.plain_json import decode, encode
+from curiosity_algos.checkpoints.plain_json import decode, encode
 
 DERIVED = {"namespace", "name", "version"}
 """Fields that an `EnvSpec` works out of its id."""

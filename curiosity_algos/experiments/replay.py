@@ -13,12 +13,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_algos.evaluation.environments import step_limit
 from curiosity_algos.evaluation.policies import MlpPolicy, act
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.experiments.description import vec_wrappers
 from curiosity_algos.experiments.run_folder import write_arrays
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 
 
 class Step(NamedTuple):

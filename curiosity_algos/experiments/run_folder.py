@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.logger import CSVOutputFormat
 
-from curiosity_algos.common.atomic_file import atomic_file
+from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.experiments.locks import lock_file
 
 FORMAT = 1

@@ -24,15 +24,15 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_wrapper,
 )
 
-from curiosity_algos.curiosity.callbacks import ExplorationCallback, bonus_wrapper
-from curiosity_algos.curiosity.vec_env import BonusVecEnvWrapper
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
 from curiosity_algos.experiments.replay import can_be_played, play
 from curiosity_algos.experiments.reservoir import Reservoir
 from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.loops.resumable_td3 import ResumableTD3
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+from curiosity_algos.sb3.callbacks import ExplorationCallback, bonus_wrapper
+from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 Columns = dict[str, npt.NDArray[Any]]

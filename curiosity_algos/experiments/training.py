@@ -16,13 +16,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 import curiosity_gym  # noqa: F401  registers the ids
+from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
 from curiosity_algos.experiments.names import check_known, find_algorithm
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.experiments.tracking import Project, TrackRun
 from curiosity_algos.experiments.values import check_value
-from curiosity_algos.loops.arguments import check_learning
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,21 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.utils import ConstantSchedule
 
-from curiosity_algos.common.plain_files import check_plain
+from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
-from curiosity_algos.loops.arguments import check_parents
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.loops.phi import Phi, check_phi, make_phi
+from curiosity_algos.motivations.base import Motivation
+from curiosity_algos.motivations.phi import Phi, check_phi, make_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
 from curiosity_gym.validation import check_choice, check_positive
@@ -30,30 +31,6 @@ Float64Array = npt.NDArray[np.float64]
 
 STEPS = ("canonical", "paper")
 NO_REWARD = ("ignore", "random")
-
-
-class Motivation(Protocol):
-    """What makes an individual interesting, beside reward.
-
-    One that also has `reads`, a `MakeReads`, says what it needs of trajectories: it gets rollouts
-    that hold excerpts alone where populations are large.
-    """
-
-    def score(self, rollouts: Rollouts) -> Float64Array:
-        """Intrinsic fitness of each individual, shape (P,)."""
-        ...
-
-    def update(self, rollouts: Rollouts) -> Mapping[str, float]:
-        """Learn from the generation; metrics to log."""
-        ...
-
-    def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs."""
-        ...
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        ...
 
 
 def standardize(values: Float64Array) -> Float64Array:

@@ -20,15 +20,20 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorD
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.checkpoint import (
+from curiosity_algos.checkpoints.model_file import (
     check_is_checkpoint,
     pickled_attributes,
     read_attributes,
     read_model,
     save_model,
 )
+from curiosity_algos.checkpoints.parts import stateful_parts
+from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_parameters
+from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import AnyGenerator, EpisodeSeeds, reseed
+from curiosity_algos.evaluation.arguments import check_learning, check_order, open_env, wrap_env
 from curiosity_algos.evaluation.blocks import play
+from curiosity_algos.evaluation.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
@@ -39,13 +44,8 @@ from curiosity_algos.evaluation.evaluator import (
 )
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
-from curiosity_algos.loops.arguments import check_learning, check_order, open_env, wrap_env
-from curiosity_algos.loops.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.loops.generation import as_step
-from curiosity_algos.loops.interrupt import deferred_interrupt
-from curiosity_algos.loops.parts import stateful_parts
 from curiosity_algos.loops.progress_bar import ProgressBar
-from curiosity_algos.loops.rebuild import build_model, check_names, read_parameters
 from curiosity_gym.validation import check_at_least_one, check_choice, check_seed
 
 _BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivation"}

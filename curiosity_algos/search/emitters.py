@@ -11,7 +11,7 @@ import torch as th
 from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase, GaussianEmitter
 
-from curiosity_algos.common.foreign_state import foreign_state, load_foreign_state
+from curiosity_algos.checkpoints.foreign_state import foreign_state, load_foreign_state
 from curiosity_algos.search.pareto import pareto_best
 
 Batch = dict[str, npt.NDArray[Any]]

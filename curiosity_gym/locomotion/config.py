@@ -16,10 +16,10 @@ from gymnasium.envs.registration import load_env_creator
 
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.extras import import_extra
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import BEHAVIORS, TASKS, LocomotionTask
 from curiosity_gym.locomotion.worlds import World
-from curiosity_gym.maze.layouts import MazeLayout
 from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.locomotion.config import configure_locomotion
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
-from curiosity_gym.maze.layouts import MazeLayout
 
 
 class LocomotionEnv(EpisodicEnv):

@@ -12,10 +12,10 @@ from gymnasium.vector import AutoresetMode
 
 from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.locomotion.config import configure_locomotion
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
-from curiosity_gym.maze.layouts import MazeLayout
 
 
 class LocomotionVectorEnv(EpisodicVectorEnv):

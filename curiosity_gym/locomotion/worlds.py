@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from curiosity_gym.core import Float64Array, Mask
 from curiosity_gym.extras import import_extra
-from curiosity_gym.maze.layouts import BUILT_IN, GOAL_RADIUS, MazeLayout, resolve_layout
+from curiosity_gym.layouts import BUILT_IN, GOAL_RADIUS, MazeLayout, resolve_layout
 
 WALL_HEIGHT = 10.0
 """Of what stops a robot: an ant that jumps and may go on has been seen 4 m high."""

@@ -12,8 +12,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array
-from curiosity_gym.maze.dynamics import MARGIN, N_BASE_FEATURES, Maze, build_maze, observe
-from curiosity_gym.maze.layouts import (
+from curiosity_gym.layouts import (
     GOAL_RADIUS,
     ROBOT_RADIUS,
     MazeLayout,
@@ -21,6 +20,7 @@ from curiosity_gym.maze.layouts import (
     reachable_cells,
     resolve_layout,
 )
+from curiosity_gym.maze.dynamics import MARGIN, N_BASE_FEATURES, Maze, build_maze, observe
 from curiosity_gym.maze.viewer import MazeViewer
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 

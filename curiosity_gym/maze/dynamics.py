@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_gym.compiled import compiled
-from curiosity_gym.maze.layouts import ROBOT_RADIUS, MazeLayout
+from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
 
 DT = 0.1
 """Duration of a step (seconds)."""

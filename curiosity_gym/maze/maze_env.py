@@ -7,9 +7,9 @@ from typing import Any
 
 from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
-from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout
 
 
 class MazeEnv(EpisodicEnv):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.viewer import FLOOR, WALL
 
 if TYPE_CHECKING:

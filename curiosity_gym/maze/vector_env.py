@@ -11,9 +11,9 @@ from gymnasium.vector import AutoresetMode
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
+from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout
 from curiosity_gym.maze.config import check_states, configure_maze, start_state
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, observe, reset, step
-from curiosity_gym.maze.layouts import GOAL_RADIUS, MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 
 ENVS_PER_THREAD = 128

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from curiosity_gym.extras import import_extra
-from curiosity_gym.maze.layouts import ROBOT_RADIUS, MazeLayout
+from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
 
 Frame = NDArray[np.uint8]
 FloatArray = NDArray[np.floating]

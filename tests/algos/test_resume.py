@@ -15,7 +15,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from curiosity_algos import NSES, TD3ICM, CuriosityES
-from curiosity_algos.common.checkpoint import check_is_checkpoint
+from curiosity_algos.checkpoints.model_file import check_is_checkpoint
 
 ROOT = pathlib.Path(__file__).parents[2]
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
 from curiosity_gym.core import SimulationError
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.registration import SPECS

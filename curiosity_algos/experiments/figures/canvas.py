@@ -9,7 +9,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from curiosity_algos.common.atomic_file import atomic_file
+from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_gym.validation import check_choice
 
 FORMATS = (".png", ".pdf", ".svg")

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.curiosity.make import BONUSES
+from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.report.arrays import quantize
 from curiosity_algos.experiments.report.collect import Run

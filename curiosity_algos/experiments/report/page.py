@@ -8,7 +8,7 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 
-from curiosity_algos.common.atomic_file import atomic_file
+from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.report.collect import Environment, collect
 from curiosity_algos.experiments.report.maps import MOST_STATES

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from curiosity_algos.evaluation.environments import env_attribute
 from curiosity_algos.experiments.report.collect import Environment, Float64
 from curiosity_gym.core import CoverageGrid
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 
 N_PIXELS = 100

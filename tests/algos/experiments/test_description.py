@@ -14,6 +14,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos import TD3ICM, BonusVecEnvWrapper, MAPElites
+from curiosity_algos.evaluation.arguments import wrap_env
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
     describe_env,
@@ -22,7 +23,6 @@ from curiosity_algos.experiments.description import (
     is_same_run,
     settings_of,
 )
-from curiosity_algos.loops.arguments import wrap_env
 
 
 class OwnPolicy(MlpPolicy):

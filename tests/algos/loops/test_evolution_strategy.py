@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 from curiosity_algos import NSES, CanonicalES, CuriosityES
 from curiosity_algos.loops.evolution_strategy import Fitness, standardize
-from curiosity_algos.loops.phi import AdaptivePhi, FixedPhi
+from curiosity_algos.motivations.phi import AdaptivePhi, FixedPhi
 from curiosity_algos.search.canonical import CanonicalSearch
 
 SEED = np.random.SeedSequence(0)

@@ -8,10 +8,10 @@ import pytest
 from robots import changed_model
 
 from curiosity_gym import MazeLayout
+from curiosity_gym.layouts import GOAL_RADIUS
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.worlds import TRAP, WORLDS, World
-from curiosity_gym.maze.layouts import GOAL_RADIUS
 
 pytestmark = pytest.mark.extra("locomotion")
 

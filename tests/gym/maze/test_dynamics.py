@@ -6,6 +6,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from curiosity_gym.layouts import BUILT_IN, ROBOT_RADIUS, MazeLayout
 from curiosity_gym.maze.dynamics import (
     DT,
     MARGIN,
@@ -16,7 +17,6 @@ from curiosity_gym.maze.dynamics import (
     observe,
     step,
 )
-from curiosity_gym.maze.layouts import BUILT_IN, ROBOT_RADIUS, MazeLayout
 from curiosity_gym.maze.reachability import reachable_region
 
 TOLERANCE = 1e-2

@@ -9,7 +9,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
-from curiosity_gym.maze.layouts import MazeLayout
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 

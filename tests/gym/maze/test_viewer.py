@@ -6,8 +6,8 @@ import pytest
 from gymnasium.error import DependencyNotInstalled
 from PIL import ImageColor
 
+from curiosity_gym.layouts import BUILT_IN, MazeLayout
 from curiosity_gym.maze import viewer as viewer_module
-from curiosity_gym.maze.layouts import BUILT_IN, MazeLayout
 from curiosity_gym.maze.viewer import MazeViewer
 
 SIZE = 500

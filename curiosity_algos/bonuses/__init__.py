@@ -1,0 +1,1 @@
+"""Exploration bonuses: how new a transition is."""

@@ -1,0 +1,209 @@
+"""Active pre-training: novelty is the distance to the nearest states seen, in learned features.
+
+Liu & Abbeel 2021, "Behavior From the Void: Unsupervised Active Pre-Training"
+(https://arxiv.org/abs/2103.04551): a particle-based entropy in contrastive features. Theirs are of
+images and their crops; these are of states and what follows them, as in Jiang et al. 2025,
+"Episodic Novelty Through Temporal Distance" (https://arxiv.org/abs/2501.15418).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from torch.nn import functional
+
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
+from curiosity_algos.bonuses.contrast import InfoNCE, info_nce
+from curiosity_algos.bonuses.encoders import make_encoder
+from curiosity_algos.bonuses.memory import FeatureMemory
+from curiosity_algos.bonuses.perceptron import (
+    Layers,
+    Pass,
+    backward,
+    forward,
+    set_gradients,
+    single_blas_thread,
+)
+from curiosity_algos.common.randomness import torch_generator
+from curiosity_gym.validation import check_at_least_one
+
+N_QUERIES = 64
+"""Observations whose distances to the whole memory are computed at once: more leave the cache."""
+N_ENCODED = 2048
+"""Observations that are encoded at once, so that what lies between the layers fits the cache."""
+N_PARTS = 200
+"""Parts of a row among which its lowest values are looked for."""
+MEMORY_SIZE, N_IMAGES = 20_000, 2_000
+"""Observations remembered, unless users say how many; images are larger and costlier to encode."""
+
+
+class APT(NetworkBonus):
+    """How far a state lies from those seen before, in features that tell what follows what.
+
+    The encoder learns to tell the state that follows another, up to `horizon` steps later, from
+    those that follow other states: the nearer two states are in time, the nearer are their
+    features. What foretells nothing, such as noise, is left out. The bonus of a transition is the
+    mean distance of the state that it leads to from the nearest of those in a memory, a uniform
+    sample of all states that were observed. The memory keeps observations, not features, as the
+    encoder learns on.
+
+    Args:
+        observation_space: As of `ICM`.
+        action_space: Any; taken so that bonuses are made alike.
+        horizon: Steps between the two states of a transition that it learns from, at most. It is
+            who calls `update` that draws such pairs, as the algorithms and the wrapper do: given
+            single steps, it learns as with a horizon of 1.
+        n_neighbors: Nearest states whose distances are averaged.
+        memory_size: Observations kept; None: 20,000, or 2,000 images.
+        learning_rate: Adam's, above 0.
+        n_features: Length of the feature vector.
+        hidden: Widths of the encoder's two hidden layers. That of images is SB3's NatureCNN.
+        normalize: Standardize observations with running statistics of what was observed.
+        seed: Of the initial weights and the memory's draws.
+        device: As in Stable-Baselines3.
+
+    Raises:
+        ValueError: If an argument is out of range, or the spaces are of another kind.
+    """
+
+    name = "apt"
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        horizon: int = 100,
+        n_neighbors: int = 10,
+        memory_size: int | None = None,
+        learning_rate: float = 1e-3,
+        n_features: int = 32,
+        hidden: int = 64,
+        normalize: bool = True,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+    ) -> None:
+        super().__init__(observation_space, normalize=normalize)
+        if memory_size is None:
+            memory_size = MEMORY_SIZE if self.images is None else N_IMAGES
+        check_at_least_one(horizon=horizon, n_neighbors=n_neighbors, memory_size=memory_size)
+        check_at_least_one(n_features=n_features, hidden=hidden)
+        self.horizon = horizon
+        self.n_neighbors = n_neighbors
+        self.encoder = make_encoder(
+            observation_space, hidden, hidden, n_features, generator=torch_generator(seed)
+        )
+        self.statistics = copy.deepcopy(self.normalizer)
+        self._begin(learning_rate, device)
+        dtype = np.float32 if self.images is None else np.uint8
+        self.memory = FeatureMemory(
+            memory_size, self.shape, dtype, n_features, seed=seed, device=self.device
+        )
+
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """How badly each state tells its next state from the others of a batch, and back."""
+        both = self.encoder(self.inputs(th.cat([observations, next_observations])))
+        # Torch has no hints there.
+        return {"loss": InfoNCE.apply(*both.chunk(2))}  # type: ignore[no-untyped-call]
+
+    def differentiate(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """The loss of a batch, and its gradient: by autograd, or a compiled encoder."""
+        encoder = Layers.of(self.encoder) if type(self) is APT else None
+        if encoder is None:
+            return super().differentiate(observations, actions, next_observations)
+        states = self.inputs(th.cat([observations, next_observations])).detach().numpy()
+        states = np.ascontiguousarray(states)
+        held = Pass.of(encoder, len(states))
+        by_parameters = np.empty(encoder.n_parameters, dtype=np.float32)
+        with single_blas_thread():
+            forward(encoder, states, held.outputs)
+            loss, *slopes = info_nce(*th.from_numpy(held.outputs[-1]).chunk(2))
+            th.cat(slopes, out=th.from_numpy(held.slopes[-1]))
+            backward(encoder, states, held, by_parameters, states[:0])
+        set_gradients([self.encoder], by_parameters)
+        return {"loss": loss.item()}
+
+    def observe(self, observations: th.Tensor) -> None:
+        """Take observations (n, ...) into the memory, and into the statistics from `update` on."""
+        self._count(observations, self.statistics)
+        self.memory.add(observations.cpu().numpy())
+
+    def update(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """One step of Adam on a batch; the loss before it."""
+        # Until then what is asked and what is remembered are standardized alike.
+        self.normalizer.load_state_dict(self.statistics.state_dict())
+        self.memory.outdate()
+        return super().update(observations, actions, next_observations)
+
+    @th.no_grad()
+    def score(
+        self,
+        observations: npt.NDArray[Any],
+        actions: npt.NDArray[Any],
+        next_observations: npt.NDArray[Any],
+    ) -> FloatArray:
+        """Novelty of where each transition leads, shape (n,); 0 while nothing was observed."""
+        features = self._features(next_observations)
+        if not len(self.memory):
+            return np.zeros(len(features), dtype=np.float32)
+        known, squares = self.memory.features(self._features)
+        parts = th.split(features, N_QUERIES)
+        return th.cat([self._distance(part, known, squares) for part in parts]).cpu().numpy()
+
+    def _features(self, observations: npt.NDArray[Any]) -> th.Tensor:
+        parts = th.split(th.from_numpy(observations), N_ENCODED)
+        return th.cat([self.encoder(self.inputs(part.to(self.device))) for part in parts])
+
+    def _distance(self, features: th.Tensor, known: th.Tensor, squares: th.Tensor) -> th.Tensor:
+        """Mean distance (n,) of features (n, F) to the nearest of those known (m, F)."""
+        # A feature's own square is the same for all that are known: the nearest are so without it.
+        compared = th.addmm(squares, features, known.T, alpha=-2.0)
+        nearest = lowest(compared, self.n_neighbors) + features.square().sum(dim=1, keepdim=True)
+        return nearest.clamp_min(0.0).sqrt().mean(dim=1)
+
+    # Torch's hints are of its overloads, as in `NetworkBonus`.
+    def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]
+        """Weights, statistics, the optimizer's moments and the memory."""
+        return {**super().state_dict(*args, **kwargs), "memory": self.memory.state_dict()}
+
+    # Here too.
+    def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
+        """Take over what `state_dict` gave.
+
+        Raises:
+            RuntimeError: If it is that of another bonus, of other networks or another memory.
+        """
+        try:
+            self.memory.check(state["memory"])
+        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
+            raise RuntimeError("`bonus` must be made as the one that was saved.") from error
+        super().load_state_dict(state, *args, **kwargs)
+        self.memory.load_state_dict(state["memory"])
+
+
+def lowest(values: th.Tensor, n: int) -> th.Tensor:
+    """The `n` lowest of each row of values (r, m), ascending, (r, min(n, m)); exact.
+
+    Columns are dealt to parts like cards: the parts of the n lowest minima hold all that is sought,
+    which leaves little of a row to sort.
+    """
+    n_rows, n_columns = values.shape
+    if n < N_PARTS < n_columns:
+        if n_columns % N_PARTS:
+            values = functional.pad(values, (0, -n_columns % N_PARTS), value=th.inf)
+        parts = values.view(n_rows, -1, N_PARTS)
+        chosen = parts.amin(dim=1).topk(n, dim=1, largest=False, sorted=False).indices
+        values = parts.gather(2, chosen[:, None].expand(-1, parts.shape[1], -1)).flatten(1)
+    return values.topk(min(n, n_columns), dim=1, largest=False).values

@@ -1,0 +1,242 @@
+"""What every exploration bonus does, whichever algorithm holds it."""
+
+from __future__ import annotations
+
+import copy
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.utils import get_device
+
+from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_gym.compiled import ThreadPool
+from curiosity_gym.validation import check_positive
+
+FloatArray = npt.NDArray[np.float32]
+
+
+@runtime_checkable
+class Bonus(Protocol):
+    """Scores transitions, high where few like them were seen, and learns from them.
+
+    Several threads may score at once: scoring changes nothing.
+    """
+
+    @property
+    def name(self) -> str:
+        """What its metrics are logged under."""
+        ...
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus of each transition, shape (n,).
+
+        Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete, both as the
+        environment gives and takes them.
+        """
+        ...
+
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
+        ...
+
+    def observe(self, observations: th.Tensor) -> None:
+        """Take observations (n, ...) that entered the buffer into the running statistics."""
+        ...
+
+    def update(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> Mapping[str, float]:
+        """One gradient step on a batch; the losses before it.
+
+        Actions come as float32, (n, A) of a Box or (n, 1) of a Discrete.
+        """
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs, as tensors and plain values."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> Any:
+        """Take over what `state_dict` gave."""
+        ...
+
+
+class NetworkBonus(th.nn.Module):
+    """A bonus of torch networks that one optimizer trains.
+
+    A subclass makes its networks, calls `_begin`, and writes `losses` and `score`; where a
+    trajectory can be scored at less cost than its transitions, `score_trajectory` too.
+
+    Args:
+        observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
+            (uint8, channels first or last, 36 by 36 at least).
+        normalize: Standardize observations, entry by entry, with running statistics of what was
+            observed.
+
+    Attributes:
+        pool: Threads that may take part in a gradient step; who trains the bonus may give it more.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, observation_space: spaces.Space[Any], *, normalize: bool) -> None:
+        super().__init__()
+        self.images = ImageInputs.of(observation_space)
+        self.shape = tuple(observation_space.shape or ())
+        n_entries = math.prod(self.shape)
+        self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
+        self.pool = ThreadPool(1)
+
+    def _begin(self, learning_rate: float, device: th.device | str) -> None:
+        """Move the networks to their device, and train those with gradients from here on."""
+        check_positive(learning_rate=learning_rate)
+        self.device = get_device(device)
+        self.to(self.device)
+        trained = [each for each in self.parameters() if each.requires_grad]
+        self.optimizer = th.optim.Adam(trained, lr=learning_rate, fused=True)
+
+    @abstractmethod
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus of each transition, shape (n,), see `Bonus`."""
+
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
+        return self.score(observations[:-1], actions, observations[1:])
+
+    @abstractmethod
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """Mean losses of a batch; "loss" is what is minimized."""
+
+    def inputs(self, observations: th.Tensor) -> th.Tensor:
+        """Observations (n, ...) as the networks take them: flat, or images with channels first."""
+        standardized: th.Tensor = self.normalizer(self._flat(observations))
+        return standardized if self.images is None else self.images.unflatten(standardized)
+
+    def _flat(self, observations: th.Tensor) -> th.Tensor:
+        if observations.shape[1:] != self.shape:  # images could be told apart by nothing else
+            raise ValueError(
+                f"`observations` must have shape {('n', *self.shape)}, got {observations.shape}."
+            )
+        if self.images is not None:
+            return self.images.flat(observations)
+        return observations.flatten(1).float()
+
+    def tensor(self, array: npt.NDArray[Any]) -> th.Tensor:
+        """An array on the device of the networks."""
+        return th.from_numpy(array).to(self.device)
+
+    def observe(self, observations: th.Tensor) -> None:
+        """Take observations (n, ...) into the statistics that standardize the inputs."""
+        self._count(observations, self.normalizer)
+
+    def _count(self, observations: th.Tensor, statistics: th.nn.Module) -> None:
+        """Take observations (n, ...) into statistics, if inputs are to be standardized."""
+        if isinstance(statistics, RunningNormalizer):
+            statistics.observe(self._flat(observations.to(self.device)))
+
+    def update(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """One step of Adam on a batch; the losses before it."""
+        batch = (x.to(self.device) for x in (observations, actions, next_observations))
+        losses = self.differentiate(*batch)
+        self.optimizer.step()
+        return losses
+
+    def differentiate(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """The losses of a batch; the gradient of "loss" goes where the optimizer finds it."""
+        losses = self.losses(observations, actions, next_observations)
+        self.optimizer.zero_grad(set_to_none=True)
+        losses["loss"].backward()  # type: ignore[no-untyped-call]  # torch has no hints there
+        return {name: loss.item() for name, loss in losses.items()}
+
+    # Torch's hints are of its overloads and of a plain module's tensors: the optimizer is in here.
+    def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]
+        """Weights, statistics and the optimizer's moments."""
+        state: dict[str, Any] = super().state_dict(*args, **kwargs)
+        return copy.deepcopy({"modules": state, "optimizer": self.optimizer.state_dict()["state"]})
+
+    # The hints of torch are of its overloads here too.
+    def load_state_dict(self, state: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:  # type: ignore[override]
+        """Take over what `state_dict` gave; the learning rate stays the constructor's.
+
+        Raises:
+            RuntimeError: If it is that of another bonus, or of other networks, as torch has it.
+        """
+        try:
+            moments = self._moments(state["optimizer"])
+            _check_finite(state["modules"].values())
+            super().load_state_dict(state["modules"], *args, **kwargs)
+        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
+            raise RuntimeError("`bonus` must be made as the one that was saved.") from error
+        groups = self.optimizer.state_dict()["param_groups"]
+        self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
+
+    def _moments(self, saved: Mapping[int, Mapping[str, th.Tensor]]) -> dict[int, Any]:
+        """A copy of Adam's moments, in which torch would train on; it checks no shape itself."""
+        trained = self.optimizer.param_groups[0]["params"]
+        if saved and set(saved) != set(range(len(trained))):
+            raise RuntimeError("The optimizer's state is of other networks.")
+        for i, moments in saved.items():
+            shapes = {name: tuple(moment.shape) for name, moment in moments.items()}
+            shape = tuple(trained[i].shape)
+            if shapes != {"step": (), "exp_avg": shape, "exp_avg_sq": shape}:
+                raise RuntimeError("The optimizer's state is of other networks.")
+            _check_finite(moments.values())
+        return copy.deepcopy(dict(saved))
+
+
+def _check_finite(tensors: Iterable[th.Tensor]) -> None:
+    if not all(bool(th.isfinite(tensor).all()) for tensor in tensors):
+        raise RuntimeError("The state holds NaN or infinity.")
+
+
+def check_rewards(rewards: npt.NDArray[Any]) -> None:
+    """Raise ValueError unless the rewards of the task can be learned from."""
+    if not np.isfinite(rewards).all():
+        raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
+
+
+def train(
+    bonus: Bonus, draw: Callable[[int], Iterable[th.Tensor]], *, n_updates: int, batch_size: int
+) -> dict[str, float]:
+    """Train on batches of transitions; mean losses, by the names they are logged under.
+
+    Args:
+        bonus: What is trained.
+        draw: Gives observations, actions and next observations of so many transitions.
+        n_updates: Gradient steps.
+        batch_size: Transitions a gradient step.
+    """
+    steps = [bonus.update(*draw(batch_size)) for _ in range(n_updates)]
+    return {
+        f"{bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
+        for name in steps[0]
+    }
+
+
+def record_bonus(logger: Logger, values: npt.NDArray[Any]) -> None:
+    """Log the mean and the largest of bonuses, over all since the last dump."""
+    logger.record_mean("intrinsic/mean", float(np.mean(values)))
+    largest = logger.name_to_value.get("intrinsic/max", -np.inf)
+    logger.record("intrinsic/max", max(largest, float(np.max(values))))

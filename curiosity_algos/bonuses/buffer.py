@@ -1,0 +1,92 @@
+"""A ring of transitions in preallocated tensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.encoders import ImageInputs
+
+
+class TransitionBuffer:
+    """Keeps the newest `capacity` transitions and samples batches of them.
+
+    Args:
+        capacity: Number of transitions kept.
+        observation_space: Box; images are kept in bytes, other observations as float32.
+        n_actions: Numbers stored for an action: A for a Box, 1 for a Discrete.
+        seed: Seed of the sampling.
+    """
+
+    def __init__(
+        self, capacity: int, observation_space: spaces.Box[Any], n_actions: int, *, seed: int
+    ) -> None:
+        self.capacity = capacity
+        self.size = 0
+        self._next = 0
+        shape = observation_space.shape
+        dtype = np.float32 if ImageInputs.of(observation_space) is None else np.uint8
+        # NumPy's zeros, unlike torch's, take memory and time only once they are written.
+        self._columns = {
+            "observations": th.from_numpy(np.zeros((capacity, *shape), dtype)),
+            "actions": th.from_numpy(np.zeros((capacity, n_actions), np.float32)),
+            "next_observations": th.from_numpy(np.zeros((capacity, *shape), dtype)),
+        }
+        self._generator = th.Generator().manual_seed(seed)
+
+    def __len__(self) -> int:
+        """Number of transitions held."""
+        return self.size
+
+    def add(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> None:
+        """Store n transitions, arrays of n rows; actions are (n, A) or (n,)."""
+        added = observations, actions.reshape(len(actions), -1), next_observations
+        n = min(len(observations), self.capacity)
+        places = (self._next + th.arange(n)) % self.capacity
+        for column, values in zip(self._columns.values(), added, strict=True):
+            column[places] = values[-n:].to(column.dtype)
+        self._next = (self._next + n) % self.capacity
+        self.size = min(self.size + n, self.capacity)
+
+    def sample(self, batch_size: int) -> tuple[th.Tensor, ...]:
+        """Observations, actions and next observations, drawn uniformly with replacement."""
+        places = th.randint(self.size, (batch_size,), generator=self._generator)
+        return tuple(column.index_select(0, places) for column in self._columns.values())
+
+    def state_dict(self) -> dict[str, Any]:
+        """Transitions held, and the sampling's state."""
+        held = {name: column[: self.size].clone() for name, column in self._columns.items()}
+        return {**held, "next": self._next, "generator": self._generator.get_state()}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; of a larger buffer the newest.
+
+        Raises:
+            ValueError: If it holds other transitions than this buffer would.
+        """
+        self._check(state)
+        n = len(state["actions"])
+        rows, place = th.arange(n), state["next"]
+        if n != self.capacity:
+            rows = rows.roll(-place)[-self.capacity :]
+            place = len(rows)
+        self._generator.set_state(state["generator"].cpu())
+        for name, column in self._columns.items():
+            column[: len(rows)] = state[name][rows]
+        self.size, self._next = len(rows), place % self.capacity
+
+    def _check(self, state: Mapping[str, Any]) -> None:
+        n = len(state["actions"])
+        for name, column in self._columns.items():
+            values = state[name]
+            is_alike = values.shape == (n, *column.shape[1:]) and values.dtype == column.dtype
+            if not is_alike or not th.isfinite(values).all():
+                raise ValueError(f"`{name}` must be {n} rows of {tuple(column.shape[1:])}, finite.")
+        if type(state["next"]) is not int or not 0 <= state["next"] <= n:
+            raise ValueError(f"`next` must be from 0 to {n}, got {state['next']!r}.")

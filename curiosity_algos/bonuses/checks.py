@@ -1,0 +1,336 @@
+"""Is a bonus right? Small worlds whose answers can be written down, for any `Bonus`.
+
+`check_bonus` and `check_wrapper` raise AssertionError with the figure that is wrong, much as
+Gymnasium's `check_env` does. `learn_tiny_mdp` and `watch_noisy_tv` give the figures themselves.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.common.networks import single_torch_thread
+
+FloatArray = npt.NDArray[np.float64]
+MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
+
+N_STATES, N_ACTIONS, N_ENTRIES = 20, 3, 6
+N_SIGNALS, N_CHANNELS = 4, 4
+
+
+# -- a tiny MDP -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """Steps of an MDP.
+
+    Attributes:
+        observations: (n, O).
+        actions: (n,).
+        next_observations: What they lead to, (n, O).
+    """
+
+    observations: npt.NDArray[np.float32]
+    actions: npt.NDArray[np.int64]
+    next_observations: npt.NDArray[np.float32]
+
+    def __getitem__(self, rows: Any) -> Transitions:
+        """Some of the transitions."""
+        return Transitions(
+            self.observations[rows], self.actions[rows], self.next_observations[rows]
+        )
+
+    def arrays(self) -> tuple[npt.NDArray[Any], ...]:
+        """As `Bonus.score` takes them."""
+        return self.observations, self.actions, self.next_observations
+
+    def tensors(self) -> tuple[th.Tensor, ...]:
+        """As `Bonus.update` takes them."""
+        before, actions, after = (th.from_numpy(array) for array in self.arrays())
+        return before, actions.reshape(-1, 1).float(), after
+
+
+def tiny_mdp(seed: int = 0) -> Transitions:
+    """All 60 transitions of 20 states and 3 actions, three in a row of each state.
+
+    States are random vectors; the first ten lead to one another and so do the last ten, at random.
+    """
+    rng = np.random.default_rng(seed)
+    states = rng.normal(0.0, 1.0, (N_STATES, N_ENTRIES)).astype(np.float32)
+    half = N_STATES // 2
+    successors = rng.integers(0, half, (N_STATES, N_ACTIONS))
+    successors[half:] += half
+    before = np.repeat(np.arange(N_STATES), N_ACTIONS)
+    actions = np.tile(np.arange(N_ACTIONS), N_STATES)
+    return Transitions(states[before], actions, states[successors[before, actions]])
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Mean bonus while a bonus is trained.
+
+    Attributes:
+        n_updates: Gradient steps so far, (n,).
+        seen: Mean bonus of what it is trained on, (n,).
+        unseen: Mean bonus of the rest, (n,).
+    """
+
+    n_updates: npt.NDArray[np.int64]
+    seen: FloatArray
+    unseen: FloatArray
+
+
+def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) -> Learned:
+    """Train a bonus on the transitions of the first ten states, and watch it on all.
+
+    Args:
+        make_bonus: Makes it for a Box of 6 entries and 3 discrete actions.
+        n_updates: Gradient steps, of all 30 transitions each.
+        seed: Of the MDP.
+    """
+    mdp = tiny_mdp(seed)
+    half = len(mdp.actions) // 2
+    bonus = make_bonus(spaces.Box(-np.inf, np.inf, (N_ENTRIES,)), spaces.Discrete(N_ACTIONS))
+    batch = mdp[:half].tensors()
+    bonus.observe(batch[0])
+    groups = [mdp[:half], mdp[half:]]
+
+    def train(i: int) -> None:
+        bonus.observe(batch[0])  # with every update, as algorithms do
+        bonus.update(*batch)
+
+    moments, scores = _train(bonus, train, n_updates, groups)
+    return Learned(moments, *scores)
+
+
+def check_bonus(make_bonus: MakeBonus, seed: int = 0) -> Learned:
+    """Check that a bonus falls where it is trained, and there alone.
+
+    Args:
+        make_bonus: As in `learn_tiny_mdp`.
+        seed: Of the MDP, as in `learn_tiny_mdp`.
+
+    Raises:
+        AssertionError: If the mean bonus of what was seen stays above a tenth of what it was, or of
+            the rest; if that of the rest falls below a twentieth of what it was; or if one is
+            negative.
+    """
+    learned = learn_tiny_mdp(make_bonus, seed=seed)
+    seen, unseen = learned.seen[-1], learned.unseen[-1]
+    _check(seen < 0.1 * learned.seen[0], "must fall where it is trained", learned)
+    _check(seen < 0.1 * unseen, "must stay higher elsewhere", learned)
+    _check(unseen > 0.05 * learned.unseen[0], "must stay high elsewhere", learned)
+    _check(min(seen, unseen) >= 0.0, "must not be negative", learned)
+    return learned
+
+
+def _check(is_right: bool, what: str, learned: Learned) -> None:
+    """Raise AssertionError, with what a bonus was before its training and after."""
+    if not is_right:  # a NaN is not right either
+        before, after = (f"{learned.seen[i]:.3g} and {learned.unseen[i]:.3g}" for i in (0, -1))
+        raise AssertionError(
+            f"The bonus {what}: before training it is {before} where it is trained and elsewhere, "
+            f"after it {after}."
+        )
+
+
+# -- a noisy TV -----------------------------------------------------------------------------------
+
+
+def noisy_tv(n: int, *, seed: int, is_on: bool = True) -> Transitions:
+    """Steps of a walker in front of a television.
+
+    Four entries of an observation are what actions move, four are the screen: uniform noise in each
+    step that nothing predicts, or gray, its mean, where it is off.
+    """
+    rng = np.random.default_rng(seed)
+    directions = np.random.default_rng(0).normal(0.0, 0.5, (N_ACTIONS, N_SIGNALS))
+    positions = rng.uniform(-1.0, 1.0, (n, N_SIGNALS))
+    actions = rng.integers(0, N_ACTIONS, n)
+    screens = rng.uniform(-1.0, 1.0, (2, n, N_CHANNELS)) * is_on
+    before = np.hstack([positions, screens[0]])
+    after = np.hstack([positions + directions[actions], screens[1]])
+    return Transitions(before.astype(np.float32), actions, after.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Mean bonus while a bonus is trained.
+
+    Attributes:
+        n_updates: Gradient steps so far, (n,).
+        noisy: Mean bonus of steps before a noisy screen, (n,).
+        gray: Mean bonus of the same steps before a gray one, (n,).
+    """
+
+    n_updates: npt.NDArray[np.int64]
+    noisy: FloatArray
+    gray: FloatArray
+
+    @property
+    def noise_share(self) -> FloatArray:
+        """How much of the bonus is there for noise alone, (n,): `1 - gray / noisy`."""
+        return 1.0 - self.gray / self.noisy
+
+
+def watch_noisy_tv(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) -> Watched:
+    """Train a bonus where a screen shows noise, and see what becomes of it when the screen is gray.
+
+    Args:
+        make_bonus: Makes one for a Box of 8 entries and 3 discrete actions.
+        n_updates: Gradient steps, of 256 new transitions each.
+        seed: Of the transitions.
+    """
+    space = spaces.Box(-np.inf, np.inf, (N_SIGNALS + N_CHANNELS,))
+    bonus = make_bonus(space, spaces.Discrete(N_ACTIONS))
+    held_out = [noisy_tv(1000, seed=seed, is_on=is_on) for is_on in (True, False)]
+    stream = noisy_tv(256 * n_updates, seed=seed + 1)
+    bonus.observe(th.from_numpy(stream.observations))
+
+    def train(i: int) -> None:
+        bonus.update(*stream[256 * i : 256 * (i + 1)].tensors())
+
+    moments, scores = _train(bonus, train, n_updates, held_out)
+    return Watched(moments, *scores)
+
+
+def _train(
+    bonus: Bonus, train: Callable[[int], object], n_updates: int, groups: list[Transitions]
+) -> tuple[npt.NDArray[np.int64], FloatArray]:
+    """Moments (n,) of a training, and the mean bonus (groups, n) of each group at each of them."""
+    moments = np.unique(np.linspace(0, n_updates, 31).astype(np.int64))
+    scores = []
+    with single_torch_thread():
+        for begin, end in pairwise([0, *moments]):
+            for i in range(begin, end):
+                train(i)
+            scores.append([bonus.score(*group.arrays()).mean() for group in groups])
+    return moments, np.array(scores, dtype=np.float64).T
+
+
+class StatePrediction(ICM):
+    """Predicts the next state itself, without features: what a noisy screen catches.
+
+    Args:
+        observation_space: 1-D Box.
+        action_space: As of `ICM`.
+        **kwargs: Passed on to `ICM`.
+    """
+
+    name = "state"
+
+    def __init__(
+        self, observation_space: spaces.Box[Any], action_space: spaces.Space[Any], **kwargs: Any
+    ) -> None:
+        n_entries = observation_space.shape[0]
+        super().__init__(observation_space, action_space, beta=1.0, n_features=n_entries, **kwargs)
+        self.encoder = th.nn.Identity()
+
+
+# -- a wrapper, or a callback ---------------------------------------------------------------------
+
+HORIZON, GAMMA, N_CORRIDORS = 8, 0.9, 256
+
+
+class _Corridor(gym.Env[Any, Any]):
+    """Observes how many steps were taken, of 8; nothing else happens."""
+
+    observation_space = spaces.Box(0.0, HORIZON, (1,))
+    action_space = spaces.Discrete(2)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        super().reset(seed=seed)
+        self._n = 0
+        return np.zeros(1, dtype=np.float32), {}
+
+    def step(self, action: Any) -> Any:
+        self._n += 1
+        return np.full(1, self._n, dtype=np.float32), 0.0, self._n == HORIZON, False, {}
+
+
+class _AtTheEnd:
+    """A bonus of 1 for reaching the end of the corridor, and 0 for all else; it learns nothing."""
+
+    name = "end"
+
+    def score(
+        self, observations: Any, actions: Any, next_observations: Any
+    ) -> npt.NDArray[np.float32]:
+        reached: npt.NDArray[np.bool_] = next_observations[:, 0] == HORIZON
+        return reached.astype(np.float32)
+
+    def score_trajectory(self, observations: Any, actions: Any) -> npt.NDArray[np.float32]:
+        return self.score(observations[:-1], actions, observations[1:])
+
+    def observe(self, observations: th.Tensor) -> None:
+        pass
+
+    def update(self, *batch: th.Tensor) -> dict[str, float]:
+        return {}
+
+    def state_dict(self) -> dict[str, Any]:
+        return {}
+
+    def load_state_dict(self, state: Any, strict: bool = True) -> None:
+        pass
+
+
+def check_wrapper(
+    wrap: Callable[[VecEnv, Bonus], VecEnv], callback: BaseCallback | None = None
+) -> None:
+    """Check that a bonus at the end of an episode is there, and is worth something at its start.
+
+    What is checked comes after 2,048 transitions, so that the wrapper may learn a scale before.
+
+    Args:
+        wrap: Adds a bonus to a VecEnv.
+        callback: Does so instead, where `wrap` does not, in a model of Stable-Baselines3.
+
+    Raises:
+        AssertionError: If the bonus is asked for the observation after the reset, or enters once
+            the advantages are computed.
+    """
+    with _global_randomness_kept():
+        venv = wrap(DummyVecEnv([_Corridor] * N_CORRIDORS), _AtTheEnd())
+        n = HORIZON * N_CORRIDORS
+        settings: dict[str, Any] = {"n_steps": HORIZON, "batch_size": n, "n_epochs": 1}
+        model = PPO("MlpPolicy", venv, gamma=GAMMA, gae_lambda=1.0, device="cpu", **settings)
+        model.learn(2 * n, callback=callback)
+    returns = model.rollout_buffer.returns[:, 0]
+    if not returns[-1] > 0.0:
+        raise AssertionError(
+            "The last transition of an episode must have the bonus of its true last observation, "
+            f"it has that of the observation after the reset, or none within {2 * n} transitions."
+        )
+    expected = GAMMA ** (HORIZON - 1) * returns[-1]
+    if not np.isclose(returns[0], expected, rtol=1e-3):
+        raise AssertionError(
+            f"A bonus at the end of an episode must be worth {expected:.3g} at its start, it is "
+            f"worth {returns[0]:.3g}: it must enter the reward before advantages are computed."
+        )
+
+
+@contextmanager
+def _global_randomness_kept() -> Iterator[None]:
+    """SB3 draws from the old global generators of Python, numpy and torch, which are the user's."""
+    python, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002
+    with th.random.fork_rng(devices=[]):
+        yield
+    random.setstate(python)
+    np.random.set_state(numpy)  # noqa: NPY002

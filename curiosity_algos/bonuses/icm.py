@@ -1,0 +1,174 @@
+"""The Intrinsic Curiosity Module: curiosity is the error of predicting the next state's features.
+
+Pathak et al. 2017, "Curiosity-driven Exploration by Self-supervised Prediction"
+(https://arxiv.org/abs/1705.05363); the paper's section 2.3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from torch.nn import functional
+
+from curiosity_algos.bonuses import compiled_icm
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
+from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
+from curiosity_algos.bonuses.perceptron import Layers, set_gradients
+from curiosity_algos.common.networks import mlp
+from curiosity_algos.common.randomness import torch_generator
+from curiosity_gym.validation import check_at_least_one, check_share
+
+
+class ICM(NetworkBonus):
+    """Encoder, forward model and inverse model, trained together.
+
+    The loss is `(1 - beta) L_I + beta L_F` (section 2.3): the inverse model keeps in the features
+    what the agent can influence, the forward model's error is the curiosity.
+
+    Of flat observations on the CPU the equations are compiled. A subclass, or networks of another
+    kind, frozen or with hooks, are computed by torch, from the methods below.
+
+    Args:
+        observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
+            (uint8, channels first or last, 36 by 36 at least).
+        action_space: Box of A entries, which are scaled to [-1, 1] where they have bounds, or
+            Discrete.
+        beta: Weight of the forward loss against the inverse loss, in [0, 1].
+        learning_rate: Adam's, above 0.
+        n_features: Length of the feature vector.
+        hidden: Widths of the encoder's two hidden layers, and of the two models' one and two. The
+            encoder of images is SB3's NatureCNN.
+        normalize: Standardize observations with running statistics of what was observed.
+        seed: Seed of the initial weights.
+        device: As in Stable-Baselines3.
+
+    Raises:
+        ValueError: If an argument is out of range, or observations are neither of the two.
+    """
+
+    name = "icm"
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        beta: float = 0.2,
+        learning_rate: float = 1e-3,
+        n_features: int = 32,
+        hidden: int = 64,
+        normalize: bool = True,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+    ) -> None:
+        check_share(beta=beta)
+        check_at_least_one(n_features=n_features, hidden=hidden)
+        super().__init__(observation_space, normalize=normalize)
+        self.beta = beta
+        self.encode_actions = ActionEncoder(action_space)
+        n_actions = self.encode_actions.size
+        made = {"generator": torch_generator(seed)}
+        self.encoder = make_encoder(observation_space, hidden, hidden, n_features, **made)
+        self.forward_model = mlp(n_features + n_actions, hidden, n_features, **made)
+        self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions, **made)
+        self._begin(learning_rate, device)
+
+    def prediction_error(
+        self, features: th.Tensor, actions: th.Tensor, next_features: th.Tensor
+    ) -> th.Tensor:
+        """`||F(phi(s), a) - phi(s')||_2` of each transition, shape (n,); actions are encoded."""
+        predicted = self.forward_model(th.cat([features, actions], dim=1))
+        error: th.Tensor = th.linalg.vector_norm(predicted - next_features, dim=1)
+        return error
+
+    def action_error(
+        self, features: th.Tensor, actions: th.Tensor, next_features: th.Tensor
+    ) -> th.Tensor:
+        """The inverse model's error on encoded actions, (n,): L2 norm, or cross-entropy."""
+        predicted = self.inverse_model(th.cat([features, next_features], dim=1))
+        if self.encode_actions.is_discrete:
+            return functional.cross_entropy(predicted, actions.argmax(dim=1), reduction="none")
+        error: th.Tensor = th.linalg.vector_norm(predicted - actions, dim=1)
+        return error
+
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """Mean losses of a batch: L_F and L_I, and what is minimized."""
+        both = self.encoder(self.inputs(th.cat([observations, next_observations])))
+        features, next_features = both.chunk(2)
+        encoded = self.encode_actions(actions)
+        forward_loss = self.prediction_error(features, encoded, next_features).mean()
+        inverse_loss = self.action_error(features, encoded, next_features).mean()
+        loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss
+        return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
+
+    def differentiate(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """The losses of a batch, and their gradient: by autograd, or compiled and on threads."""
+        networks = self._compiled()
+        if networks is None:
+            return super().differentiate(observations, actions, next_observations)
+        states = th.stack([observations, next_observations], dim=1).flatten(0, 1)
+        losses, slopes = compiled_icm.differentiate(
+            networks,
+            self.inputs(states).detach().numpy(),
+            self.encode_actions(actions).detach().numpy(),
+            beta=self.beta,
+            is_discrete=self.encode_actions.is_discrete,
+            pool=self.pool,
+        )
+        set_gradients(self._models, slopes)
+        forward_loss, inverse_loss = losses.tolist()
+        loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss
+        return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
+
+    @property
+    def _models(self) -> tuple[th.nn.Module, th.nn.Module, th.nn.Module]:
+        return self.encoder, self.forward_model, self.inverse_model
+
+    def _compiled(self) -> compiled_icm.Networks | None:
+        """The networks for compiled equations; None: they do not serve, or may be overridden."""
+        if type(self) is not ICM or self.device.type != "cpu":
+            return None
+        encoder, forward_model, inverse_model = map(Layers.of, self._models)
+        if encoder is None or forward_model is None or inverse_model is None:
+            return None
+        return compiled_icm.Networks(encoder, forward_model, inverse_model)
+
+    @th.no_grad()
+    def score(
+        self,
+        observations: npt.NDArray[Any],
+        actions: npt.NDArray[Any],
+        next_observations: npt.NDArray[Any],
+    ) -> FloatArray:
+        """Curiosity of each transition, shape (n,)."""
+        states = np.stack([observations, next_observations], axis=1)
+        return self._errors(states.reshape(-1, *observations.shape[1:]), actions, stride=2)
+
+    @th.no_grad()
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Curiosity of T transitions among T + 1 observations, each encoded only once."""
+        return self._errors(observations, actions, stride=1)
+
+    def _errors(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], *, stride: int
+    ) -> FloatArray:
+        """Curiosity of transitions that begin at every observation, or every second, (n,)."""
+        states = self.inputs(self.tensor(observations))
+        encoded = self.encode_actions(self.tensor(actions))
+        networks = self._compiled()
+        if networks is not None:
+            return compiled_icm.prediction_errors(networks, states.numpy(), encoded.numpy(), stride)
+        features = self.encoder(states)
+        error = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
+        errors: FloatArray = error.cpu().numpy()
+        return errors

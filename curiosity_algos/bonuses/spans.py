@@ -1,0 +1,112 @@
+"""Transitions over several steps: a state, the action taken there, and a state some steps later."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+
+Array = npt.NDArray[Any]
+IntArray = npt.NDArray[np.int64]
+
+ARRAYS = ("observations", "actions", "lengths")
+"""What `RecentSteps` keeps of each environment."""
+
+
+def horizon_of(bonus: Bonus) -> int:
+    """Steps that the transitions span at most which a bonus learns from: its `horizon`, or 1."""
+    horizon: int = getattr(bonus, "horizon", 1)
+    return horizon
+
+
+def draw_steps(rng: np.random.Generator, shape: tuple[int, ...], horizon: int) -> IntArray:
+    """Numbers of steps from 1 to `horizon`, log-uniform; a horizon of 1 draws nothing."""
+    if horizon == 1:
+        return np.ones(shape, dtype=np.int64)
+    return np.exp(rng.uniform(0.0, np.log(horizon + 1), shape)).astype(np.int64)
+
+
+class RecentSteps:
+    """The last steps of several environments, to draw a transition from of each that ends now.
+
+    Args:
+        n_envs: Environments.
+        horizon: Steps kept of each.
+        shape: Of an observation.
+        dtype: Of observations.
+        n_actions: Numbers stored of an action.
+        seed: Of the draws.
+    """
+
+    def __init__(
+        self,
+        n_envs: int,
+        horizon: int,
+        shape: tuple[int, ...],
+        dtype: npt.DTypeLike,
+        n_actions: int,
+        *,
+        seed: np.random.SeedSequence,
+    ) -> None:
+        self.horizon = horizon
+        self._observations = np.zeros((n_envs, horizon, *shape), dtype=dtype)
+        self._actions = np.zeros((n_envs, horizon, n_actions), dtype=np.float32)
+        self._lengths = np.zeros(n_envs, dtype=np.int64)
+        self._next = 0
+        self._rng = np.random.default_rng(seed)
+
+    def add(self, observations: Array, actions: Array) -> None:
+        """A step of each environment, from observations (n, ...) by actions (n, A) or (n,)."""
+        self._observations[:, self._next] = observations
+        self._actions[:, self._next] = actions.reshape(len(actions), -1)
+        self._next = (self._next + 1) % self.horizon
+        self._lengths = np.minimum(self._lengths + 1, self.horizon)
+
+    def draw(self) -> tuple[Array, Array]:
+        """Observation (n, ...) and action (n, A) of a transition that ends with the last step."""
+        n_envs = len(self._lengths)
+        steps = np.minimum(draw_steps(self._rng, (n_envs,), self.horizon), self._lengths)
+        each = np.arange(n_envs)
+        begins = (self._next - steps) % self.horizon
+        return self._observations[each, begins], self._actions[each, begins]
+
+    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+        """Episodes have ended, shape (n,): no transition goes on into the next."""
+        self._lengths[dones] = 0
+
+    def state_dict(self) -> dict[str, Any]:
+        """The steps, and the state of the draws."""
+        arrays = {name: th.from_numpy(getattr(self, f"_{name}").copy()) for name in ARRAYS}
+        return {**arrays, "next": self._next, "rng": generator_state(self._rng)}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If it is that of other environments or another horizon; nothing has changed.
+        """
+        self.check(state)
+        load_generator_state(self._rng, state["rng"])
+        self._next = state["next"]
+        for name in ARRAYS:
+            getattr(self, f"_{name}")[:] = state[name].cpu().numpy()
+
+    def check(self, state: Mapping[str, Any]) -> None:
+        """Raise ValueError unless `load_state_dict` would take the state."""
+        arrays = {name: state[name].cpu().numpy() for name in ARRAYS}
+        for name, array in arrays.items():
+            own = getattr(self, f"_{name}")
+            is_alike = array.shape == own.shape and array.dtype == own.dtype
+            if not is_alike or not np.isfinite(array).all():
+                raise ValueError(f"`{name}` must be finite, of shape {own.shape}.")
+        lengths, place = arrays["lengths"], state["next"]
+        if lengths.min() < 0 or lengths.max() > self.horizon:
+            raise ValueError(f"`lengths` must be from 0 to {self.horizon}.")
+        if type(place) is not int or not 0 <= place < self.horizon:
+            raise ValueError(f"`next` must be from 0 to below {self.horizon}, got {place!r}.")

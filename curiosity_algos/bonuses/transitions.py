@@ -1,0 +1,78 @@
+"""Which transitions of a trajectory are looked at: drawn, or evenly spaced.
+
+Both are `Read`: they take them out of rollouts wherever these were played, and can be pickled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.bonuses.spans import draw_steps
+from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
+
+Transitions = tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]
+"""Observations (P, n, O), actions (P, n, A) or (P, n), next observations (P, n, O)."""
+
+
+@dataclass(frozen=True)
+class DrawnTransitions:
+    """N transitions of each individual, whose places are drawn before its episode is played.
+
+    Attributes:
+        places: (P, n), where in its episode each begins, in [0, 1).
+        steps: (P, n), how many steps each spans, unless the episode ends before.
+    """
+
+    places: npt.NDArray[np.float64]
+    steps: npt.NDArray[np.int64]
+
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Transitions:
+        """Those of some individuals."""
+        lengths = rollouts.lengths[:, None]
+        begins = (self.places[individuals] * lengths).astype(np.int64)
+        return _between(rollouts, begins, np.minimum(begins + self.steps[individuals], lengths))
+
+
+def draw_transitions(
+    rng: np.random.Generator, n_individuals: int, n: int, horizon: int = 1
+) -> DrawnTransitions:
+    """N of each individual, uniform with replacement.
+
+    With a `horizon` above 1 they span up to as many steps, and no more than there are until the
+    episode's end.
+    """
+    shape = (n_individuals, n)
+    return DrawnTransitions(rng.random(shape), draw_steps(rng, shape, horizon))
+
+
+@dataclass(frozen=True)
+class EvenlySpaced:
+    """N transitions of each individual, evenly over its episode, of which the last is its last."""
+
+    n: int
+
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Transitions:
+        """Those of some individuals."""
+        ends = -(-np.arange(1, self.n + 1) * rollouts.lengths[:, None] // self.n)  # rounded up
+        return _between(rollouts, ends - 1, ends)
+
+
+def _between(
+    rollouts: Rollouts, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64]
+) -> Transitions:
+    """Those between steps (P, n) of each individual, with the action that each begins with."""
+    observations, actions = rollouts.trajectories
+    individuals = np.arange(len(rollouts))[:, None]
+    before, after = observations[individuals, begins], observations[individuals, ends]
+    check_observations(before)
+    check_observations(after)
+    return before, actions[individuals, begins], after
+
+
+def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """(P, n, ...) to (P n, ...)."""
+    return array.reshape(-1, *array.shape[2:])

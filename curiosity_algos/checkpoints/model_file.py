@@ -1,0 +1,271 @@
+"""Models in files: written whole, read without surprises, with clear errors for other files."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import pathlib
+import pickle
+import zipfile
+from collections.abc import Iterable, Mapping, Set
+from inspect import isroutine
+from numbers import Integral
+from typing import Any
+
+import cloudpickle
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file, save_to_zip_file
+from stable_baselines3.common.type_aliases import TensorDict
+from stable_baselines3.common.utils import get_device, get_system_info
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.checkpoints.plain_files import check_plain, is_plain
+from curiosity_algos.checkpoints.plain_json import decode, encode
+
+TRANSITIONS = {"buffer", "replay_buffer"}
+"""Names to exclude what parts have collected, ours and Stable-Baselines3's."""
+_ALGORITHM = ":algorithm:"
+"""Key of the class' name in a file, which no attribute can have."""
+_PICKLED = ":serialized:"
+"""Key of an attribute that Stable-Baselines3 writes with cloudpickle."""
+_KINDS: dict[str, Any] = {
+    "policy_class": type,
+    "policy_kwargs": dict,
+    "observation_space": spaces.Space,
+    "action_space": spaces.Space,
+    "verbose": Integral,
+    "num_timesteps": Integral,
+    "seed": Integral | None,
+    "env": VecEnv | None,
+}
+"""What SB3 takes attributes for before anything checks them; only those of None may be missing."""
+
+
+def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
+    """`path`, with SB3's suffix `.zip` where it has none."""
+    path = pathlib.Path(path)
+    return path if path.suffix else path.with_suffix(".zip")
+
+
+def save_model(
+    model: BaseAlgorithm,
+    path: str | os.PathLike[str] | io.BufferedIOBase,
+    exclude: Iterable[str] | None,
+    include: Iterable[str] | None,
+    *,
+    plain: bool = False,
+    **extra: Any,
+) -> None:
+    """Save a model as Stable-Baselines3 does, but in a file that appears only once it is whole.
+
+    Args:
+        model: What is saved: its attributes, and the state of the parts it names.
+        path: Of the file, or a file object; `.zip` is added where it has no suffix.
+        exclude: Attributes to leave out; "buffer" leaves out the transitions of the parts.
+        include: Attributes to save although they are left out by default.
+        plain: Write attributes as `read_attributes` takes them, without cloudpickle where that is
+            possible.
+        **extra: Attributes to write in place of the model's own.
+
+    Raises:
+        OSError: If it cannot be written; an older file is then as it was.
+        ValueError: If the state of a part could not be read back; an older file is then as it was.
+    """
+    exclude, include = set(exclude or ()), set(include or ())
+    parameters = _parameters(model, exclude)
+    parts = {name.partition(".")[0] for name in parameters}
+    left_out = (exclude | set(model._excluded_save_params()) | parts) - include
+    data = {key: value for key, value in model.__dict__.items() if key not in left_out}
+    data |= extra
+    data[_ALGORITHM] = type(model).__name__
+    if plain:
+        data = {name: _encoded(value) for name, value in data.items()}
+    if isinstance(path, io.BufferedIOBase):
+        save_to_zip_file(path, data=data, params=parameters)
+        return
+    with atomic_file(checkpoint_path(path)) as file:
+        save_to_zip_file(file, data=data, params=parameters)
+
+
+def _parameters(model: BaseAlgorithm, exclude: Set[str]) -> dict[str, Any]:
+    """The states of the model's parts, as the file holds them."""
+    parameters = model.get_parameters()
+    for name, state in parameters.items():
+        check_plain(state, _owner(model, name, state))
+    if exclude & TRANSITIONS:
+        for state in parameters.values():
+            # A user's bonus may have a tensor of that name.
+            if isinstance(state.get("buffer"), dict):
+                del state["buffer"]
+    return parameters
+
+
+def _owner(model: BaseAlgorithm, name: str, state: Any) -> str:
+    """What a user calls the part whose state, within that of the part `name`, is not plain."""
+    nested = state.items() if isinstance(state, Mapping) else ()
+    for key, value in nested:
+        # A part within a part, as a bonus in a motivation, has the name of the user's argument.
+        if isinstance(value, Mapping) and not is_plain(value) and hasattr(model, key):
+            return str(key)
+    return name.lstrip("_")
+
+
+def _encoded(value: Any) -> Any:
+    """`value` in terms of JSON, of cloudpickle's bytes where nothing else can write it."""
+    try:
+        return encode(value)
+    except TypeError:
+        # As SB3 does, but for its list of attributes, and for what JSON would change the type of.
+        pickled = base64.b64encode(cloudpickle.dumps(value)).decode()
+        return {":type:": str(type(value)), _PICKLED: pickled}
+
+
+def read_attributes(
+    file: pathlib.Path | io.BufferedIOBase,
+    algorithm: str,
+    given: Mapping[str, Any],
+    *,
+    allow_pickle: bool,
+) -> dict[str, Any]:
+    """What a file says about a model's attributes, read without running code.
+
+    Args:
+        file: What `check_is_checkpoint` gave.
+        algorithm: As `check_is_checkpoint` was given it.
+        given: Attributes to take in place of those in the file.
+        allow_pickle: Leave out what only cloudpickle can read, in place of an error.
+
+    Raises:
+        ValueError: If the file needs cloudpickle, or its attributes are damaged.
+    """
+    data = _read_data(file)
+    pickled = _pickled_names(data) - given.keys()
+    if pickled and not allow_pickle:
+        names = " and ".join(f"`{_argument(name)}`" for name in sorted(pickled))
+        raise ValueError(
+            f"{names} must be given to `load` (as keywords): {file} holds objects that are read by "
+            "running code. Pass allow_pickle=True if you trust whoever made the file."
+        )
+    try:
+        read = {name: decode(value) for name, value in data.items() if name not in pickled}
+    except (RecursionError, ValueError) as error:
+        raise ValueError(f"`path` must be a saved {algorithm}, {file} is damaged.") from error
+    return {**read, **{name: value for name, value in given.items() if name in data}}
+
+
+def pickled_attributes(file: pathlib.Path | io.BufferedIOBase) -> set[str]:
+    """Names of the attributes that only cloudpickle can read."""
+    return _pickled_names(_read_data(file))
+
+
+def _pickled_names(data: Mapping[str, Any]) -> set[str]:
+    return {name for name, value in data.items() if isinstance(value, dict) and _PICKLED in value}
+
+
+def _argument(attribute: str) -> str:
+    return "policy" if attribute == "policy_class" else attribute
+
+
+def read_model(
+    file: pathlib.Path | io.BufferedIOBase,
+    algorithm: str,
+    device: th.device | str,
+    custom_objects: dict[str, Any] | None,
+    print_system_info: bool = False,
+) -> tuple[dict[str, Any], TensorDict]:
+    """Read a model's attributes and the states of its parts.
+
+    Args:
+        file: What `check_is_checkpoint` gave.
+        algorithm: As `check_is_checkpoint` was given it.
+        device: Of the tensors read.
+        custom_objects: By name, what to take in place of the attributes in the file.
+        print_system_info: As in SB3.
+
+    Raises:
+        ValueError: If the file is damaged, or its tensors would run code.
+    """
+    device = get_device(device)
+    if print_system_info:
+        print("== CURRENT SYSTEM INFO ==")
+        get_system_info()
+    wrong = f"`path` must be a saved {algorithm}, {file}"
+    try:
+        data, parameters, variables = load_from_zip_file(
+            file,
+            custom_objects=custom_objects,
+            device=device,
+            print_system_info=print_system_info,
+        )
+    except pickle.UnpicklingError as error:
+        raise ValueError(f"{wrong} holds more than tensors and plain values.") from error
+    except Exception as error:  # whatever torch and zipfile raise of what is damaged
+        raise ValueError(f"{wrong} is damaged: {error!r}.") from error
+    # SB3 would set variables of any name; our models have none.
+    if data is None or variables is not None or not _is_sound(data):
+        raise ValueError(f"{wrong} is damaged.")
+    for name in (_ALGORITHM, "device"):  # `load` is told the device
+        data.pop(name, None)
+    return data, parameters
+
+
+def _is_sound(data: Mapping[str, Any]) -> bool:
+    """Whether a model can be made of these attributes, and none hides a method."""
+    is_hidden = any(isroutine(getattr(BaseAlgorithm, name, None)) for name in data)
+    return not is_hidden and all(isinstance(data.get(name), _KINDS[name]) for name in _KINDS)
+
+
+def check_is_checkpoint(
+    source: str | os.PathLike[str] | io.BufferedIOBase, algorithm: str
+) -> pathlib.Path | io.BufferedIOBase:
+    """Check that `source` is a whole model of `algorithm`, the name of a class of this package.
+
+    Returns:
+        What to read the model from: the file's path with its suffix, or the file object.
+
+    Raises:
+        FileNotFoundError: If there is no such file.
+        ValueError: If it is truncated, foreign, or of another algorithm.
+    """
+    if isinstance(source, io.BufferedIOBase):
+        file: pathlib.Path | io.BufferedIOBase = source
+        begin = source.tell()
+        found = _saved_algorithm(source)
+        source.seek(begin)
+    else:
+        path = pathlib.Path(source)
+        file = path = path if path.is_file() else checkpoint_path(source)
+        if not path.is_file():
+            raise FileNotFoundError(f"`path` must be a saved model, there is no file {path}.")
+        found = _saved_algorithm(path)
+    if found != algorithm:
+        what = "not a whole file of this package" if found is None else f"one of {found}"
+        raise ValueError(f"`path` must be a saved {algorithm}, {file} is {what}.")
+    return file
+
+
+def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
+    """Name of the class that the file holds, or None where it is damaged or foreign."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            if archive.testzip() is not None:
+                return None
+        name = _read_data(file).get(_ALGORITHM)
+    except Exception:  # whatever zipfile and json raise of what is damaged
+        return None
+    return name if isinstance(name, str) else None
+
+
+def _read_data(file: pathlib.Path | io.BufferedIOBase) -> Any:
+    """The file's JSON; a file object stays where it is."""
+    begin = file.tell() if isinstance(file, io.BufferedIOBase) else 0
+    with zipfile.ZipFile(file) as archive:
+        data = json.loads(archive.read("data"))
+    if isinstance(file, io.BufferedIOBase):
+        file.seek(begin)
+    return data

@@ -1,0 +1,96 @@
+"""Files of tensors and plain values, which torch reads back without running code."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch as th
+
+from curiosity_algos.checkpoints.atomic_file import atomic_file
+
+
+def plain(value: Any) -> Any:
+    """`value`, as Python's own number where it is one of numpy's, which these files do not hold."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def as_tensors(value: Any) -> Any:
+    """A copy of nested values: tensors for numpy's arrays, Python's numbers for its scalars."""
+    return _mapped(value, np.ndarray | np.generic, _as_tensor)
+
+
+def as_arrays(value: Any) -> Any:
+    """A copy of nested values: numpy's arrays for tensors."""
+    return _mapped(value, th.Tensor, lambda tensor: tensor.numpy())
+
+
+def _as_tensor(value: Any) -> Any:
+    return th.from_numpy(value) if isinstance(value, np.ndarray) else plain(value)
+
+
+def _mapped(value: Any, kind: Any, function: Any) -> Any:
+    if isinstance(value, kind):
+        return function(value)
+    if isinstance(value, dict):
+        return {key: _mapped(each, kind, function) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        mapped = [_mapped(each, kind, function) for each in value]
+        return mapped if isinstance(value, list) else tuple(mapped)
+    return value
+
+
+def is_plain(value: Any) -> bool:
+    """Whether torch reads it back without running code: tensors and plain values."""
+    if isinstance(value, Mapping):
+        return all(map(is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(is_plain, value))
+    is_leaf = isinstance(value, bool | int | float | str | th.Tensor) or value is None
+    return is_leaf and not isinstance(value, np.generic)
+
+
+def check_plain(state: Any, name: str) -> None:
+    """Check that a file can hold the state of the argument `name`.
+
+    Raises:
+        ValueError: If it cannot.
+    """
+    if not is_plain(state):
+        raise ValueError(f"`{name}` must have a state of tensors and plain values.")
+
+
+def write_plain(path: str | os.PathLike[str], content: dict[str, Any], kind: str) -> None:
+    """Write a file that appears only once it is whole, marked as one of a kind."""
+    with atomic_file(path) as file:
+        th.save({**content, "format": kind}, file)
+
+
+def read_plain(path: str | os.PathLike[str], kind: str, *, what: str) -> dict[str, Any]:
+    """Read a file of a kind.
+
+    Args:
+        path: Of the file.
+        kind: As it was written.
+        what: The name of such things, for errors.
+
+    Raises:
+        FileNotFoundError: If there is no such file.
+        ValueError: If it is damaged, or of another kind.
+    """
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"`path` must be a saved {what}, there is no file {path}.")
+    try:
+        with zipfile.ZipFile(path) as file:  # torch's unpickler may fail at anything else
+            is_whole = file.testzip() is None
+        saved = th.load(path, map_location="cpu", weights_only=True) if is_whole else None
+    except (zipfile.BadZipFile, OSError, RuntimeError, pickle.UnpicklingError):
+        saved = None
+    if not isinstance(saved, dict) or saved.get("format") != kind:
+        raise ValueError(f"`path` must be a saved {what}, {path} is not a whole one.")
+    return saved

@@ -1,1 +1,0 @@
-"""Exploration bonuses, and the motivation made of them."""

@@ -1,0 +1,1 @@
+"""What makes an individual interesting, beside reward."""

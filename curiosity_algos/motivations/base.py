@@ -1,0 +1,37 @@
+"""The protocol of motivations: what evolution strategies rank by, beside reward."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+Float64Array = npt.NDArray[np.float64]
+
+
+class Motivation(Protocol):
+    """What makes an individual interesting, beside reward.
+
+    One that also has `reads`, a `MakeReads`, says what it needs of trajectories: it gets rollouts
+    that hold excerpts alone where populations are large.
+    """
+
+    def score(self, rollouts: Rollouts) -> Float64Array:
+        """Intrinsic fitness of each individual, shape (P,)."""
+        ...
+
+    def update(self, rollouts: Rollouts) -> Mapping[str, float]:
+        """Learn from the generation; metrics to log."""
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        ...

@@ -1,0 +1,285 @@
+"""Curiosity of whole trajectories: what CuriosityES adds to the canonical evolution strategy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train
+from curiosity_algos.bonuses.buffer import TransitionBuffer
+from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.bonuses.perceptron import single_blas_thread
+from curiosity_algos.bonuses.spans import horizon_of
+from curiosity_algos.bonuses.transitions import EvenlySpaced, draw_transitions, flat
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import (
+    generator_state,
+    integer_seed,
+    load_generator_state,
+)
+from curiosity_algos.evaluation.rollouts import Excerpt, Read, Rollouts, check_observations
+from curiosity_gym.compiled import ThreadPool
+from curiosity_gym.validation import check_at_least_one, check_seed, check_share
+
+N_TOGETHER = 8
+"""Individuals whose states are scored in one call: fewer, and threads wait for Python's lock."""
+
+
+@dataclass(frozen=True)
+class WeightedSum:
+    """`sum_t gamma^(T-1-t) c_t` of each trajectory (eq. 10): a `Read` that scores it.
+
+    Attributes:
+        bonus: Gives the curiosity `c_t` of each transition.
+        gamma: In [0, 1].
+        pool: Threads that score.
+    """
+
+    bonus: Bonus
+    gamma: float
+    pool: ThreadPool
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle for a worker elsewhere, which scores on a thread of its own."""
+        return WeightedSum, (self.bonus, self.gamma, ThreadPool(1))
+
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Excerpt:
+        """One array, (P,), of some individuals."""
+        observations, actions = rollouts.trajectories
+        scores = np.empty(len(rollouts))
+
+        def score_one(i: int) -> None:
+            length = rollouts.lengths[i]
+            seen, taken = observations[i, : length + 1], actions[i, :length]
+            check_observations(seen)  # a bonus may bound what it takes, and see no infinity
+            weights = self.gamma ** np.arange(length)[::-1]
+            scores[i] = weights @ self.bonus.score_trajectory(seen, taken)
+
+        on_threads(self.pool, score_one, len(rollouts))
+        return (scores,)
+
+
+def on_threads(pool: ThreadPool, task: Callable[[int], None], n_tasks: int) -> None:
+    """Call the task with each number; what it does must not depend on the threads."""
+
+    def do(begin: int, end: int) -> None:
+        th.set_num_threads(1)  # torch's setting holds only in the thread that makes it
+        for number in range(begin, end):
+            task(number)
+
+    with single_torch_thread(), single_blas_thread():
+        pool.run(do, n_tasks, n_tasks)
+
+
+class CuriosityMotivation:
+    """Scores an individual by its trajectory's curiosity, and trains the bonus on what was seen.
+
+    `make_motivation` makes one, with its bonus and its buffer.
+
+    The score is `sum_t gamma^(T-1-t) c_t` (eq. 10), T the episode's own length: a `gamma` below 1
+    weighs the end of an episode most, which also keeps long episodes from winning by length alone.
+    With `n_states` it is the mean of the highest quarter of the curiosity of so many transitions,
+    which lie evenly over the episode and end with its last: what most of a trajectory has in common
+    with others does not count.
+
+    Args:
+        bonus: Gives the curiosity `c_t` of each transition.
+        buffer: What the bonus is trained on.
+        gamma: In [0, 1].
+        n_states: Transitions of an episode that its score looks at; None: all.
+        n_transitions: m, transitions of each individual that enter the buffer, drawn uniformly.
+        n_updates: p, gradient steps a generation.
+        batch_size: Transitions a gradient step.
+        seed: Seed of the draws.
+        n_threads: Threads that score, and that the bonus may train on; results do not depend on it.
+    """
+
+    def __init__(
+        self,
+        bonus: Bonus,
+        buffer: TransitionBuffer,
+        *,
+        gamma: float,
+        n_states: int | None = None,
+        n_transitions: int,
+        n_updates: int,
+        batch_size: int,
+        seed: np.random.SeedSequence,
+        n_threads: int | None = None,
+    ) -> None:
+        self.bonus = bonus
+        self.buffer = buffer
+        self.gamma = gamma
+        self.n_states = n_states
+        self.n_transitions = n_transitions
+        self.n_updates = n_updates
+        self.batch_size = batch_size
+        self._rng = np.random.default_rng(seed)
+        self._pool = ThreadPool(n_threads)
+        # Its own names of what it reads: rollouts may be read by another motivation, too.
+        self._scored, self._learned = f"{id(self)} scored", f"{id(self)} learned"
+        if isinstance(bonus, NetworkBonus):
+            bonus.pool = self._pool
+
+    def scoring(self, n_individuals: int) -> dict[str, Read]:
+        """What `score` needs of trajectories: it may be read where and when they are played."""
+        if self.n_states is None:
+            return {self._scored: WeightedSum(self.bonus, self.gamma, self._pool)}
+        return {self._scored: EvenlySpaced(self.n_states)}
+
+    def learning(self, n_individuals: int) -> dict[str, Read]:
+        """What `update` needs of the trajectories of so many individuals; it is drawn now."""
+        horizon = horizon_of(self.bonus)
+        return {
+            self._learned: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)
+        }
+
+    def reads(self, n_individuals: int) -> dict[str, Read]:
+        """All that is needed of the trajectories of a generation."""
+        return self.scoring(n_individuals) | self.learning(n_individuals)
+
+    def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        """Curiosity of each individual's trajectory, shape (P,)."""
+        excerpt = rollouts.excerpt(self._scored, self.scoring)
+        scores = excerpt[0] if self.n_states is None else self._of_some(*excerpt)
+        check_observations(scores)  # they are finite where all that they come from is
+        return scores
+
+    def _of_some(
+        self, begins: npt.NDArray[Any], actions: npt.NDArray[Any], ends: npt.NDArray[Any]
+    ) -> npt.NDArray[np.float64]:
+        """The mean of the highest quarter of the transitions (P, n, ...) of each, (P,)."""
+        n_individuals, n_states = begins.shape[:2]
+        curiosity = np.empty((n_individuals, n_states), dtype=np.float32)
+
+        def score_some(part: int) -> None:
+            some = slice(part * N_TOGETHER, (part + 1) * N_TOGETHER)
+            scored = self.bonus.score(flat(begins[some]), flat(actions[some]), flat(ends[some]))
+            curiosity[some] = scored.reshape(-1, n_states)
+
+        on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
+        n_highest = max(1, n_states // 4)
+        highest = np.sort(curiosity, axis=1)[:, -n_highest:]
+        scores: npt.NDArray[np.float64] = highest.mean(axis=1, dtype=np.float64)
+        return scores
+
+    def update(self, rollouts: Rollouts) -> dict[str, float]:
+        """Store m transitions of each individual, then train; mean losses of the generation."""
+        with single_torch_thread(), single_blas_thread():
+            self._remember(rollouts)
+            return train(
+                self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
+            )
+
+    def _remember(self, rollouts: Rollouts) -> None:
+        excerpt = rollouts.excerpt(self._learned, self.learning)
+        seen, actions, next_seen = (th.from_numpy(flat(each)) for each in excerpt)
+        self.bonus.observe(seen)
+        self.buffer.add(seen, actions, next_seen)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs."""
+        return {
+            "bonus": self.bonus.state_dict(),
+            "buffer": self.buffer.state_dict(),
+            "rng": generator_state(self._rng),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave; a buffer left out of the file stays empty."""
+        self.bonus.load_state_dict(state["bonus"])
+        if "buffer" in state:
+            self.buffer.load_state_dict(state["buffer"])
+        load_generator_state(self._rng, state["rng"])
+
+
+def check_how_to_score(n_states: int | None, gamma: float) -> None:
+    """Raise ValueError unless a trajectory can be scored so."""
+    check_share(gamma=gamma)
+    if n_states is not None:
+        check_at_least_one(n_states=n_states)
+        if gamma != 1.0:
+            raise ValueError("`gamma` must be 1 unless `n_states` is None: it weighs the sum.")
+
+
+def make_motivation(
+    observation_space: spaces.Space[Any],
+    action_space: spaces.Space[Any],
+    *,
+    bonus: str | Bonus = "apt",
+    bonus_kwargs: Mapping[str, Any] | None = None,
+    n_states: int | None = 20,
+    gamma: float = 1.0,
+    n_transitions: int = 100,
+    n_updates: int = 32,
+    batch_size: int = 256,
+    buffer_size: int = 500_000,
+    seed: int | np.random.SeedSequence | None = None,
+    device: th.device | str = "auto",
+    n_threads: int | None = None,
+) -> CuriosityMotivation:
+    """A motivation for any algorithm that has rollouts with trajectories.
+
+    Args:
+        observation_space: One-dimensional Box.
+        action_space: One-dimensional Box, or Discrete.
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for these spaces, which the motivation then
+            trains.
+        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`.
+        gamma: See `CuriosityMotivation`, as for the next four.
+        n_states: Transitions of an episode that its score looks at; None: all.
+        n_transitions: m, transitions of each individual kept for training.
+        n_updates: p, gradient steps a generation.
+        batch_size: Transitions a gradient step.
+        buffer_size: Transitions kept in all, the newest.
+        seed: Of the initial weights and all draws; None: fresh entropy.
+        device: Where the networks are, as in SB3.
+        n_threads: Threads that score and train; None: as many as there are processors.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the spaces are of another kind.
+    """
+    check_bonus_choice(bonus, bonus_kwargs or {})
+    check_how_to_score(n_states, gamma)
+    check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
+    check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+    motivation_seed, networks_seed, buffer_seed = _seed_sequence(seed).spawn(3)
+    made = make_bonus(
+        bonus,
+        bonus_kwargs or {},
+        observation_space,
+        action_space,
+        seed=integer_seed(networks_seed),
+        device=device,
+    )
+    assert isinstance(observation_space, spaces.Box)
+    buffer = TransitionBuffer(
+        buffer_size,
+        observation_space,
+        stored_action_size(action_space),
+        seed=integer_seed(buffer_seed),
+    )
+    return CuriosityMotivation(
+        made,
+        buffer,
+        gamma=gamma,
+        n_states=n_states,
+        n_transitions=n_transitions,
+        n_updates=n_updates,
+        batch_size=batch_size,
+        seed=motivation_seed,
+        n_threads=n_threads,
+    )
+
+
+def _seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    check_seed(seed)
+    return np.random.SeedSequence(seed)

@@ -1,0 +1,68 @@
+"""How curious an archive's elites are now, from a few transitions kept of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.transitions import draw_transitions, flat
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.evaluation.rollouts import Read, Rollouts
+
+KEPT = "kept"
+"""Name of what is read of trajectories."""
+
+Batch = dict[str, npt.NDArray[Any]]
+
+
+class EliteCuriosity:
+    """Estimates the curiosity of whole trajectories that only samples are kept of.
+
+    A score kept from the time of the episode would stay high where all has long been learned; these
+    are asked of the bonus as it is now.
+
+    Args:
+        bonus: Gives the curiosity of a transition.
+        n_transitions: Kept of each trajectory, drawn uniformly with replacement.
+        seed: Of the draws.
+    """
+
+    def __init__(self, bonus: Bonus, n_transitions: int, seed: np.random.SeedSequence) -> None:
+        self.bonus = bonus
+        self.n_transitions = n_transitions
+        self._rng = np.random.default_rng(seed)
+
+    def reads(self, n_individuals: int) -> dict[str, Read]:
+        """What `fields` needs of the trajectories of so many individuals; it is drawn now."""
+        return {KEPT: draw_transitions(self._rng, n_individuals, self.n_transitions)}
+
+    def fields(self, rollouts: Rollouts) -> Batch:
+        """What is kept of each individual: observations (P, n, O), actions, ..., length (P,)."""
+        drawn = rollouts.excerpt(KEPT, self.reads)
+        names = ("observations", "actions", "next_observations")
+        return {**dict(zip(names, drawn, strict=True)), "length": rollouts.lengths}
+
+    def score(self, elites: Batch) -> npt.NDArray[np.float64]:
+        """Estimated sum of the curiosity of each elite's transitions, (n,)."""
+        with single_torch_thread():
+            curiosity = self.bonus.score(
+                flat(elites["observations"]),
+                flat(elites["actions"]),
+                flat(elites["next_observations"]),
+            )
+        means = curiosity.reshape(-1, self.n_transitions).mean(axis=1, dtype=np.float64)
+        scores: npt.NDArray[np.float64] = elites["length"] * means
+        return scores
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state of the draws; the bonus' own is its motivation's."""
+        return {"rng": generator_state(self._rng)}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        load_generator_state(self._rng, state["rng"])

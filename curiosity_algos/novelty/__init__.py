@@ -1,1 +1,0 @@
-"""Novelty of behaviors: how far they are from what was seen."""

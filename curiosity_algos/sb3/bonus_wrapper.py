@@ -1,0 +1,376 @@
+"""A wrapper that adds an exploration bonus to the reward of any Stable-Baselines3 algorithm."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import nullcontext
+from functools import partial
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.utils import get_device
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
+
+from curiosity_algos.bonuses.base import Bonus, check_rewards, train
+from curiosity_algos.bonuses.buffer import TransitionBuffer
+from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
+from curiosity_algos.checkpoints.plain_files import plain
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.evaluation.rollouts import check_observations
+from curiosity_algos.sb3.scale import BonusScale
+from curiosity_algos.sb3.wrapper_file import (
+    SETTINGS,
+    check_actions,
+    check_counters,
+    check_fits,
+    last_observations,
+    read_wrapper,
+    resume_episodes,
+    sound,
+    write_wrapper,
+)
+from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share
+
+DEFAULTS = {"icm": {"learning_rate": 1e-4}}
+"""Keywords of bonuses where users give none: faster, the module outruns a policy on its own."""
+
+
+class BonusVecEnvWrapper(VecEnvWrapper):
+    """Rewards transitions by how curious a bonus finds them, and trains the bonus.
+
+    The reward becomes `extrinsic reward + weight * bonus`, before the algorithm sees it, so that it
+    carries credit through time. The bonus is divided by the running standard deviation of its
+    discounted sum (Burda et al. 2018), so that a `weight` means much the same whatever its scale.
+    At the end of an episode it is that of the true last observation, never of the one after the
+    reset. Before its first training the module knows no scale: until then the bonus is 0.
+
+    The replay buffer of an off-policy algorithm keeps rewards as they were when collected; the
+    bonus of an old transition is then that of long ago.
+
+    Put a VecMonitor or Monitor below this wrapper, and it records the rewards of the task; put a
+    VecNormalize above it.
+
+    Args:
+        venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for the spaces of `venv`, which this then
+            trains.
+        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND`. The `learning_rate` of
+            an ICM is 1e-4 here.
+        weight: Of the bonus, above 0.
+        extrinsic: Whether the reward of the task counts; False: curiosity alone.
+        gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
+        train_interval: Transitions of all environments between two trainings.
+        n_updates: Gradient steps a training.
+        batch_size: Transitions a gradient step.
+        buffer_size: Transitions kept to train on, the newest.
+        seed: Of the networks and the draws; None: fresh entropy.
+        device: Where the networks are, as in SB3.
+
+    Attributes:
+        metrics: Mean losses of the last training, which `ExplorationCallback` logs.
+        is_new: Whether it was neither stepped nor loaded, and no callback has warned of that yet.
+        training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
+
+    Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
+    the bonus.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the spaces are of another kind.
+    """
+
+    def __init__(
+        self,
+        venv: VecEnv,
+        *,
+        bonus: str | Bonus = "icm",
+        bonus_kwargs: dict[str, Any] | None = None,
+        weight: float = 1.0,
+        extrinsic: bool = True,
+        gamma: float = 0.99,
+        train_interval: int = 2048,
+        n_updates: int = 64,
+        batch_size: int = 256,
+        buffer_size: int = 100_000,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+    ) -> None:
+        _check_venv(venv)
+        check_bonus_choice(bonus, bonus_kwargs or {})
+        check_positive(weight=weight)
+        _check_discount(gamma)
+        check_at_least_one(train_interval=train_interval, n_updates=n_updates)
+        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+        check_seed(seed)
+        super().__init__(venv)
+        self.weight = float(weight)
+        self.extrinsic = bool(extrinsic)
+        self.gamma = float(gamma)
+        self.train_interval = int(train_interval)
+        self.n_updates = int(n_updates)
+        self.batch_size = int(batch_size)
+        self.buffer_size = int(buffer_size)
+        self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
+        self.training = True
+        self.is_new = True
+        self._name = bonus if isinstance(bonus, str) else None
+        self._make_parts(bonus, np.random.SeedSequence(seed), device)
+        self.metrics: dict[str, float] = {}
+        self._observations = self._actions = np.empty(0)
+        self._scale = BonusScale(self.num_envs, gamma=self.gamma)
+        self._n_untrained = 0
+        self._has_trained = False
+        self._must_reset = False
+
+    def _make_parts(
+        self,
+        bonus: str | Bonus,
+        seed: np.random.SeedSequence,
+        device: th.device | str,
+    ) -> None:
+        networks_seed, buffer_seed, steps_seed = seed.spawn(3)
+        space, action_space = self.observation_space, self.action_space
+        keywords = {**DEFAULTS.get(self._name or "", {}), **self.bonus_kwargs}
+        self.bonus = make_bonus(
+            bonus, keywords, space, action_space, seed=integer_seed(networks_seed), device=device
+        )
+        self._has_images = ImageInputs.of(space) is not None
+        assert isinstance(space, spaces.Box)
+        n_stored = stored_action_size(action_space)
+        self.buffer = TransitionBuffer(
+            self.buffer_size, space, n_stored, seed=integer_seed(buffer_seed)
+        )
+        self._recent = RecentSteps(
+            self.num_envs,
+            horizon_of(self.bonus),
+            space.shape,
+            np.uint8 if self._has_images else np.float32,
+            n_stored,
+            seed=steps_seed,
+        )
+
+    # -- stepping -------------------------------------------------------------------------------
+
+    def reset(self) -> VecEnvObs:
+        """Begin episodes in every environment."""
+        self._must_reset = False
+        observations = self.venv.reset()
+        self._observations = self._stored(observations)
+        self._scale.reset()
+        self._recent.end(np.ones(self.num_envs, dtype=np.bool_))
+        return observations
+
+    def step_async(self, actions: npt.NDArray[Any]) -> None:
+        """Begin a step."""
+        if self._must_reset:
+            self.reset()
+        is_box = isinstance(self.action_space, spaces.Box)
+        self._actions = np.array(actions, dtype=np.float32 if is_box else np.int64)
+        self.venv.step_async(actions)
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """End a step; the rewards are those that the algorithm is to learn from.
+
+        Raises:
+            ValueError: If observations or rewards are not finite, or an info is no dictionary.
+        """
+        observations, rewards, dones, infos = self.venv.step_wait()
+        self.is_new = False
+        check_rewards(rewards)
+        _check_infos(infos)
+        before, after = self._observations, self._stored(observations)
+        self._observations = after
+        bonus = self._visit(before, self._last_observations(after, dones, infos))
+        self._recent.end(dones | (not self.training))  # steps that are not learned from are gaps
+        intrinsic = self.weight * bonus
+        for info, outer, inner in zip(infos, rewards, intrinsic, strict=True):
+            info["reward_extrinsic"], info["reward_intrinsic"] = float(outer), float(inner)
+        total = intrinsic + rewards if self.extrinsic else intrinsic
+        return observations, total.astype(np.float32), dones, infos
+
+    def _stored(self, observations: VecEnvObs) -> npt.NDArray[Any]:
+        """A copy, as the networks take them: images stay bytes."""
+        stored = np.array(observations, dtype=np.uint8 if self._has_images else np.float32)
+        check_observations(stored)
+        return stored
+
+    def _last_observations(
+        self, observations: npt.NDArray[Any], dones: npt.NDArray[Any], infos: list[dict[str, Any]]
+    ) -> npt.NDArray[Any]:
+        """What the steps led to: of an ended episode its last observation, not the next's first."""
+        if not dones.any():
+            return observations
+        led_to = observations.copy()
+        for i in np.flatnonzero(dones):
+            led_to[i] = infos[i]["terminal_observation"]
+        check_observations(led_to)
+        return led_to
+
+    def _visit(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        """Score the transitions, then learn from them; the scaled bonus of each environment."""
+        with single_torch_thread():
+            bonus = np.zeros(len(before))
+            if self._has_trained:
+                score = self.bonus.score(before, self._actions, after)
+                if not np.isfinite(score).all():
+                    raise ValueError("`bonus` must give finite scores, it gave others.")
+                bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
+            if self.training:
+                self._learn(before, after)
+        return bonus
+
+    def _learn(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> None:
+        self._recent.add(before, self._actions)
+        observations, actions = map(th.from_numpy, self._recent.draw())
+        self.bonus.observe(th.from_numpy(before))
+        self.buffer.add(observations, actions, th.from_numpy(after))
+        self._n_untrained += len(before)
+        if self._n_untrained >= self.train_interval:
+            self._train()
+
+    def _train(self) -> None:
+        self._n_untrained = 0
+        self._has_trained = True
+        self.metrics = train(
+            self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
+        )
+
+    # -- save and load --------------------------------------------------------------------------
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that a resumed run needs, but the environments below."""
+        return {
+            "bonus": self.bonus.state_dict(),
+            "buffer": self.buffer.state_dict(),
+            "scale": self._scale.state_dict(),
+            "recent": self._recent.state_dict(),
+            "observations": th.from_numpy(self._observations.copy()),
+            "n_untrained": self._n_untrained,
+            "has_trained": self._has_trained,
+            "metrics": dict(self.metrics),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` of a wrapper with the same settings gave.
+
+        Raises:
+            ValueError: If it is another's.
+        """
+        self._load_all_but_the_bonus(state)
+        self._load_bonus(state["bonus"])
+
+    def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
+        check_counters(state)
+        check_actions(state["buffer"]["actions"], self.action_space)
+        shape = (self.num_envs, *(self.observation_space.shape or ()))
+        dtype = np.uint8 if self._has_images else np.float32
+        observations = last_observations(state["observations"], shape, dtype)
+        self._recent.check(state["recent"])
+        self._scale.load_state_dict(state["scale"])
+        self.buffer.load_state_dict(state["buffer"])
+        self._recent.load_state_dict(state["recent"])
+        self._observations = observations
+        self._n_untrained = state["n_untrained"]
+        self._has_trained = state["has_trained"]
+        self.is_new = False
+        self.metrics = dict(state["metrics"])
+
+    def _load_bonus(self, state: Mapping[str, Any]) -> None:
+        before = self.bonus.state_dict()
+        try:
+            self.bonus.load_state_dict(state)
+        except Exception as error:  # a bonus of one's own may raise any
+            self.bonus.load_state_dict(before)
+            raise ValueError("`bonus` must be made as the one that was saved.") from error
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write what `load` needs, beside the model's own file.
+
+        Where episodes stand is part of it if the environments below can tell it in arrays and plain
+        values, as those of `curiosity_gym` do. The file takes the place of an older one only once
+        it is wholly on disk.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+            ValueError: If the state of a bonus of your own holds what no file of torch may.
+        """
+        write_wrapper(
+            path,
+            venv=self.venv,
+            settings={name: getattr(self, name) for name in SETTINGS} | {"bonus": self._name},
+            state=self.state_dict(),
+        )
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        venv: VecEnv,
+        *,
+        bonus: Bonus | None = None,
+        device: th.device | str = "auto",
+    ) -> Self:
+        """Wrap `venv` as the wrapper that was saved had wrapped another.
+
+        Episodes go on where they were, if the file knows: give the model `force_reset=False` then,
+        or it begins new ones. If the file does not know, the first step begins new ones.
+
+        Args:
+            path: Of the file.
+            venv: As many environments with the same spaces.
+            bonus: An object made as the one that was saved; None where that had a name.
+            device: As in the constructor.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If it is damaged, foreign, or does not fit `venv` or `bonus`.
+        """
+        _check_venv(venv)
+        device = get_device(device)
+        saved = read_wrapper(path)
+        check_fits(saved, path, venv, bonus)
+        settings = saved["settings"] | ({} if bonus is None else {"bonus": bonus})
+        # What fails with a bonus of the user's own is not the file's fault.
+        blamed = partial(sound, path) if bonus is None else nullcontext
+        with blamed():
+            wrapper = cls(venv, **settings, device=device)
+        with sound(path):
+            wrapper._load_all_but_the_bonus(saved["state"])
+        with blamed():
+            wrapper._load_bonus(saved["state"]["bonus"])
+        with sound(path):
+            resume_episodes(venv, saved["environments"])
+        # Not yet, as a model's own reset would take another start then.
+        wrapper._must_reset = saved["environments"] is None
+        return wrapper
+
+
+ICMVecEnvWrapper = BonusVecEnvWrapper
+"""Another name of the wrapper, whatever its bonus."""
+
+
+def _check_venv(venv: object) -> None:
+    if not isinstance(venv, VecEnv):
+        raise ValueError(f"`venv` must be a VecEnv of Stable-Baselines3, got {venv!r}.")
+    if unwrap_vec_normalize(venv) is not None:
+        # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
+        raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
+
+
+def _check_infos(infos: list[dict[str, Any]]) -> None:
+    # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
+    if not all(isinstance(info, dict) for info in infos):
+        raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
+
+
+def _check_discount(gamma: float) -> None:
+    check_share(gamma=gamma)
+    if gamma == 1.0:
+        raise ValueError("`gamma` must be below 1: the sum would grow for ever.")

@@ -1,0 +1,153 @@
+"""Callbacks for Stable-Baselines3's own algorithms: logs of exploration, and checkpoints."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
+from stable_baselines3.common.vec_env import unwrap_vec_wrapper
+
+from curiosity_algos.bonuses.base import record_bonus
+from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
+from curiosity_algos.evaluation.episodes import EpisodeRecord
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+
+
+class ExplorationCallback(BaseCallback):
+    """Logs what this package's algorithms log: coverage, and of a `BonusVecEnvWrapper` the bonus.
+
+    With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended in
+    and those that they visited on their way (`coverage/visited`), where environments give
+    `info["behavior"]` as those of `curiosity_gym` do. With each rollout it logs `intrinsic/mean`
+    and `intrinsic/max` of the steps since the last log, and the losses of the wrapper's last
+    training. It warns where a model that has trained goes on with a new wrapper.
+
+    Args:
+        verbose: As in SB3.
+
+    Attributes:
+        coverage: Its `reachable` and `all` are the shares of cells in which episodes ended, its
+            `visited` that of the cells in which any step ended.
+        first_success_timesteps: Timesteps when an episode first succeeded, or None.
+        best_return: Highest return of an episode that a Monitor saw; -inf before the first.
+    """
+
+    def __init__(self, verbose: int = 0) -> None:
+        super().__init__(verbose)
+        self._episodes = EpisodeRecord(None)
+        self._intrinsic: list[float] = []
+
+    @property
+    def coverage(self) -> Coverage:
+        """Shares of cells."""
+        return self._episodes.coverage
+
+    @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self.coverage.shares
+
+    @property
+    def first_success_timesteps(self) -> int | None:
+        """Timesteps, or None."""
+        return self._episodes.first_success_timesteps
+
+    @property
+    def best_return(self) -> float:
+        """Highest return."""
+        return self._episodes.best_return
+
+    def _on_training_start(self) -> None:
+        _warn_of_a_new_wrapper(self.model)
+        grid = coverage_grid(self.training_env)
+        if grid != self.coverage.grid:
+            self._episodes = EpisodeRecord(grid)
+
+    def _on_step(self) -> bool:
+        infos = self.locals["infos"]
+        self._episodes.add(infos, self.locals["dones"], self.num_timesteps)
+        if any(self.locals["dones"]):  # off-policy algorithms log before their rollout ends
+            self._log_coverage()
+        self._intrinsic += [
+            info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info
+        ]
+        return True
+
+    def _on_rollout_end(self) -> None:
+        self._log_coverage()
+        if self._intrinsic:
+            record_bonus(self.logger, np.array(self._intrinsic))
+            self._intrinsic.clear()
+        wrapper = bonus_wrapper(self.model)
+        for name, loss in ({} if wrapper is None else wrapper.metrics).items():
+            self.logger.record(name, loss)
+
+    def _log_coverage(self) -> None:
+        for name, share in self.coverage_shares.items():
+            self.logger.record(f"coverage/{name}", share)
+
+    def state_dict(self) -> dict[str, Any]:
+        """What was found so far, for a checkpoint."""
+        return self._episodes.state_dict()
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave, once `learn` has begun."""
+        self._episodes.load_state_dict(state)
+
+
+class BonusCheckpointCallback(CheckpointCallback):
+    """SB3's `CheckpointCallback`, which also saves the `BonusVecEnvWrapper` of the model.
+
+    Beside `{name_prefix}_{timesteps}_steps.zip` there is a file for `BonusVecEnvWrapper.load`,
+    `{name_prefix}_bonus_{timesteps}_steps.pt`. All arguments are SB3's.
+
+    Args:
+        save_freq: Calls of the callback from one checkpoint to the next.
+        save_path: Folder of the files.
+        name_prefix: Beginning of their names.
+        save_replay_buffer: Save the model's replay buffer, too.
+        save_vecnormalize: Save the statistics of a `VecNormalize`, too.
+        verbose: 2: say what is saved.
+
+    Raises:
+        ValueError: When `learn` begins, if the model's environment has no such wrapper.
+    """
+
+    def _init_callback(self) -> None:
+        if bonus_wrapper(self.model) is None:
+            raise ValueError("`env` must be wrapped in a BonusVecEnvWrapper, it is not.")
+        super()._init_callback()
+
+    def _on_training_start(self) -> None:
+        _warn_of_a_new_wrapper(self.model)
+
+    def _on_step(self) -> bool:
+        wrapper = bonus_wrapper(self.model)
+        # The model comes second, so that wherever there is one its wrapper is there too.
+        if wrapper is not None and self.n_calls % self.save_freq == 0:
+            wrapper.save(self._checkpoint_path("bonus_", extension="pt"))
+        return super()._on_step()
+
+
+def bonus_wrapper(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
+    """The `BonusVecEnvWrapper` that a model learns with, or None."""
+    venv = model.get_env()
+    return None if venv is None else unwrap_vec_wrapper(venv, BonusVecEnvWrapper)
+
+
+def _warn_of_a_new_wrapper(model: BaseAlgorithm) -> None:
+    """Warn, once, if a model that has trained goes on with a wrapper that has seen no step."""
+    wrapper = bonus_wrapper(model)
+    has_trained = model.num_timesteps > 0 or model._n_updates > 0
+    if wrapper is not None and wrapper.is_new and has_trained:
+        wrapper.is_new = False
+        warnings.warn(
+            "The model has trained, and its BonusVecEnvWrapper is new. If this model was saved "
+            "with one, its bonus begins anew: wrap the environment with BonusVecEnvWrapper.load to "
+            "go on with what was saved.",
+            stacklevel=2,
+        )

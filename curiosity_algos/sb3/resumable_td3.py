@@ -1,0 +1,619 @@
+"""Stable-Baselines3's TD3 with the env first, coverage, and a resume that is exact."""
+
+from __future__ import annotations
+
+import copy
+import io
+import math
+import os
+from abc import abstractmethod
+from collections.abc import Iterable
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+from stable_baselines3 import TD3
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.preprocessing import get_action_dim
+from stable_baselines3.common.type_aliases import (
+    GymEnv,
+    MaybeCallback,
+    RolloutReturn,
+    Schedule,
+    TensorDict,
+    TrainFreq,
+    TrainFrequencyUnit,
+)
+from stable_baselines3.common.utils import should_collect_more_steps
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.td3 import CnnPolicy, MlpPolicy
+from stable_baselines3.td3.policies import TD3Policy
+
+from curiosity_algos.checkpoints.environment_state import (
+    environment_states,
+    load_environment_states,
+)
+from curiosity_algos.checkpoints.model_file import (
+    TRANSITIONS,
+    check_is_checkpoint,
+    read_model,
+    save_model,
+)
+from curiosity_algos.checkpoints.parts import stateful_parts
+from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_parameters
+from curiosity_algos.common.interrupt import deferred_interrupt
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator, reseed
+from curiosity_algos.evaluation.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.evaluation.constructors import AlgorithmType, name_of_applied
+from curiosity_algos.evaluation.coverage import coverage_grid
+from curiosity_algos.evaluation.environments import describe, step_limit
+from curiosity_algos.evaluation.episodes import EpisodeRecord
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+from curiosity_gym.validation import (
+    check_at_least_one,
+    check_not_negative,
+    check_seed,
+    check_share,
+)
+
+NOISE = 0.1
+"""Standard deviation of the action noise, in halves of the action space."""
+
+
+class GaussianActionNoise(ActionNoise):
+    """Independent normal noise from a generator of its own.
+
+    Args:
+        n_actions: Entries of an action.
+        seed: Of the draws.
+    """
+
+    def __init__(self, n_actions: int, seed: np.random.SeedSequence) -> None:
+        super().__init__()
+        self._n_actions = n_actions
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self) -> npt.NDArray[np.float32]:
+        """The noise of one step."""
+        return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)
+
+
+class ResumableTD3(TD3, metaclass=AlgorithmType):
+    """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
+
+    A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout
+    (`_see_rollout`), and trains its parts after it (`_train_parts`). Training goes on one torch
+    thread, on which small batches are no slower and bits do not depend on the machine's number.
+
+    Args:
+        env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
+            Actions must be a bounded Box.
+        policy: "MlpPolicy", "CnnPolicy", or a subclass of either.
+        preset: "paper" or "tuned": settings that replace the defaults of what is not given here,
+            see `load_preset`; None: none.
+        learning_rate: Adam's, of actor and critics, or a schedule as in SB3.
+        buffer_size: Transitions kept.
+        learning_starts: Steps of random actions before the first training.
+        batch_size: Transitions a gradient step.
+        tau: Share of the networks that moves into the target networks at each update, in [0, 1].
+        gamma: Discount of future rewards, in [0, 1].
+        train_freq: As in SB3: what a rollout is, in steps, or a pair such as (1, "episode").
+        gradient_steps: After each rollout; -1: as many as it had steps.
+        action_noise: As in SB3; None: normal with standard deviation .1, seeded.
+        policy_delay: Gradient steps of the critics for each of the actor.
+        target_policy_noise: Standard deviation of the noise on target actions, at least 0.
+        target_noise_clip: Largest absolute value of that noise.
+        policy_kwargs: As in SB3.
+        seed: Seed of everything random; None: fresh entropy.
+        device: Where the networks are, as in SB3.
+        verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
+        tensorboard_log: Folder of TensorBoard's files; None: none.
+        stats_window_size: Episodes that logged means are over.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the env's spaces are not supported.
+    """
+
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {
+        "MlpPolicy": MlpPolicy,
+        "CnnPolicy": CnnPolicy,
+    }
+
+    def __init__(
+        self,
+        env: AnyEnv | None,
+        policy: str | type[TD3Policy] = "MlpPolicy",
+        *,
+        preset: str | None = None,
+        learning_rate: float | Schedule = 1e-3,
+        buffer_size: int = 1_000_000,
+        learning_starts: int = 100,
+        batch_size: int = 256,
+        tau: float = 0.005,
+        gamma: float = 0.99,
+        train_freq: int | tuple[int, str] = 1,
+        gradient_steps: int = 1,
+        action_noise: ActionNoise | None = None,
+        policy_delay: int = 2,
+        target_policy_noise: float = 0.2,
+        target_noise_clip: float = 0.5,
+        policy_kwargs: dict[str, Any] | None = None,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+        verbose: int = 0,
+        tensorboard_log: str | None = None,
+        stats_window_size: int = 100,
+        _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
+    ) -> None:
+        check_order(self, env, policy)
+        preset = name_of_applied(preset)
+        check_seed(seed)
+        env = open_env(env)
+        if env is not None or _init_setup_model:
+            _check_env(env)
+        super().__init__(
+            policy,
+            env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
+            learning_rate=learning_rate,
+            buffer_size=buffer_size,
+            learning_starts=learning_starts,
+            batch_size=batch_size,
+            tau=tau,
+            gamma=gamma,
+            train_freq=train_freq,
+            gradient_steps=gradient_steps,
+            action_noise=action_noise,
+            policy_delay=policy_delay,
+            target_policy_noise=target_policy_noise,
+            target_noise_clip=target_noise_clip,
+            policy_kwargs=policy_kwargs,
+            seed=seed,
+            device=device,
+            verbose=verbose,
+            tensorboard_log=tensorboard_log,
+            stats_window_size=stats_window_size,
+            _init_setup_model=False,
+        )
+        self.preset = preset
+        self._n_steps = self._n_episodes = 0  # of the rollout under way
+        self._is_seen = False
+        self._interrupted: dict[str, Any] | None = None
+        self._coverage_grid = None if self.env is None else coverage_grid(self.env)
+        if _init_setup_model:
+            self._setup_model()
+
+    # -- what an algorithm writes ---------------------------------------------------------------
+
+    @abstractmethod
+    def _check_settings(self) -> None:
+        """Check what the constructor was given, and what `load` may have replaced."""
+
+    @abstractmethod
+    def _make_parts(self, seed: np.random.SeedSequence) -> ReplayBuffer:
+        """Create what the algorithm holds, and give its replay buffer."""
+
+    @abstractmethod
+    def _see_rollout(self, n_steps: int) -> None:
+        """Take in a rollout, the newest `n_steps` of the replay buffer, before training on it."""
+
+    @abstractmethod
+    def _train_parts(self, batch_size: int) -> None:
+        """Train what the algorithm holds, before actor and critics."""
+
+    # -- the model ------------------------------------------------------------------------------
+
+    def _setup_model(self) -> None:
+        self._check_settings()
+        check_share(tau=self.tau, gamma=self.gamma)
+        check_at_least_one(policy_delay=self.policy_delay)
+        check_not_negative(target_policy_noise=self.target_policy_noise)
+        seeds = np.random.SeedSequence(self.seed).spawn(3)
+        self._generators = GlobalGenerators(seeds[0], self.device)
+        self._record = EpisodeRecord(self._coverage_grid)
+        if self.action_noise is None:
+            self.action_noise = GaussianActionNoise(get_action_dim(self.action_space), seeds[1])
+        self.replay_buffer = self._make_parts(seeds[2])
+        self._random_actions = SpaceGenerator(self.action_space)
+        with self._generators.lent():
+            super()._setup_model()
+        assert isinstance(self.train_freq, TrainFreq)
+        check_at_least_one(train_freq=self.train_freq.frequency)
+        if self.gradient_steps not in (-1, 0):
+            check_at_least_one(gradient_steps=self.gradient_steps)
+
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """Seed the run's generators, those of noise, bonus and replay buffer, env and actions.
+
+        Unlike in SB3 the global generators of the process stay as they are.
+
+        Args:
+            seed: None: nothing is seeded.
+
+        Raises:
+            ValueError: If it is no whole number of at least 0.
+        """
+        check_seed(seed)
+        if seed is None:
+            return
+        self._generators.seed(np.random.SeedSequence(seed))
+        if hasattr(self, "policy"):  # SB3 calls this before it makes one: the parts are new then
+            names = [name.partition(".")[0] for name in self._get_torch_save_params()[0]]
+            parts = [self.action_noise, *(getattr(self, name) for name in names)]
+            reseed(parts, np.random.SeedSequence(seed))
+        self.action_space.seed(int(seed))
+        if self.env is not None:
+            self.env.seed(int(seed))
+
+    @staticmethod
+    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        return wrap_env(env, verbose, monitor_wrapper)
+
+    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
+        """Train on another environment with the same spaces.
+
+        Where coverage counts other cells than before, as in another maze, coverage, the best return
+        and the first success start anew; networks and replay buffer go on.
+
+        Args:
+            env: As in the constructor.
+            force_reset: As in SB3.
+
+        Raises:
+            ValueError: If the spaces are others, or the env is not supported.
+        """
+        env = open_env(env)
+        _check_env(env)
+        super().set_env(env, force_reset)
+        self._match_env()
+
+    def _match_env(self) -> None:
+        """Count in the grid of the env; in another one, forget what was found before."""
+        assert self.env is not None
+        grid = coverage_grid(self.env)
+        if grid != self._coverage_grid:
+            self._coverage_grid = grid
+            self._record = EpisodeRecord(grid)
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the reachable cells in which episodes ended; None: nothing to count.
+
+        `coverage_shares["visited"]` is that of the cells in which any step ended.
+        """
+        return self._record.coverage.reachable
+
+    @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self._record.coverage.shares
+
+    @property
+    def best_return(self) -> float:
+        """Highest return of an episode so far; -inf before the first, or if no Monitor sees any."""
+        return self._record.best_return
+
+    @property
+    def first_success_timesteps(self) -> int | None:
+        """Timesteps when an episode first succeeded, or None."""
+        return self._record.first_success_timesteps
+
+    # -- the loop -------------------------------------------------------------------------------
+
+    def learn(
+        self,
+        total_timesteps: float,
+        callback: MaybeCallback = None,
+        log_interval: int | None = 4,
+        tb_log_name: str | None = None,
+        reset_num_timesteps: bool = True,
+        progress_bar: bool = False,
+    ) -> Self:
+        """Train until the rollout that reaches the budget has ended.
+
+        Ctrl-C takes effect after a step or a training, so that the model can be saved; a second one
+        at once.
+
+        Args:
+            total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
+            callback: SB3 callbacks; called after each step. They may save the model at any time.
+            log_interval: Episodes between two logs; None: none.
+            tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
+            reset_num_timesteps: Count timesteps from 0 again, and begin an episode; False: go on,
+                as after `load`.
+            progress_bar: Show a bar of timesteps.
+
+        Raises:
+            ValueError: If the budget is negative or not finite, `log_interval` is below 1, or no
+                env is set.
+        """
+        check_learning(self.env, total_timesteps, log_interval)
+        name = tb_log_name or type(self).__name__
+        with self._generators.lent(), single_torch_thread():
+            return super().learn(
+                int(total_timesteps),
+                callback,
+                log_interval,  # type: ignore[arg-type]  # SB3's own loop takes None, its hint does not
+                name,
+                reset_num_timesteps,
+                progress_bar,
+            )
+
+    def _setup_learn(
+        self,
+        total_timesteps: int,
+        callback: MaybeCallback = None,
+        reset_num_timesteps: bool = True,
+        tb_log_name: str = "run",
+        progress_bar: bool = False,
+    ) -> tuple[int, BaseCallback]:
+        is_resumed = self._last_obs is None and not reset_num_timesteps
+        noise = copy.deepcopy(vars(self.action_noise))
+        begun = super()._setup_learn(
+            total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
+        )
+        if reset_num_timesteps:
+            self._begin_rollout()
+        else:
+            vars(self.action_noise).update(noise)  # SB3 has reset it, as if an episode began
+        if is_resumed and self._interrupted is not None:
+            self._resume_episode(**self._interrupted)
+        self._interrupted = None
+        return begun
+
+    def collect_rollouts(
+        self,
+        env: VecEnv,
+        callback: BaseCallback,
+        train_freq: TrainFreq,
+        replay_buffer: ReplayBuffer,
+        action_noise: ActionNoise | None = None,
+        learning_starts: int = 0,
+        log_interval: int | None = None,
+    ) -> RolloutReturn:
+        """As in SB3, but a step is wholly stored when callbacks see it, so that they may save.
+
+        A rollout that was interrupted goes on, and counts as one.
+
+        Raises:
+            ValueError: If rollouts are episodes and one does not end, see `_longest_episode`.
+        """
+        self.policy.set_training_mode(False)
+        callback.on_rollout_start()
+        goes_on, limit = True, _longest_episode(env, train_freq)
+        n_steps = 0  # of the episode, as far as seen here
+        while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
+            _check_length(n_steps, limit)
+            with deferred_interrupt("the step"):
+                step = self._step(env, replay_buffer, action_noise, learning_starts)
+                callback.update_locals({**step, "train_freq": train_freq})
+                goes_on = callback.on_step()
+                self._log(step["dones"], log_interval)
+            n_steps = 0 if step["dones"][0] else n_steps + 1
+        rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
+        if goes_on:
+            callback.on_rollout_end()
+            with deferred_interrupt("the rollout"):
+                self._end_rollout()
+        return rollout
+
+    def _step(
+        self,
+        env: VecEnv,
+        replay_buffer: ReplayBuffer,
+        action_noise: ActionNoise | None,
+        learning_starts: int,
+    ) -> dict[str, Any]:
+        """Act once; what SB3's callbacks find in their `locals`."""
+        actions, buffer_actions = self._sample_action(learning_starts, action_noise)
+        new_obs, rewards, dones, infos = env.step(actions)
+        # First of all, as it refuses what cannot be learned from. A VecEnv's hint allows for
+        # tuples of observations, which SB3 has none of.
+        self._store_transition(replay_buffer, buffer_actions, new_obs, rewards, dones, infos)  # type: ignore[arg-type]
+        self.num_timesteps += 1
+        self._n_steps += 1
+        self._update_info_buffer(infos, dones)
+        self._update_current_progress_remaining(self.num_timesteps, self._total_timesteps)
+        self._record.add(infos, dones, self.num_timesteps)
+        if dones[0]:
+            self._n_episodes += 1
+            self._episode_num += 1
+            if action_noise is not None:
+                action_noise.reset()
+        return {
+            "env": env,
+            "replay_buffer": replay_buffer,
+            "action_noise": action_noise,
+            "learning_starts": learning_starts,
+            "actions": actions,
+            "buffer_actions": buffer_actions,
+            "new_obs": new_obs,
+            "rewards": rewards,
+            "dones": dones,
+            "infos": infos,
+            "num_collected_steps": self._n_steps,
+            "num_collected_episodes": self._n_episodes,
+        }
+
+    def _log(self, dones: npt.NDArray[np.bool_], log_interval: int | None) -> None:
+        if dones[0] and log_interval is not None and self._episode_num % log_interval == 0:
+            self.dump_logs()
+
+    def _end_rollout(self) -> None:
+        """Show the rollout to the algorithm, once; its counts stay until it has been trained on."""
+        if not self._is_seen:
+            self._see_rollout(self._n_steps)
+            self._is_seen = True
+        if self.num_timesteps <= self.learning_starts or self.gradient_steps == 0:
+            self._begin_rollout()
+
+    def _begin_rollout(self) -> None:
+        self._n_steps = self._n_episodes = 0
+        self._is_seen = False
+
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """As in SB3, but not to be interrupted in the midst of it."""
+        with deferred_interrupt("the training"):
+            self._train_parts(batch_size)
+            super().train(gradient_steps, batch_size)
+            self._begin_rollout()
+
+    def dump_logs(self) -> None:
+        """Write log data, coverage with it."""
+        for name, share in self.coverage_shares.items():
+            self.logger.record(f"coverage/{name}", share)
+        super().dump_logs()
+
+    # -- save and load --------------------------------------------------------------------------
+
+    def _episode_under_way(self) -> dict[str, Any] | None:
+        """What `_resume_episode` takes; None where the env cannot say where its episode stands."""
+        if self.env is None or self._last_obs is None:
+            return self._interrupted
+        states = environment_states(self.env)
+        return None if states is None else {"states": states, "last_obs": self._last_obs}
+
+    def _resume_episode(self, states: list[Any], last_obs: Any) -> None:
+        assert self.env is not None
+        try:
+            load_environment_states(self.env, states)
+        except ValueError:
+            return  # another environment, in which an episode has just begun
+        self._last_obs = last_obs
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        # What is not named here, `load` would leave as it was made anew.
+        names, variables = super()._get_torch_save_params()
+        return [*names, *stateful_parts(self)], variables
+
+    def set_parameters(
+        self,
+        load_path_or_dict: str | TensorDict,
+        exact_match: bool = True,
+        device: th.device | str = "auto",
+    ) -> None:
+        """As in SB3, but names that do not match change nothing.
+
+        Raises:
+            ValueError: If parts are missing, or unknown.
+        """
+        parameters = read_parameters(load_path_or_dict, device)
+        check_names(parameters, self._get_torch_save_params()[0], exact_match=exact_match)
+        super().set_parameters(parameters, exact_match, device)
+
+    def save(
+        self,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        exclude: Iterable[str] | None = None,
+        include: Iterable[str] | None = None,
+    ) -> None:
+        """Save everything that a run needs to go on bit for bit, the replay buffer too.
+
+        An episode that has not ended goes on after `load` where the env can say where it stands, as
+        those of `curiosity_gym` can; elsewhere a new one begins. The file takes the place of an
+        older one only once it is wholly on disk.
+
+        Args:
+            path: Of the file; `.zip` is added where it has no suffix.
+            exclude: Names to leave out; "buffer" leaves out the replay buffer's transitions.
+            include: Names to save although they are left out by default.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+        """
+        exclude = set(exclude or ())
+        extra: dict[str, Any] = {"_interrupted": self._episode_under_way()}
+        if exclude & TRANSITIONS:  # none are left to train on
+            extra |= {"_n_steps": 0, "_n_episodes": 0, "_is_seen": False}
+        save_model(self, path, exclude, include, **extra)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        env: AnyEnv | None = None,
+        device: th.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a model of a file that you trust.
+
+        As in SB3, schedules, noise and spaces are read with cloudpickle, which runs whatever code
+        the file holds.
+
+        Args:
+            path: Of the file; `.zip` may be left out.
+            env: As in the constructor; None: the model can predict, and learn after `set_env`.
+            device: As in the constructor.
+            custom_objects: By name, what to take in place of the attributes in the file.
+            print_system_info: As in SB3.
+            force_reset: As in SB3.
+            **kwargs: Other names replace the model's attributes. `seed` begins every random draw
+                anew, see `set_random_seed`; without it they go on.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` or
+                `preset` are others than those saved.
+            RuntimeError: If a `bonus` given here is made in another way than the one saved.
+        """
+        file = check_is_checkpoint(path, cls.__name__)
+        env = open_env(env)
+        if env is not None:
+            _check_env(env)
+        seed = kwargs.get("seed")
+        check_seed(seed)
+        data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
+        for name in kwargs.keys() & {"policy_kwargs", "preset"}:
+            if kwargs[name] != data.get(name):
+                raise ValueError(f"`{name}` must be as saved, {data.get(name)}.")
+        model = build_model(cls, data | kwargs, parameters, env, device, force_reset)
+        if model.env is not None:
+            model._match_env()
+        model.set_random_seed(seed)
+        return model
+
+
+def _longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
+    """Steps that an episode may have; rollouts of a number of steps end whatever episodes do."""
+    if train_freq.unit is TrainFrequencyUnit.STEP:
+        return math.inf
+    return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
+
+
+def _check_length(n_steps: int, limit: float) -> None:
+    if n_steps == limit:
+        raise ValueError(
+            f"`env` must end its episodes: one had not ended after {n_steps} steps. Give it a "
+            "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000). Or give `train_freq` a "
+            'number of steps, such as (1000, "step").'
+        )
+
+
+def _can_be_learned(actions: spaces.Box[Any]) -> bool:
+    """Whether each entry of an action can be scaled to [-1, 1], and there are some."""
+    is_float = np.issubdtype(actions.dtype, np.floating)
+    is_range = actions.is_bounded() and bool((actions.low < actions.high).all())
+    return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range
+
+
+def _check_env(env: object) -> None:
+    observation_space, action_space = describe(env)
+    if not isinstance(action_space, spaces.Box) or not _can_be_learned(action_space):
+        raise ValueError(
+            "`env` must have a bounded one-dimensional Box of actions, at least one entry, of "
+            f"floats, with `low` below `high`, got {action_space}."
+        )
+    if not isinstance(observation_space, spaces.Box):
+        raise ValueError(f"`env` must have a Box of observations, got {observation_space}.")
+    n_envs = getattr(env, "num_envs", 1)
+    if n_envs != 1:
+        raise ValueError(f"`env` must be one environment, got {n_envs}: rollouts are episodes.")

@@ -1,0 +1,150 @@
+"""Distance to the nearest states seen, in features that tell what follows what."""
+
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from scipy.spatial.distance import cdist
+from scipy.special import log_softmax
+
+from curiosity_algos.bonuses.apt import APT, N_PARTS, lowest
+from curiosity_algos.bonuses.base import NetworkBonus
+
+BOX = spaces.Box(-1, 1, (6,)), spaces.Box(-2, 2, (2,))
+
+
+def make_apt(space=BOX, **changes):
+    chosen = {"n_features": 4, "hidden": 8, "n_neighbors": 3, "seed": 0, "device": "cpu"}
+    return APT(*space, **(chosen | changes))
+
+
+def make_observations(n=20, seed=0):
+    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
+
+
+@pytest.mark.parametrize("n_seen", [2, 700])
+def test_novelty_equals_scipy(n_seen, numpy_network):
+    apt, seen, visited = make_apt(), make_observations(n_seen), 2 * make_observations(600, seed=1)
+    apt.observe(th.from_numpy(seen))
+    apt.update(*(th.from_numpy(part) for part in (seen, np.zeros((len(seen), 2)), seen)))
+
+    def features(observations):
+        standardized = np.clip((observations - seen.mean(axis=0)) / seen.std(axis=0), -5, 5)
+        return numpy_network(apt.encoder, standardized)
+
+    distances = np.sort(cdist(features(visited), features(seen)), axis=1)[:, :3]
+    scores = apt.score(seen, np.zeros((600, 2)), visited)
+    np.testing.assert_allclose(scores, distances.mean(axis=1), rtol=2e-3, atol=1e-3)
+    trajectory = apt.score_trajectory(visited, np.zeros((599, 2)))
+    np.testing.assert_allclose(trajectory, scores[1:], rtol=1e-3)
+
+
+@pytest.mark.parametrize("n", [1, 10, N_PARTS - 1, N_PARTS, 1_000])
+@pytest.mark.parametrize("n_columns", [1, N_PARTS, N_PARTS + 1, 10 * N_PARTS, 10 * N_PARTS + 7])
+def test_the_lowest_are_found_exactly(n, n_columns):
+    # Few different numbers, so that equal ones meet, and some columns are all of the lowest.
+    values = np.random.default_rng(0).integers(0, 50, (7, n_columns)).astype(np.float32)
+    found = lowest(th.from_numpy(values), n).numpy()
+    np.testing.assert_array_equal(found, np.sort(values, axis=1)[:, :n])
+
+
+def test_before_anything_was_observed_all_is_alike():
+    assert make_apt().score(None, None, make_observations()).tolist() == [0.0] * 20
+
+
+def test_the_loss_is_that_of_telling_pairs_apart(numpy_network):
+    apt, before, after = make_apt(normalize=False), make_observations(), make_observations(seed=1)
+    logits = -cdist(numpy_network(apt.encoder, before), numpy_network(apt.encoder, after))
+    ahead, back = (-np.diag(log_softmax(logits, axis=axis)).mean() for axis in (1, 0))
+    loss = apt.losses(*map(th.from_numpy, (before, np.zeros((20, 2)), after)))["loss"]
+    assert loss.item() == pytest.approx((ahead + back) / 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("n", [1, 2, 33, 256])
+def test_compiled_slopes_are_those_of_autograd(n, seed):
+    # Wide enough that features lie apart: slopes by distances near 0 are mostly rounding.
+    apt = make_apt(n_features=16, hidden=64, seed=seed)
+    before, after = th.randn(2, n, 6, generator=th.Generator().manual_seed(seed))
+    apt.observe(before)
+    expected = NetworkBonus.differentiate(apt, before, None, after)
+    slopes = th.cat([each.grad.flatten() for each in apt.encoder.parameters()])
+    assert apt.differentiate(before, None, after) == pytest.approx(expected, rel=1e-4, abs=1e-6)
+    compiled = th.cat([each.grad.flatten() for each in apt.encoder.parameters()])
+    np.testing.assert_allclose(compiled, slopes, rtol=1e-3, atol=1e-5 * slopes.abs().max() + 1e-9)
+
+
+def walk(n, n_entries=6):
+    """A walker in two entries, before noise in the others."""
+    rng = np.random.default_rng(0)
+    walked = np.cumsum(rng.normal(0, 0.1, (n, 2)), axis=0)
+    return np.hstack([walked, rng.normal(0, 1, (n, n_entries - 2))]).astype(np.float32)
+
+
+def test_features_tell_what_follows_what_and_leave_out_noise():
+    apt, states = make_apt(n_features=8, hidden=32, learning_rate=3e-3), walk(2000)
+    apt.observe(th.from_numpy(states))
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        begins = rng.integers(0, 1990, 256)
+        ends = begins + rng.integers(1, 10, 256)
+        batch = states[begins], np.zeros((256, 2), np.float32), states[ends]
+        apt.update(*map(th.from_numpy, batch))
+    moved, noisy = states[:500].copy(), states[:500].copy()
+    moved[:, :2] += states[:, :2].std(axis=0)
+    noisy[:, 2:] = rng.normal(0, 1, (500, 4))
+    with th.no_grad():
+        here, there, elsewhere = (apt._features(each) for each in (states[:500], moved, noisy))
+    assert (there - here).norm(dim=1).mean() > 3 * (elsewhere - here).norm(dim=1).mean()
+
+
+def test_what_the_memory_is_asked_moves_with_the_encoder():
+    apt, seen, visited = make_apt(), make_observations(), make_observations(seed=1)
+    apt.observe(th.from_numpy(seen))
+    first = apt.score(None, None, visited)
+    apt.update(th.from_numpy(seen), th.zeros(20, 2), th.from_numpy(visited))
+    second = apt.score(None, None, visited)
+    assert not np.array_equal(first, second)
+    apt.observe(th.from_numpy(visited))
+    assert (apt.score(None, None, visited) < second).mean() > 0.5  # they are known now
+
+
+def test_a_loaded_bonus_says_the_same():
+    apt, other = make_apt(), make_apt(seed=1)
+    apt.observe(th.from_numpy(make_observations(300)))
+    visited = make_observations(seed=1)
+    assert not np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
+    other.load_state_dict(apt.state_dict())
+    assert np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
+
+
+def test_a_state_that_does_not_fit_changes_nothing(assert_same):
+    apt, other = make_apt(), make_apt(memory_size=10, seed=1)
+    apt.observe(th.from_numpy(make_observations(300)))
+    before = other.state_dict()
+    for state in (apt.state_dict(), {**apt.state_dict(), "memory": {}}):
+        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+            other.load_state_dict(state)
+    assert_same(other.state_dict(), before)
+
+
+def test_what_is_remembered_is_known_until_the_next_training():
+    apt, rng = make_apt(n_neighbors=1), np.random.default_rng(3)
+    seen = make_observations(200)
+    apt.observe(th.from_numpy(seen))
+    apt.update(*(th.from_numpy(part) for part in (seen, np.zeros((200, 2)), seen)))
+    apt.score(None, None, seen)
+    for _ in range(5):  # wider than before, as where a walker gets further
+        later = rng.normal(0, 5, (100, 6)).astype(np.float32)
+        apt.observe(th.from_numpy(later))
+        for known in (seen, later):
+            assert apt.score(None, None, known).max() < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("learning_rate", 0.0), ("n_features", 0), ("hidden", 0), ("n_neighbors", 0), ("horizon", 0)],
+)
+def test_errors_name_the_argument(name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_apt(**{name: value})

@@ -1,0 +1,154 @@
+import copy
+
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.make import BONUSES
+
+FLAT = spaces.Box(-1, 1, (6,))
+CHANNELS_FIRST, CHANNELS_LAST = (
+    spaces.Box(0, 255, shape, np.uint8) for shape in ((3, 36, 40), (36, 40, 3))
+)
+SPACES = {
+    "flat-box": (FLAT, spaces.Box(-1, 1, (2,))),
+    "flat-discrete": (FLAT, spaces.Discrete(3)),
+    "images-first": (CHANNELS_FIRST, spaces.Discrete(3)),
+    "images-last": (CHANNELS_LAST, spaces.Box(-1, 1, (2,))),
+}
+
+pytestmark = [
+    pytest.mark.parametrize("name", BONUSES),
+    pytest.mark.parametrize("kind", SPACES),
+]
+
+
+def make_bonus(name, kind, **changes):
+    settings = {"n_features": 4, "hidden": 8, "seed": 0, "device": "cpu"}
+    return BONUSES[name](*SPACES[kind], **(settings | changes))
+
+
+def make_batch(kind, n=20, seed=0):
+    """Observations, actions and next observations of a trajectory."""
+    rng = np.random.default_rng(seed)
+    observation_space, action_space = SPACES[kind]
+    if observation_space is FLAT:
+        observations = rng.normal(0, 1, (n + 1, 6)).astype(np.float32)
+    else:
+        observations = rng.integers(0, 256, (n + 1, *observation_space.shape), np.uint8)
+    actions = rng.uniform(-1, 1, (n, 2)).astype(np.float32)
+    if isinstance(action_space, spaces.Discrete):
+        actions = rng.integers(0, 3, n)
+    return observations[:-1], actions, observations[1:]
+
+
+def tensors(batch):
+    return [th.from_numpy(part) for part in batch]
+
+
+def test_it_is_what_algorithms_ask_for(name, kind):
+    bonus = make_bonus(name, kind)
+    assert isinstance(bonus, Bonus)
+    assert bonus.name == name
+
+
+def test_scores_are_of_each_transition(name, kind):
+    bonus, (before, actions, after) = make_bonus(name, kind), make_batch(kind)
+    bonus.observe(th.from_numpy(before))
+    scores = bonus.score(before, actions, after)
+    assert scores.shape == (20,)
+    assert scores.dtype == np.float32
+    assert (scores > 0).all()
+    some = bonus.score(before[4:7], actions[4:7], after[4:7])
+    np.testing.assert_allclose(some, scores[4:7], rtol=1e-3)
+
+
+def test_a_trajectory_scores_like_its_pairs(name, kind):
+    bonus, (before, actions, after) = make_bonus(name, kind), make_batch(kind)
+    trajectory = np.concatenate([before, after[-1:]])
+    np.testing.assert_allclose(
+        bonus.score_trajectory(trajectory, actions),
+        bonus.score(before, actions, after),
+        rtol=1e-4,
+        atol=1e-6,
+    )
+
+
+def test_seeds_decide_and_torchs_own_draws_stay(name, kind):
+    before = th.get_rng_state()
+    one, same, other = (make_bonus(name, kind, seed=seed) for seed in (1, 1, 2))
+    assert th.equal(before, th.get_rng_state())
+    batch = make_batch(kind)
+    for bonus in (one, same, other):
+        bonus.observe(th.from_numpy(batch[0]))
+    np.testing.assert_array_equal(one.score(*batch), same.score(*batch))
+    assert not np.array_equal(one.score(*batch), other.score(*batch))
+
+
+def test_training_lowers_the_loss(name, kind):
+    bonus, batch = make_bonus(name, kind), tensors(make_batch(kind))
+    bonus.observe(batch[0])
+    first = bonus.update(*batch)
+    for _ in range(100 if bonus.images else 400):
+        last = bonus.update(*batch)
+    assert first.keys() == last.keys()
+    assert last["loss"] < 0.9 * first["loss"]
+
+
+def test_a_state_resumes_training(name, kind):
+    one, other = (make_bonus(name, kind, seed=seed) for seed in (0, 1))
+    batch = tensors(make_batch(kind))
+    one.observe(batch[0])
+    one.update(*batch)
+    other.load_state_dict(copy.deepcopy(one.state_dict()))
+    for bonus in (one, other):
+        bonus.observe(batch[2])
+        for _ in range(3):
+            bonus.update(*batch)
+    scores = [bonus.score(*make_batch(kind, seed=1)) for bonus in (one, other)]
+    np.testing.assert_array_equal(*scores)
+
+
+def test_the_learning_rate_is_the_constructors(name, kind):
+    one, other = (make_bonus(name, kind, learning_rate=rate) for rate in (0.1, 0.2))
+    one.update(*tensors(make_batch(kind)))
+    other.load_state_dict(one.state_dict())
+    assert [each.optimizer.param_groups[0]["lr"] for each in (one, other)] == [0.1, 0.2]
+
+
+def test_a_state_of_another_bonus_is_refused(name, kind):
+    bonus = make_bonus(name, kind)
+    others = [make_bonus(other, kind) for other in BONUSES if other != name]
+    for other in [*others, make_bonus(name, kind, n_features=5)]:
+        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+            bonus.load_state_dict(other.state_dict())
+
+
+def test_observations_of_another_shape_are_refused(name, kind):
+    bonus, (before, actions, after) = make_bonus(name, kind), make_batch(kind)
+    with pytest.raises(ValueError, match="`observations` must have shape"):
+        bonus.score(before[..., None], actions, after[..., None])
+
+
+def test_a_state_belongs_to_nobody(name, kind, assert_same):
+    one, other = make_bonus(name, kind, seed=0), make_bonus(name, kind, seed=1)
+    batch = tensors(make_batch(kind))
+    one.update(*batch)
+    state = one.state_dict()
+    kept = copy.deepcopy(state)
+    other.load_state_dict(state)
+    for bonus in (one, other):
+        bonus.update(*batch)
+    assert_same(state, kept)
+
+
+def test_observations_enter_the_statistics_only_if_normalized(name, kind):
+    observations = th.from_numpy(make_batch(kind)[0])
+    for normalize in (True, False):
+        bonus = make_bonus(name, kind, normalize=normalize)
+        before = bonus.inputs(observations)
+        bonus.observe(observations[:10] // 3)
+        bonus.update(*tensors(make_batch(kind)))
+        assert th.equal(before, bonus.inputs(observations)) is not normalize

@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiosity_algos.bonuses.buffer import TransitionBuffer
+
+
+def transitions(numbers):
+    """Transitions that carry their number in every entry: (n, 2), (n, 1), (n, 2)."""
+    column = th.tensor(numbers, dtype=th.float32).reshape(-1, 1)
+    return column.repeat(1, 2), column * 10, column.repeat(1, 2) + 0.5
+
+
+def fill(buffer, n, first=0):
+    buffer.add(*transitions(range(first, first + n)))
+    return buffer
+
+
+def make_buffer(capacity=10, seed=0):
+    return TransitionBuffer(capacity, spaces.Box(-1, 1, (2,)), 1, seed=seed)
+
+
+def held(buffer):
+    """Numbers of the transitions that samples show."""
+    return set(buffer.sample(2000)[0][:, 0].int().tolist())
+
+
+@settings(deadline=None)
+@given(st.integers(1, 12), st.lists(st.integers(1, 30), max_size=6), st.integers(0, 99))
+def test_a_ring_holds_the_newest(capacity, batches, seed):
+    buffer, added = make_buffer(capacity, seed), []
+    for n in batches:
+        fill(buffer, n, first=len(added))
+        added += range(len(added), len(added) + n)
+        newest = added[-capacity:]
+        assert len(buffer) == len(newest)
+        assert held(buffer) == set(newest)
+
+
+def test_the_three_parts_of_a_transition_stay_together():
+    buffer = fill(fill(make_buffer(), 7), 8, first=7)
+    observations, actions, next_observations = buffer.sample(64)
+    assert (observations.shape, actions.shape) == ((64, 2), (64, 1))
+    assert th.equal(actions, observations[:, :1] * 10)
+    assert th.equal(next_observations, observations + 0.5)
+
+
+def test_discrete_actions_come_as_a_flat_array():
+    buffer = make_buffer()
+    buffer.add(th.zeros(3, 2), th.tensor([0, 1, 2]), th.zeros(3, 2))
+    assert set(buffer.sample(100)[1].ravel().tolist()) == {0.0, 1.0, 2.0}
+
+
+def test_sampling_is_uniform():
+    buffer = fill(make_buffer(), 10)
+    counts = np.bincount(buffer.sample(20_000)[0][:, 0].int().numpy(), minlength=10)
+    assert counts.min() > 1800
+    assert counts.max() < 2200
+
+
+def test_sampling_is_seeded_and_leaves_torchs_own_draws_alone():
+    before = th.get_rng_state()
+    samples = [fill(make_buffer(seed=seed), 10).sample(50)[0] for seed in (3, 3, 4)]
+    assert th.equal(before, th.get_rng_state())
+    assert th.equal(samples[0], samples[1])
+    assert not th.equal(samples[0], samples[2])
+
+
+@pytest.mark.parametrize("n", [4, 10, 17])
+def test_a_state_resumes_the_ring_and_the_draws(n):
+    one, other = fill(make_buffer(), n), make_buffer(seed=5)
+    one.sample(3)
+    other.load_state_dict(one.state_dict())
+    for buffer in (one, other):
+        fill(buffer, 3, first=100)
+    assert len(one) == len(other)
+    for part, twin in zip(one.sample(50), other.sample(50), strict=True):
+        assert th.equal(part, twin)
+
+
+def test_a_state_is_a_copy():
+    buffer = fill(make_buffer(), 10)
+    state = buffer.state_dict()
+    fill(buffer, 10, first=50)
+    assert max(state[name].max() for name in ("observations", "next_observations")) < 50
+    assert state["actions"].max() < 100
+
+
+def test_images_stay_bytes():
+    images = spaces.Box(0, 255, (3, 36, 36), np.uint8)
+    buffer = TransitionBuffer(4, images, 1, seed=0)
+    pictures = th.randint(256, (6, 3, 36, 36), dtype=th.uint8)
+    buffer.add(pictures[:-1], th.arange(5.0), pictures[1:])
+    observations, actions, next_observations = buffer.sample(20)
+    assert observations.dtype == next_observations.dtype == th.uint8
+    places = actions.ravel().long()
+    assert set(places.tolist()) == {1, 2, 3, 4}
+    assert th.equal(observations, pictures[places])
+    assert th.equal(next_observations, pictures[places + 1])
+
+
+@pytest.mark.parametrize("n", [3, 10, 17])
+@pytest.mark.parametrize("capacity", [4, 30])
+def test_a_state_of_another_capacity_gives_its_newest(n, capacity):
+    one, other = fill(make_buffer(), n), make_buffer(capacity=capacity)
+    other.load_state_dict(one.state_dict())
+    newest = range(max(0, n - min(10, capacity)), n)
+    assert held(other) == set(newest)
+    fill(other, 1, first=100)
+    assert held(other) == {*newest[-(capacity - 1) :], 100}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("next", 9),
+        ("next", -1),
+        ("next", 1.0),
+        ("actions", th.zeros(3, 1)),
+        ("observations", th.zeros(5, 7)),
+        ("observations", th.full((5, 2), float("nan"))),
+        ("next_observations", th.zeros(5, 2, dtype=th.float64)),
+    ],
+)
+def test_another_state_changes_nothing(assert_same, name, value):
+    buffer = fill(make_buffer(), 5)
+    before = buffer.state_dict()
+    with pytest.raises(ValueError, match="must be"):
+        buffer.load_state_dict(before | {name: value})
+    assert_same(buffer.state_dict(), before)

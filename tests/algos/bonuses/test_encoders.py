@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.torch_layers import NatureCNN
+
+from curiosity_algos.bonuses.encoders import ActionEncoder, ImageInputs, make_encoder
+
+
+def images(*shape):
+    return spaces.Box(0, 255, shape, np.uint8)
+
+
+def generator(seed=0):
+    return th.Generator().manual_seed(seed)
+
+
+def test_numbers_are_no_images():
+    assert ImageInputs.of(spaces.Box(-1, 1, (6,))) is None
+    encoder = make_encoder(spaces.Box(-1, 1, (6,)), 8, 5, generator=generator())
+    assert encoder(th.zeros(3, 6)).shape == (3, 5)
+
+
+@pytest.mark.parametrize("shape", [(4, 84, 84), (84, 80, 4), (1, 36, 36)])
+def test_images_are_sb3s_convolutions(shape):
+    encoder = make_encoder(images(*shape), 64, 5, generator=generator())
+    assert isinstance(encoder, NatureCNN)
+    inputs = ImageInputs.of(images(*shape))
+    picture = inputs.unflatten(inputs.flat(th.zeros(3, *shape, dtype=th.uint8)))
+    assert encoder(picture).shape == (3, 5)
+
+
+@pytest.mark.parametrize(("shape", "order"), [((3, 36, 40), (0, 1, 2)), ((36, 40, 3), (2, 0, 1))])
+def test_colors_come_first_and_are_shares(shape, order):
+    pixels = np.random.default_rng(0).integers(0, 256, (2, *shape), np.uint8)
+    inputs = ImageInputs.of(images(*shape))
+    seen = inputs.unflatten(inputs.flat(th.from_numpy(pixels)))
+    expected = pixels.transpose(0, *(1 + axis for axis in order)) / 255
+    np.testing.assert_allclose(seen, expected, rtol=1e-6)
+
+
+def test_weights_are_the_generators():
+    space, before = images(3, 36, 36), th.get_rng_state()
+    one, same, other = (make_encoder(space, 5, generator=generator(i)) for i in (0, 0, 1))
+    assert th.equal(before, th.get_rng_state())
+    for a, b, c in zip(one.parameters(), same.parameters(), other.parameters(), strict=True):
+        assert th.equal(a, b)
+        assert not th.equal(a, c)
+
+
+@pytest.mark.parametrize(
+    ("space", "message"),
+    [
+        (spaces.Discrete(3), "one-dimensional Box, or one of images"),
+        (spaces.Box(-1, 1, (3, 3)), "one-dimensional Box, or one of images"),
+        (spaces.Box(0, 1, (3, 84, 84), np.float32), "one-dimensional Box, or one of images"),
+        (spaces.Box(-1, 1, (0,)), "at least one entry"),
+        (images(3, 35, 84), "images of 36 by 36 at least"),
+        (images(84, 35, 3), "images of 36 by 36 at least"),
+    ],
+)
+def test_errors_say_what_observations_may_be(space, message):
+    with pytest.raises(ValueError, match=f"`observation_space` must .*{message}"):
+        make_encoder(space, 5, generator=generator())
+
+
+class TestActions:
+    def encode(self, space, actions):
+        return ActionEncoder(space)(th.tensor(actions, dtype=th.float32)).tolist()
+
+    def test_each_entry_is_scaled_by_its_bounds(self):
+        space = spaces.Box(np.float32([-0.25, 2.0]), np.float32([0.75, 10.0]))
+        actions = [[-0.25, 2.0], [0.25, 6.0], [0.75, 10.0], [0.5, 8.0]]
+        assert self.encode(space, actions) == [[-1, -1], [0, 0], [1, 1], [0.5, 0.5]]
+
+    def test_what_is_scaled_already_keeps_its_bits(self):
+        actions = th.from_numpy(np.random.default_rng(0).uniform(-1, 1, (1000, 2)))
+        assert th.equal(ActionEncoder(spaces.Box(-1, 1, (2,)))(actions.float()), actions.float())
+
+    @pytest.mark.parametrize(("low", "high"), [(-np.inf, np.inf), (-3, np.inf), (-np.inf, 3)])
+    def test_entries_that_lack_a_bound_stay_as_they_are(self, low, high):
+        space = spaces.Box(np.float32([low, -4.0]), np.float32([high, 4.0]))
+        assert self.encode(space, [[700.0, 2.0]]) == [[700.0, 0.5]]
+
+    def test_an_entry_that_cannot_change_says_nothing(self):
+        assert self.encode(spaces.Box(3.0, 3.0, (1,)), [[3.0]]) == [[0.0]]
+
+    def test_the_widest_bounds_are_no_infinity(self):
+        largest = np.finfo(np.float32).max
+        space = spaces.Box(-largest, largest, (1,))
+        assert self.encode(space, [[-largest], [largest]]) == [[-1.0], [1.0]]
+
+    @pytest.mark.parametrize("shape", [(3,), (3, 1)])
+    def test_discrete_ones_are_one_hot(self, shape):
+        actions = np.reshape([2, 0, 1], shape)
+        assert self.encode(spaces.Discrete(3), actions) == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+
+    def test_other_shapes_are_refused(self):
+        with pytest.raises(ValueError, match="`actions` must have shape"):
+            self.encode(spaces.Box(-1, 1, (3,)), [[1.0]])
+
+    @pytest.mark.parametrize(("low", "high"), [(1e39, 2e39), (-1e300, 1e300), (-1e39, np.inf)])
+    def test_bounds_beyond_float32_are_refused(self, low, high):
+        with pytest.raises(ValueError, match="`action_space` must have bounds that float32 can"):
+            ActionEncoder(spaces.Box(low, high, (2,), np.float64))
+
+    def test_float64_is_scaled_too(self):
+        space = spaces.Box(-1e38, 3e38, (1,), np.float64)
+        (low,), (high,) = self.encode(space, [[-1e38], [3e38]])
+        assert (low, high) == pytest.approx((-1.0, 1.0))
+
+    def test_there_must_be_some(self):
+        with pytest.raises(ValueError, match="`action_space` must have at least one entry"):
+            ActionEncoder(spaces.Box(-1, 1, (0,)))
+
+    def test_a_bonus_files_need_no_scale(self):
+        assert not ActionEncoder(spaces.Box(-1, 1, (3,))).state_dict()

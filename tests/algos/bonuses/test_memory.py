@@ -1,0 +1,153 @@
+"""A bounded, uniform sample of observations, and what an encoder makes of them."""
+
+import copy
+import threading
+
+import numpy as np
+import pytest
+import torch as th
+
+from curiosity_algos.bonuses.memory import FeatureMemory
+
+
+class Encoder:
+    """Two features of an observation; it counts what it is asked."""
+
+    def __init__(self, factor=2.0):
+        self.factor, self.asked = factor, []
+
+    def __call__(self, observations):
+        self.asked += observations.ravel().tolist()
+        return self.factor * th.from_numpy(np.hstack([observations, -observations]))
+
+
+def make_memory(size=10, seed=0, dtype=np.float32, n_features=2):
+    return FeatureMemory(size, (1,), dtype, n_features, seed=seed, device=th.device("cpu"))
+
+
+def column(*values):
+    return np.array(values, dtype=np.float32)[:, None]
+
+
+class TestSample:
+    def test_it_keeps_all_while_there_is_room(self):
+        memory = make_memory(4)
+        memory.add(column(1, 2))
+        memory.add(column(3))
+        assert len(memory) == 3
+        assert memory.observations.ravel().tolist() == [1, 2, 3]
+
+    @pytest.mark.parametrize("chunk", [1, 7, 50, 200])
+    def test_each_observation_stays_with_the_same_chance(self, chunk):
+        counts = np.zeros(200)
+        for seed in range(600):
+            memory = make_memory(10, seed)
+            for begin in range(0, 200, chunk):
+                memory.add(column(*range(begin, min(begin + chunk, 200))))
+            kept = memory.observations.ravel().astype(int)
+            assert len(set(kept)) == 10
+            counts[kept] += 1
+        # 600 trials of .05 each: 30, with a standard deviation of 5.3.
+        assert abs(counts[:100].mean() - 30.0) < 1.5
+        assert abs(counts[100:].mean() - 30.0) < 1.5
+        assert counts.max() < 60
+        assert counts.min() > 8
+
+
+class TestFeatures:
+    def test_only_what_is_new_is_encoded(self):
+        memory, encode = make_memory(3), Encoder()
+        memory.add(column(1, 2))
+        assert memory.features(encode)[0].tolist() == [[2, -2], [4, -4]]
+        memory.add(column(3))
+        assert memory.features(encode)[0].tolist() == [[2, -2], [4, -4], [6, -6]]
+        memory.features(encode)
+        assert encode.asked == [1, 2, 3]
+
+    def test_what_takes_the_place_of_another_is_new(self):
+        memory, encode = make_memory(3), Encoder()
+        memory.add(column(1, 2, 3))
+        memory.features(encode)
+        memory.add(column(*range(4, 40)))
+        expected = np.hstack([2 * memory.observations, -2 * memory.observations])
+        features, squares = memory.features(encode)
+        np.testing.assert_array_equal(features, expected)
+        np.testing.assert_array_equal(squares, (expected**2).sum(axis=1))
+        assert max(expected[:, 0]) > 6
+
+    def test_outdated_ones_are_made_anew(self):
+        memory = make_memory(3)
+        memory.add(column(1, 2))
+        memory.features(Encoder())
+        assert memory.features(Encoder(5.0))[0].tolist() == [[2, -2], [4, -4]]
+        memory.outdate()
+        assert memory.features(Encoder(5.0))[0].tolist() == [[5, -5], [10, -10]]
+
+    def test_threads_that_ask_at_once_encode_once(self):
+        memory, encode, given = make_memory(3), Encoder(), []
+        gate = threading.Barrier(4)
+        memory.add(column(1, 2))
+
+        def ask():
+            gate.wait()
+            given.append(memory.features(encode)[0].tolist())
+
+        threads = [threading.Thread(target=ask) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert given == [[[2, -2], [4, -4]]] * 4
+        assert encode.asked == [1, 2]
+
+    def test_a_copy_goes_its_own_way(self):
+        memory = make_memory(3)
+        memory.add(column(1, 2))
+        memory.features(Encoder())
+        copied = copy.deepcopy(memory)
+        copied.outdate()
+        copied.features(Encoder(5.0))
+        assert memory.features(Encoder())[0].tolist() == [[2, -2], [4, -4]]
+
+
+class TestState:
+    @pytest.mark.parametrize("outdated", [False, True])
+    def test_it_goes_on_where_it_was(self, outdated):
+        one = make_memory()
+        one.add(column(*range(20)))
+        one.features(Encoder())
+        one.add(column(*range(20, 25)))
+        if outdated:
+            one.outdate()
+        other = make_memory(seed=5)
+        other.load_state_dict(one.state_dict())
+        # Of what was encoded nothing is encoded anew, by another encoder now.
+        features = [memory.features(Encoder(3.0)) for memory in (one, other)]
+        for one_part, other_part in zip(*features, strict=True):
+            assert th.equal(one_part, other_part)
+        for memory in (one, other):
+            memory.add(column(*range(25, 60)))
+        assert one.n_seen == other.n_seen == 60
+        assert np.array_equal(one.observations, other.observations)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "message"),
+        [
+            ("n_seen", 3, "another size"),
+            ("n_seen", 25.0, "another size"),
+            ("observations", th.zeros(10, 2), "other observations"),
+            ("observations", th.zeros(10, 1, dtype=th.uint8), "other observations"),
+            ("observations", th.full((10, 1), th.nan), "NaN"),
+            ("features", th.zeros(10, 3), "other features"),
+            ("features", th.full((10, 2), th.inf), "NaN or inf"),
+            ("is_current", th.zeros(9, dtype=th.bool), "other features"),
+            ("is_current", th.zeros(10), "damaged"),
+            ("rng", None, "damaged"),
+        ],
+    )
+    def test_the_state_of_another_is_refused(self, name, value, message):
+        one, other = make_memory(), make_memory(seed=1)
+        one.add(column(*range(25)))
+        with pytest.raises(RuntimeError, match=message):
+            other.load_state_dict(one.state_dict() | {name: value})
+        assert len(other) == 0

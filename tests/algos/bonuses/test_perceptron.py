@@ -1,0 +1,154 @@
+import threading
+
+import numpy as np
+import pytest
+import torch as th
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from curiosity_algos.bonuses.perceptron import (
+    Layers,
+    Pass,
+    backward,
+    forward,
+    set_gradients,
+    single_blas_thread,
+)
+from curiosity_algos.common.networks import mlp
+
+
+def blas_threads():
+    return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+
+@settings(deadline=None)
+@given(
+    sizes=st.lists(st.integers(1, 40), min_size=2, max_size=5),
+    n=st.integers(1, 70),
+    spare=st.integers(0, 3),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_it_gives_the_outputs_and_slopes_of_autograd(sizes, n, spare, seed):
+    generator = th.Generator().manual_seed(seed)
+    network = mlp(*sizes, generator=generator)
+    inputs = th.randn(n, sizes[0], generator=generator, requires_grad=True)
+    by_outputs = th.randn(n, sizes[-1], generator=generator)
+    outputs = network(inputs)
+    outputs.backward(by_outputs)
+
+    layers, x = Layers.of(network), inputs.detach().numpy()
+    held = Pass.of(layers, n + spare)
+    forward(layers, x, held.outputs)
+    held.slopes[-1][:n] = by_outputs.numpy()
+    slopes, by_inputs = np.full(layers.n_parameters, np.nan, np.float32), np.full_like(x, np.nan)
+    backward(layers, x, held, slopes, by_inputs)
+
+    close = {"rtol": 1e-5, "atol": 1e-5}
+    np.testing.assert_allclose(held.outputs[-1][:n], outputs.detach().numpy(), **close)
+    np.testing.assert_allclose(by_inputs, inputs.grad.numpy(), **close)
+    expected = np.concatenate([each.grad.numpy().ravel() for each in network.parameters()])
+    np.testing.assert_allclose(slopes, expected, **close)
+
+
+def test_layers_are_the_networks_own():
+    network = mlp(3, 4, 2, generator=th.Generator().manual_seed(0))
+    layers = Layers.of(network)
+    with th.no_grad():
+        network[2].weight.fill_(7.0)
+    assert (layers.weights[1] == 7.0).all()
+    assert layers.n_parameters == sum(each.numel() for each in network.parameters())
+
+
+def test_slopes_become_the_gradients_of_networks():
+    networks = [mlp(3, 4, 2, generator=th.Generator().manual_seed(0)) for _ in range(2)]
+    slopes = np.arange(52, dtype=np.float32)
+    set_gradients(networks, slopes)
+    np.testing.assert_array_equal(networks[0][0].weight.grad.ravel(), slopes[:12])
+    np.testing.assert_array_equal(networks[1][2].bias.grad, slopes[50:])
+
+
+def linear(n_in, n_out, **settings):
+    return th.nn.Linear(n_in, n_out, **settings)
+
+
+class Bent(th.nn.Sequential):
+    def forward(self, x):
+        return super().forward(x).tanh()
+
+
+def changed(change):
+    network = th.nn.Sequential(linear(2, 3), th.nn.ReLU(), linear(3, 1))
+    change(network)
+    return network
+
+
+def strided(network):
+    network[0].weight = th.nn.Parameter(th.randn(2, 3).T)
+
+
+RELU = th.nn.ReLU()
+
+
+@pytest.mark.parametrize(
+    ("network", "expected"),
+    [
+        (th.nn.Sequential(linear(2, 3)), 1),
+        (th.nn.Sequential(linear(2, 3), RELU, linear(3, 1)), 2),
+        (th.nn.Sequential(linear(2, 3), RELU, linear(3, 4), RELU, linear(4, 1)), 3),
+        (th.nn.Sequential(linear(2, 3), th.nn.Tanh(), linear(3, 1)), None),
+        (th.nn.Sequential(linear(2, 3), RELU), None),
+        (th.nn.Sequential(linear(2, 3), RELU, linear(3, 1), RELU), None),
+        (th.nn.Sequential(linear(2, 3), linear(3, 1)), None),
+        (th.nn.Sequential(th.nn.Sequential(linear(2, 3)), RELU, linear(3, 1)), None),
+        (th.nn.Sequential(), None),
+        (th.nn.Identity(), None),
+        (Bent(linear(2, 3), RELU, linear(3, 1)), None),
+        (th.nn.Sequential(linear(2, 3, bias=False)), None),
+        (th.nn.Sequential(linear(2, 3, dtype=th.float64)), None),
+        (th.nn.Sequential(linear(2, 3, device="meta")), None),
+        (changed(lambda network: network[0].requires_grad_(False)), None),
+        (changed(lambda network: network.register_forward_hook(lambda *_: None)), None),
+        (changed(lambda network: network[1].register_forward_pre_hook(lambda *_: None)), None),
+        (changed(lambda network: network[0].register_full_backward_hook(lambda *_: None)), None),
+        (changed(lambda network: network[0].weight.register_hook(lambda grad: grad)), None),
+        (changed(lambda network: th.nn.utils.parametrizations.weight_norm(network[0])), None),
+        (changed(strided), None),
+    ],
+)
+def test_what_is_nothing_but_layers(network, expected):
+    layers = Layers.of(network)
+    assert (None if layers is None else len(layers.weights)) == expected
+
+
+@pytest.fixture
+def _two_threads():
+    with threadpool_limits(2, user_api="blas"):
+        yield
+
+
+@pytest.mark.usefixtures("_two_threads")
+def test_products_take_one_thread_whatever_other_threads_enter():
+    before = blas_threads()
+    assert set(before) == {2}
+
+    def enter():
+        with single_blas_thread():
+            pass
+
+    with single_blas_thread():
+        assert set(blas_threads()) == {1}
+        other = threading.Thread(target=enter)
+        other.start()
+        other.join(60)
+        enter()
+        assert set(blas_threads()) == {1}
+    assert blas_threads() == before
+
+
+@pytest.mark.usefixtures("_two_threads")
+def test_an_error_gives_the_threads_back():
+    before = blas_threads()
+    with pytest.raises(RuntimeError), single_blas_thread():
+        raise RuntimeError
+    assert blas_threads() == before

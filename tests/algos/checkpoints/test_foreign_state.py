@@ -1,0 +1,234 @@
+import io
+
+import numpy as np
+import pytest
+import torch as th
+from ribs.emitters import EvolutionStrategyEmitter, GaussianEmitter, IsoLineEmitter
+
+from curiosity_algos.algorithms.cma_me import STRATEGIES
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.checkpoints.foreign_state import ForeignPart, foreign_state, load_foreign_state
+from curiosity_algos.search.emitters import ParetoEmitter, TournamentEmitter
+
+N_PARAMETERS, BATCH = 20, 8
+
+
+def make_archive(dtype, kind=SparseGridArchive):
+    settings = {"solution_dim": N_PARAMETERS, "solution_dtype": dtype, "measure_dim": 2}
+    if kind is UnstructuredArchive:
+        return kind(**settings, target_size=30, k_neighbors=3, seed=0)
+    del settings["measure_dim"]
+    return kind(**settings, dims=[20, 20], ranges=[(-3, 3)] * 2, seed=0)
+
+
+def make_strategy(es, **changes):
+    def make(archive, seed):
+        return EvolutionStrategyEmitter(
+            archive,
+            x0=np.zeros(N_PARAMETERS),
+            sigma0=0.3,
+            es=es,
+            **({"ranker": "2imp", "restart_rule": 5} | changes),
+            batch_size=BATCH,
+            seed=seed,
+        )
+
+    return make
+
+
+def make_gaussian(archive, seed):
+    return GaussianEmitter(
+        archive, sigma=0.3, x0=np.zeros(N_PARAMETERS), batch_size=BATCH, seed=seed
+    )
+
+
+def make_iso_line(archive, seed):
+    return IsoLineEmitter(archive, x0=np.zeros(N_PARAMETERS), batch_size=BATCH, seed=seed)
+
+
+def make_tournament(archive, seed):
+    return TournamentEmitter(
+        archive,
+        score=lambda elites: elites["objective"],
+        tournament_size=3,
+        sigma=0.3,
+        x0=np.zeros(N_PARAMETERS),
+        batch_size=BATCH,
+        seed=seed,
+    )
+
+
+def make_pareto(archive, seed):
+    x0 = np.zeros(N_PARAMETERS, dtype=np.float32)
+    return ParetoEmitter(archive, x0=x0, sigma=0.3, n_parents=3, batch_size=BATCH, seed=seed)
+
+
+EMITTERS = {
+    "gaussian": make_gaussian,
+    "iso_line": make_iso_line,
+    "tournament": make_tournament,
+    "pareto": make_pareto,
+    **{es: make_strategy(es) for es in STRATEGIES},
+    "random_direction": make_strategy("cma_es", ranker="2rd"),
+    "filter": make_strategy("sep_cma_es", selection_rule="filter", restart_rule="basic"),
+}
+
+
+def kind_of_archive(name):
+    return UnstructuredArchive if name == "pareto" else SparseGridArchive
+
+
+def live(emitter, n_generations):
+    """All that is emitted in some generations of a search."""
+    emitted = []
+    for _ in range(n_generations):
+        solution = np.array(emitter.ask())
+        objective = -np.square(solution - 1.0).sum(axis=1)
+        info = emitter.archive.add(solution, objective, solution[:, :2])
+        emitter.tell(solution, objective, solution[:, :2], info)
+        emitted.append(solution)
+    return emitted
+
+
+def through_a_file(state):
+    file = io.BytesIO()
+    th.save(state, file)
+    file.seek(0)
+    return th.load(file, weights_only=True)
+
+
+class TestEmitters:
+    @pytest.mark.parametrize(
+        ("n_generations", "dtype"), [(0, np.float32), (1, np.float64), (12, np.float32)]
+    )
+    @pytest.mark.parametrize("name", EMITTERS)
+    def test_they_go_on_in_every_bit(self, name, n_generations, dtype, assert_same):
+        archives = [make_archive(dtype, kind_of_archive(name)) for _ in range(2)]
+        one, other = (EMITTERS[name](each, seed) for seed, each in enumerate(archives))
+        live(one, n_generations)
+        other.ask()  # what it did before leaves no trace
+        archives[1].load_state_dict(archives[0].state_dict())
+        load_foreign_state(other, through_a_file(foreign_state(one)))
+        for each, twin in zip(live(one, 7), live(other, 7), strict=True):
+            assert each.dtype == twin.dtype
+            np.testing.assert_array_equal(each, twin)
+        assert_same(foreign_state(one), foreign_state(other))
+
+    @pytest.mark.parametrize("name", EMITTERS)
+    def test_a_state_belongs_to_nobody(self, name, assert_same):
+        archives = [make_archive(np.float32, kind_of_archive(name)) for _ in range(2)]
+        one, other = (EMITTERS[name](each, 0) for each in archives)
+        live(one, 3)
+        archives[1].load_state_dict(archives[0].state_dict())
+        state = foreign_state(one)
+        kept = through_a_file(state)
+        load_foreign_state(other, state)
+        for emitter in (one, other):
+            live(emitter, 3)
+        assert_same(state, kept)
+
+    def test_a_seed_alone_is_no_state(self):
+        """Else the tests above would see no difference."""
+        for make in EMITTERS.values():
+            kind = UnstructuredArchive if make is make_pareto else SparseGridArchive
+            one, other = (make(make_archive(np.float32, kind), seed) for seed in (0, 1))
+            assert not np.array_equal(one.ask(), other.ask())
+
+    def test_as_a_part_of_a_model(self):
+        one, other = (make_gaussian(make_archive(np.float32), seed) for seed in (0, 1))
+        ForeignPart(other).load_state_dict(through_a_file(ForeignPart(one).state_dict()))
+        np.testing.assert_array_equal(one.ask(), other.ask())
+
+
+class Thing:
+    """What an attribute may be."""
+
+    def __init__(self, **attributes):
+        vars(self).update(attributes)
+
+
+# As if it were of this package.
+Thing.__module__ = "curiosity_algos.made_up"
+
+
+def round_trip(value, current=None):
+    other = Thing(it=current)
+    load_foreign_state(other, through_a_file(foreign_state(Thing(it=value))))
+    return other.it
+
+
+class TestKinds:
+    @pytest.mark.parametrize("value", [True, 3, 2.5, np.inf, "text", None, (), (1, (2.0, "a"))])
+    def test_plain_ones(self, value):
+        assert round_trip(value) == value
+        assert type(round_trip(value)) is type(value)
+
+    @pytest.mark.parametrize(
+        "value",
+        [
+            np.float64(0.1),
+            np.float32(0.1),
+            np.int64(-3),
+            np.int32(7),
+            np.uint8(200),
+            np.bool_(True),
+        ],
+    )
+    def test_numpys_scalars_keep_their_type(self, value):
+        loaded = round_trip(value)
+        assert loaded == value
+        assert type(loaded) is type(value)
+
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64, np.int32, bool])
+    @pytest.mark.parametrize("shape", [(), (0,), (3,), (2, 3)])
+    def test_arrays(self, shape, dtype):
+        value = np.random.default_rng(0).integers(0, 2, shape).astype(dtype)
+        loaded = round_trip(value)
+        assert isinstance(loaded, np.ndarray)
+        assert loaded.dtype == value.dtype
+        np.testing.assert_array_equal(loaded, value, strict=True)
+
+    def test_tuples_hold_what_attributes_do(self):
+        kept = round_trip((np.float32(0.5), np.arange(3), (None,)))
+        assert isinstance(kept, tuple)
+        assert isinstance(kept[0], np.float32)
+        assert kept[1].tolist() == [0, 1, 2]
+        assert kept[2] == (None,)
+
+    def test_read_only_arrays_can_be_changed_after(self):
+        value = np.arange(3.0)
+        value.flags.writeable = False
+        loaded = round_trip(value)
+        loaded += 1
+        assert value.tolist() == [0.0, 1.0, 2.0]
+
+    def test_generators_go_on_in_place(self):
+        one, other = np.random.default_rng(0), np.random.default_rng(1)
+        one.random(3)
+        assert round_trip(one, other) is other
+        np.testing.assert_array_equal(one.random(5), other.random(5))
+
+    def test_objects_are_changed_in_place(self):
+        one, other = Thing(a=1, inner=Thing(b=np.arange(2))), Thing(a=2, inner=Thing(b=None))
+        inner = other.inner
+        assert round_trip(one, other) is other
+        assert other.a == 1
+        assert other.inner is inner
+        assert inner.b.tolist() == [0, 1]
+
+    def test_what_an_object_is_built_with_stays(self):
+        archive, another = make_archive(np.float32), make_archive(np.float64)
+        one = Thing(archive=archive, function=live, kind=Thing, dtype=np.dtype("f4"), method=str)
+        other = Thing(archive=another, function=make_archive)
+        assert foreign_state(one) == {}
+        load_foreign_state(other, foreign_state(one))
+        assert other.archive is another
+        assert other.function is make_archive
+
+    @pytest.mark.parametrize("value", [{1, 2}, [1], {"a": 1}, 1j, io.BytesIO(), object()])
+    @pytest.mark.parametrize("is_nested", [False, True])
+    def test_others_are_refused_by_name(self, value, is_nested):
+        thing = Thing(fine=1, odd=(value,) if is_nested else value)
+        with pytest.raises(TypeError, match=f"attribute odd is a {type(value).__name__}, which"):
+            foreign_state(Thing(inner=thing) if is_nested else thing)

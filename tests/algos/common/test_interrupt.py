@@ -1,0 +1,130 @@
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from curiosity_algos.common.interrupt import deferred_interrupt
+
+
+def interrupt(reached, n_times):
+    with deferred_interrupt("the test"):
+        for i in range(n_times):
+            signal.raise_signal(signal.SIGINT)
+            reached.append(i + 1)
+
+
+def test_ctrl_c_waits_for_the_end_of_the_block():
+    reached = []
+    with pytest.raises(KeyboardInterrupt):
+        interrupt(reached, 1)
+    assert reached == [1]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_interrupts_at_once():
+    reached = []
+    with pytest.raises(KeyboardInterrupt):
+        interrupt(reached, 2)
+    assert reached == [1]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_block_without_ctrl_c_just_ends():
+    with deferred_interrupt("the test"):
+        pass
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_another_error_passes_through():
+    with pytest.raises(ZeroDivisionError), deferred_interrupt("the test"):
+        raise ZeroDivisionError
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_handler_of_the_user_stays_in_charge(monkeypatch):
+    received = []
+    previous = signal.signal(signal.SIGINT, lambda number, frame: received.append(number))
+    try:
+        with deferred_interrupt("the test"):
+            signal.raise_signal(signal.SIGINT)
+            assert received == [signal.SIGINT]
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def test_other_threads_leave_signals_alone():
+    reached = []
+
+    def work():
+        with deferred_interrupt("the test"):
+            reached.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert reached == [signal.default_int_handler]
+
+
+@pytest.mark.parametrize("n_times", [1, 2])
+def test_the_first_ctrl_c_says_what_it_waits_for(capsys, n_times):
+    with pytest.raises(KeyboardInterrupt):
+        interrupt([], n_times)
+    line = "Ctrl-C: waiting for the end of the test; press it again to stop at once.\n"
+    assert capsys.readouterr().err == line
+
+
+def test_a_closed_stderr_does_not_end_the_block(monkeypatch):
+    class Closed:
+        def write(self, text):
+            raise ValueError("I/O operation on closed file.")
+
+    monkeypatch.setattr("sys.stderr", Closed())
+    reached = []
+    with pytest.raises(KeyboardInterrupt):
+        interrupt(reached, 1)
+    assert reached == [1]
+
+
+HANG = """
+import sys, time
+import gymnasium as gym
+from curiosity_algos import TD3ICM, CanonicalES
+
+class Hanging(gym.Env):
+    observation_space = gym.spaces.Box(-1, 1, (2,))
+    action_space = gym.spaces.Box(-1, 1, (1,))
+    does_hang = False
+
+    def reset(self, *, seed=None, options=None):
+        return self.observation_space.sample(), {}
+
+    def step(self, action):
+        print("steps", flush=True)
+        while self.does_hang:
+            time.sleep(0.01)
+        return self.observation_space.sample(), 0.0, True, False, {}
+
+model = ALGORITHM(Hanging(), device="cpu")
+print("learns", flush=True)
+Hanging.does_hang = True  # only now: the env is tried out as the model is made
+model.learn(1000)
+"""
+
+
+@pytest.mark.parametrize("algorithm", ["CanonicalES", "TD3ICM"])
+def test_a_hanging_env_is_left_by_the_second_ctrl_c(algorithm):
+    code = HANG.replace("ALGORITHM", algorithm)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen([sys.executable, "-W", "ignore", "-c", code], **pipes)
+    try:
+        assert "learns\n" in iter(process.stdout.readline, "")
+        assert process.stdout.readline() == "steps\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.readline().startswith("Ctrl-C: waiting for the end of the ")
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read().endswith("KeyboardInterrupt\n")
+        process.wait()
+    finally:
+        process.kill()

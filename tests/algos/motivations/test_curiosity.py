@@ -1,0 +1,295 @@
+import copy
+
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
+
+from curiosity_algos.bonuses.buffer import TransitionBuffer
+from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.make import stored_action_size
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.motivations.curiosity import CuriosityMotivation
+from curiosity_algos.motivations.curiosity import (
+    make_motivation as make_from_spaces,
+)
+
+GIVEN = {
+    "n_states": None,
+    "gamma": 0.9,
+    "bonus": "icm",
+    "bonus_kwargs": {"beta": 0.7, "hidden": 8},
+    "n_transitions": 3,
+    "n_updates": 2,
+    "batch_size": 5,
+    "buffer_size": 40,
+}
+SPACE = spaces.Box(-1, 1, (4,))
+ACTIONS = [spaces.Box(-1, 1, (2,)), spaces.Discrete(6)]
+
+
+class Recorder:
+    """A bonus that tells all parts of a transition apart, and remembers its training."""
+
+    name = "recorder"
+
+    def __init__(self):
+        self.observed, self.batches = [], []
+
+    def score_trajectory(self, observations, actions):
+        assert len(observations) == len(actions) + 1
+        return (4 * observations[1:] + 2 * observations[:-1])[:, 0] + actions[:, 0]
+
+    def observe(self, observations):
+        self.observed.append(observations)
+
+    def update(self, *batch):
+        self.batches.append(batch)
+        return {"loss": float(len(self.batches))}
+
+    def state_dict(self):
+        return {}
+
+    def load_state_dict(self, state):
+        pass
+
+
+def make_motivation(bonus=None, *, action_space=None, **changes):
+    action_space = action_space or spaces.Box(-1, 1, (2,))
+    observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
+    n_actions = 1 if isinstance(action_space, spaces.Discrete) else 2
+    settings = {"gamma": 0.9, "n_transitions": 6, "n_updates": 3, "batch_size": 8}
+    return CuriosityMotivation(
+        bonus or ICM(observation_space, action_space, seed=0, device="cpu"),
+        TransitionBuffer(1000, spaces.Box(-1, 1, (N_OBSERVATIONS,)), n_actions, seed=0),
+        **(settings | changes),
+        seed=np.random.SeedSequence(0),
+    )
+
+
+class TestScore:
+    @pytest.mark.parametrize("n_states", [1, 3, 7, 8, 40, 49])
+    @pytest.mark.parametrize("n_together", [1, 2, 8])
+    def test_some_states_are_enough(self, n_states, n_together, monkeypatch):
+        monkeypatch.setattr("curiosity_algos.motivations.curiosity.N_TOGETHER", n_together)
+
+        class WhereItLeads(Recorder):
+            def score(self, observations, actions, next_observations):
+                return self.score_trajectory(
+                    np.concatenate([observations[:1], next_observations]), actions
+                )
+
+            def score_trajectory(self, observations, actions):
+                return observations[1:, 0]
+
+        rollouts = make_rollouts()
+        scores = make_motivation(WhereItLeads(), n_states=n_states).score(rollouts)
+        for i, length in enumerate(LENGTHS):
+            ends = [-(-j * length // n_states) for j in range(1, n_states + 1)]
+            assert ends[-1] == length
+            values = sorted(float(rollouts.observations[i, end, 0]) for end in ends)
+            highest = values[-max(1, n_states // 4) :]
+            assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
+
+    @pytest.mark.parametrize("gamma", [0.0, 0.5, 0.99, 1.0])
+    def test_equals_the_papers_sum(self, gamma):
+        rollouts = make_rollouts()
+        motivation = make_motivation(gamma=gamma)
+        expected = []
+        for i, length in enumerate(LENGTHS):
+            score = 0.0
+            for t in range(length):
+                pair = rollouts.observations[i, t : t + 1], rollouts.actions[i, t : t + 1]
+                after = rollouts.observations[i, t + 1 : t + 2]
+                score += gamma ** (length - 1 - t) * float(motivation.bonus.score(*pair, after)[0])
+            expected.append(score)
+        np.testing.assert_allclose(motivation.score(rollouts), expected, rtol=1e-5)
+
+    def test_the_last_transition_ends_at_the_final_observation(self):
+        rollouts = make_rollouts()
+        scores = make_motivation(Recorder(), gamma=0.0).score(rollouts)
+        last = np.arange(len(LENGTHS)), LENGTHS - 1
+        expected = 4 * rollouts.final_observations + 2 * rollouts.observations[last]
+        np.testing.assert_array_equal(scores, expected[:, 0] + rollouts.actions[last][:, 0])
+
+    @pytest.mark.parametrize("is_discrete", [False, True])
+    @pytest.mark.parametrize("how", [{}, {"gamma": 1.0, "n_states": 4}])
+    def test_threads_change_no_bit(self, is_discrete, how, monkeypatch):
+        monkeypatch.setattr("curiosity_algos.motivations.curiosity.N_TOGETHER", 2)
+        action_space = spaces.Discrete(3) if is_discrete else None
+        rollouts = make_rollouts(is_discrete)
+        scores = []
+        for n_threads, n_torch_threads in [(1, 1), (1, 2), (2, 1), (4, 2), (None, 4)]:
+            th.set_num_threads(n_torch_threads)
+            motivation = make_motivation(action_space=action_space, n_threads=n_threads, **how)
+            scores.append(motivation.score(rollouts))
+            assert th.get_num_threads() == n_torch_threads
+        assert np.isfinite(scores[0]).all()
+        for other in scores[1:]:
+            np.testing.assert_array_equal(other, scores[0])
+
+    def test_an_individual_scores_the_same_in_any_company(self):
+        rollouts = make_rollouts()
+        motivation = make_motivation()
+        alone = [motivation.score(only(rollouts, slice(i, i + 1)))[0] for i in range(len(LENGTHS))]
+        np.testing.assert_array_equal(motivation.score(rollouts), alone)
+
+    def test_needs_trajectories(self):
+        values = make_rollouts().__dict__ | {"observations": None, "actions": None}
+        with pytest.raises(ValueError, match="no trajectories"):
+            make_motivation().score(Rollouts(**values))
+
+
+class TestUpdate:
+    def test_remembers_transitions_of_every_individual(self):
+        rollouts, motivation = make_rollouts(), make_motivation(Recorder(), n_transitions=40)
+        motivation.update(rollouts)
+        assert len(motivation.buffer) == 40 * len(LENGTHS)
+        held = motivation.buffer.state_dict()
+        columns = [held[name] for name in ("observations", "actions", "next_observations")]
+        rows = th.cat(columns, dim=1).numpy().reshape(len(LENGTHS), 40, -1)
+        for i, length in enumerate(LENGTHS):
+            real = np.concatenate(
+                [
+                    rollouts.observations[i, :length],
+                    rollouts.actions[i, :length],
+                    rollouts.observations[i, 1 : length + 1],
+                ],
+                axis=1,
+            )
+            assert {row.tobytes() for row in rows[i]} <= {row.tobytes() for row in real}
+            # 40 uniform draws of so few miss a tenth of them at most.
+            assert len(np.unique(rows[i], axis=0)) >= 0.9 * length
+
+    def test_statistics_see_what_enters_the_buffer(self):
+        motivation = make_motivation(Recorder())
+        motivation.update(make_rollouts())
+        held = motivation.buffer.state_dict()
+        assert th.equal(motivation.bonus.observed[0], held["observations"])
+
+    def test_trains_p_times_on_batches_and_reports_mean_losses(self):
+        motivation = make_motivation(Recorder(), n_updates=3, batch_size=8)
+        assert motivation.update(make_rollouts()) == {"recorder/loss": 2.0}
+        shapes = [[part.shape for part in batch] for batch in motivation.bonus.batches]
+        assert shapes == [[(8, N_OBSERVATIONS), (8, 2), (8, N_OBSERVATIONS)]] * 3
+        held = motivation.buffer.state_dict()
+        columns = [held[name] for name in ("observations", "actions", "next_observations")]
+        rows = {row.numpy().tobytes() for row in th.cat(columns, dim=1)}
+        for batch in motivation.bonus.batches:
+            assert {row.numpy().tobytes() for row in th.cat(batch, dim=1)} <= rows
+
+    @pytest.mark.parametrize("is_discrete", [False, True])
+    def test_what_was_seen_becomes_less_curious(self, is_discrete):
+        rollouts = make_rollouts(is_discrete)
+        action_space = spaces.Discrete(3) if is_discrete else None
+        motivation = make_motivation(action_space=action_space, n_updates=150, batch_size=32)
+        motivation.update(rollouts)
+        before = motivation.score(rollouts).mean()
+        losses = motivation.update(rollouts)
+        assert set(losses) == {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
+        assert motivation.score(rollouts).mean() < before
+
+    def test_torchs_threads_come_back(self):
+        th.set_num_threads(2)
+        make_motivation().update(make_rollouts())
+        assert th.get_num_threads() == 2
+
+
+class TestMaking:
+    def make(self, action_space=ACTIONS[0], **changes):
+        settings = GIVEN | {"seed": 0, "device": "cpu"} | changes
+        return make_from_spaces(SPACE, action_space, **settings)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "message"),
+        [
+            ("gamma", 1.1, "`gamma` must be from 0 to 1"),
+            ("gamma", -0.1, "`gamma` must be from 0 to 1"),
+            ("n_states", 0, "`n_states` must be a whole number of at least 1"),
+            ("n_states", 20, "`gamma` must be 1 unless `n_states` is None"),
+            ("bonus", "rdn", "`bonus` must be one of apt, icm, rnd, got 'rdn'"),
+            ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
+            ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
+            ("bonus_kwargs", {"device": "cpu"}, "`bonus_kwargs` must be one of .* got 'device'"),
+            ("bonus_kwargs", {"action_space": 1}, "`bonus_kwargs` must be one of .*'action_space'"),
+            ("n_transitions", 0, "`n_transitions` must be a whole number of at least 1"),
+            ("n_updates", 0, "`n_updates` must be a whole number of at least 1"),
+            ("batch_size", 1.5, "`batch_size` must be a whole number of at least 1"),
+            ("buffer_size", None, "`buffer_size` must be a whole number of at least 1"),
+            ("n_threads", 0, "`n_threads` must be a whole number of at least 1"),
+            ("seed", -1, "`seed` must be None or a whole number of at least 0"),
+        ],
+    )
+    def test_errors_name_the_argument(self, name, value, message):
+        with pytest.raises(ValueError, match=message):
+            self.make(**{name: value})
+
+    def test_other_observations_are_refused(self):
+        with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
+            make_from_spaces(spaces.Discrete(3), ACTIONS[0])
+
+    @pytest.mark.parametrize("gamma", [0.0, 1.0])
+    def test_bounds_of_gamma_are_allowed(self, gamma):
+        assert self.make(gamma=gamma).gamma == gamma
+
+    @pytest.mark.parametrize("action_space", ACTIONS)
+    def test_the_parts_have_the_settings(self, action_space):
+        motivation = self.make(action_space)
+        for name in ("n_states", "gamma", "n_transitions", "n_updates", "batch_size"):
+            assert getattr(motivation, name) == GIVEN[name]
+        assert isinstance(motivation.bonus, ICM)
+        assert (motivation.bonus.beta, motivation.bonus.encode_actions.is_discrete) == (
+            0.7,
+            isinstance(action_space, spaces.Discrete),
+        )
+        assert motivation.bonus.encoder[0].weight.shape == (8, 4)
+        assert motivation.buffer.capacity == 40
+        held = motivation.buffer.state_dict()
+        assert held["observations"].shape == held["next_observations"].shape == (0, 4)
+        assert held["actions"].shape == (0, stored_action_size(action_space))
+
+    def test_spaces_are_enough(self):
+        observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
+        motivation = make_from_spaces(observation_space, spaces.Discrete(3), n_updates=1)
+        assert motivation.n_states == 20
+        assert (motivation.score(make_rollouts(is_discrete=True)) == 0.0).all()  # none is known
+        assert motivation.update(make_rollouts(is_discrete=True))["apt/loss"] > 0.0
+        assert (motivation.score(make_rollouts(is_discrete=True, seed=1)) > 0.0).all()
+
+    @pytest.mark.parametrize("kind", [int, np.random.SeedSequence])
+    def test_seeds_decide_about_all_parts(self, kind, assert_same):
+        one, same, other = (self.make(seed=kind(seed)) for seed in (0, 0, 1))
+        assert_same(one.state_dict(), same.state_dict())
+        states = one.state_dict(), other.state_dict()
+        weights = [state["bonus"]["modules"]["encoder.0.weight"] for state in states]
+        assert not th.equal(*weights)
+        assert not th.equal(*(state["buffer"]["generator"] for state in states))
+        assert states[0]["rng"] != states[1]["rng"]
+
+
+def test_a_state_resumes(assert_same):
+    one, other = make_motivation(), make_motivation()
+    one.update(make_rollouts())
+    other.load_state_dict(copy.deepcopy(one.state_dict()))
+    for motivation in (one, other):
+        motivation.update(make_rollouts(seed=1))
+    assert_same(one.state_dict(), other.state_dict())
+    np.testing.assert_array_equal(one.score(make_rollouts()), other.score(make_rollouts()))
+
+
+def test_a_state_without_the_buffer_leaves_it_empty():
+    one, other = make_motivation(), make_motivation()
+    one.update(make_rollouts())
+    state = one.state_dict()
+    del state["buffer"]
+    other.load_state_dict(state)
+    assert len(other.buffer) == 0
+    other.update(make_rollouts(seed=1))
+    assert len(other.buffer) == 6 * len(LENGTHS)
+
+
+def test_the_bonus_trains_on_the_motivations_threads():
+    motivation = make_motivation(n_threads=3)
+    assert motivation.bonus.pool is motivation._pool
+    assert motivation.bonus.pool.n_threads == 3

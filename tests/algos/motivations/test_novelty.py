@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from gymnasium import spaces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from curiosity_algos import Rollouts
+from curiosity_algos.motivations.novelty import NoveltyMotivation, behavior_size, behaviors_of
+
+
+def make_rollouts(behaviors, final_observations=None):
+    n = len(behaviors)
+    finals = np.zeros((n, 3)) if final_observations is None else final_observations
+    return Rollouts(
+        returns=np.zeros(n),
+        lengths=np.ones(n, dtype=np.int64),
+        success=np.zeros(n, dtype=bool),
+        behaviors=np.asarray(behaviors, dtype=np.float64),
+        final_observations=np.asarray(finals, dtype=np.float32),
+    )
+
+
+def brute_force(seen, behaviors, k):
+    """Mean distance to the k nearest, in plain Python; among themselves where nothing was seen."""
+    scores = []
+    for i, behavior in enumerate(behaviors):
+        others = seen or [other for j, other in enumerate(behaviors) if j != i]
+        distances = sorted(np.linalg.norm(np.subtract(behavior, other)) for other in others)[:k]
+        scores.append(sum(distances) / len(distances) if distances else 0.0)
+    return scores
+
+
+@settings(deadline=None)
+@given(st.data(), st.integers(1, 5), st.integers(1, 4), st.integers(1, 6))
+def test_novelty_equals_a_brute_force(data, k, n_dimensions, n_generations):
+    motivation, seen = NoveltyMotivation(n_dimensions, k=k, behavior="final"), []
+    entry = st.integers(-3, 3).map(float)
+    row = st.lists(entry, min_size=n_dimensions, max_size=n_dimensions)
+    for _ in range(n_generations):
+        behaviors = data.draw(st.lists(row, min_size=1, max_size=6))
+        rollouts = make_rollouts(behaviors)
+        np.testing.assert_allclose(
+            motivation.score(rollouts), brute_force(seen, behaviors, k), rtol=1e-12, atol=1e-12
+        )
+        assert motivation.update(rollouts) == {"archive/size": len(seen) + len(behaviors)}
+        seen += behaviors
+
+
+def test_nobody_meets_itself():
+    motivation = NoveltyMotivation(2, k=1, behavior="final")
+    rollouts = make_rollouts([[0.0, 0.0], [3.0, 4.0]])
+    assert motivation.score(rollouts).tolist() == [5.0, 5.0]
+    motivation.update(rollouts)
+    assert motivation.score(rollouts).tolist() == [0.0, 0.0]
+
+
+def test_the_whole_state_may_be_compared():
+    rollouts = make_rollouts([[0.0], [0.0]], [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
+    assert NoveltyMotivation(3, k=1, behavior="state").score(rollouts).tolist() == [2.0, 2.0]
+    assert NoveltyMotivation(1, k=1, behavior="final").score(rollouts).tolist() == [0.0, 0.0]
+    assert behaviors_of(rollouts, "state").dtype == np.float64
+
+
+def test_the_length_of_a_behavior():
+    observations, behaviors = spaces.Box(-1, 1, (7,)), spaces.Box(-1, 1, (2,))
+    assert behavior_size("final", observations, behaviors) == 2
+    assert behavior_size("state", observations, behaviors) == 7
+    assert behavior_size("state", observations, None) == 7
+    with pytest.raises(ValueError, match='`behavior="final"` needs an env with a `behavior_space`'):
+        behavior_size("final", observations, None)
+    with pytest.raises(ValueError, match="`behavior` must be one of final, state"):
+        behavior_size("last", observations, behaviors)

@@ -1,0 +1,287 @@
+import os
+import pickle
+import subprocess
+import sys
+import tracemalloc
+
+import numpy as np
+import pytest
+import torch as th
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from curiosity_algos.motivations import novelty_archive as module
+from curiosity_algos.motivations.novelty_archive import NoveltyArchive
+
+N_DIMENSIONS = 4
+
+
+def make_archive(*batches, n_dimensions=N_DIMENSIONS):
+    archive = NoveltyArchive(n_dimensions)
+    for batch in batches:
+        archive.add(batch)
+    return archive
+
+
+def random_batches(n_batches, size=20, n_dimensions=N_DIMENSIONS, seed=0):
+    return np.random.default_rng(seed).normal(0.0, 3.0, (n_batches, size, n_dimensions))
+
+
+def brute_force(behaviors, queries, k):
+    """Distances and indices by sorting all of them."""
+    distances = np.sqrt(((queries[:, None] - behaviors) ** 2).sum(axis=2))
+    indices = np.argsort(distances, axis=1, kind="stable")[:, :k]
+    return np.take_along_axis(distances, indices, axis=1), indices
+
+
+def assert_answers(archive, behaviors, queries, k):
+    """The archive's answer is that of brute force, up to which of equally near ones it names."""
+    distances, indices = archive.nearest(queries, k)
+    expected, _ = brute_force(behaviors, queries, k)
+    assert distances.shape == indices.shape == (len(queries), min(k, len(behaviors)))
+    assert (distances.dtype, indices.dtype) == (np.float64, np.int64)
+    np.testing.assert_allclose(distances, expected, rtol=1e-12, atol=1e-100)
+    assert (np.diff(distances, axis=1) >= 0.0).all()
+    assert all(len(set(row)) == len(row) for row in indices.tolist())
+    named = np.sqrt(((queries[:, None] - behaviors[indices]) ** 2).sum(axis=2))
+    np.testing.assert_allclose(distances, named, rtol=1e-12, atol=1e-100)
+
+
+def assert_same_answers(one, other, queries, k=7):
+    for found, twin in zip(one.nearest(queries, k), other.nearest(queries, k), strict=True):
+        assert found.tobytes() == twin.tobytes()
+
+
+@st.composite
+def streams(draw):
+    """Batches of a random number of dimensions; small whole numbers make many of them equal."""
+    n_dimensions = draw(st.integers(1, 6))
+    numbers = st.one_of(st.integers(-2, 2).map(float), st.floats(-1e3, 1e3))
+    shapes = st.tuples(st.integers(0, 12), st.just(n_dimensions))
+    batches = st.lists(hnp.arrays(np.float64, shapes, elements=numbers), min_size=1, max_size=12)
+    return draw(batches)
+
+
+@settings(deadline=None)
+@given(streams(), st.integers(1, 30))
+def test_a_stream_is_answered_as_brute_force_does(batches, k):
+    archive, seen = NoveltyArchive(batches[0].shape[1]), batches[0][:0]
+    for batch in batches:
+        assert_answers(archive, seen, batch, k)
+        archive.add(batch)
+        seen = np.concatenate([seen, batch])
+        assert_answers(archive, seen, batch, k)
+        np.testing.assert_array_equal(archive.behaviors, seen)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(1, 6), st.integers(1, 25), st.integers(0, 1000))
+def test_a_long_stream_crosses_rebuilds(n_dimensions, k, seed):
+    rng = np.random.default_rng(seed)
+    archive, seen, covered = NoveltyArchive(n_dimensions), np.empty((0, n_dimensions)), set()
+    while len(seen) < 2000:
+        batch = rng.normal(0.0, 10.0, (rng.integers(1, 40), n_dimensions))
+        batch[rng.random(len(batch)) < 0.3] = 5.0
+        archive.add(batch)
+        seen = np.concatenate([seen, batch])
+        covered.add(archive.state_dict()["n_indexed"])
+        queries = np.concatenate([batch[:3], rng.normal(0.0, 10.0, (3, n_dimensions))])
+        assert_answers(archive, seen, queries, k)
+    assert len(covered) >= 10
+    # A tail that no tree covers yet is answered from, too.
+    n_distinct = len(np.unique(seen, axis=0))
+    assert max(covered) <= n_distinct
+    assert max(covered) > n_distinct / (1.0 + module.REBUILD_SHARE) - 1
+
+
+def test_neighbors_by_hand():
+    archive = make_archive([[0.0, 0.0], [3.0, 4.0]], [[6.0, 8.0], [-1.0, 0.0]], n_dimensions=2)
+    distances, indices = archive.nearest([[0.0, 0.0], [6.0, 8.0]], 3)
+    np.testing.assert_array_equal(distances, [[0.0, 1.0, 5.0], [0.0, 5.0, 10.0]])
+    np.testing.assert_array_equal(indices, [[0, 3, 1], [2, 1, 0]])
+
+
+def test_a_behavior_of_the_archive_is_found_at_no_distance():
+    batches = random_batches(30)
+    archive, seen = make_archive(*batches), np.concatenate(batches)
+    distances, indices = archive.nearest(seen, 1)
+    np.testing.assert_array_equal(distances, 0.0)
+    np.testing.assert_array_equal(indices[:, 0], np.arange(len(seen)))
+
+
+def test_copies_are_neighbors_each_in_order_of_insertion():
+    point, far = [1.0, 2.0], [1.0, 5.0]
+    archive = make_archive([point, far], [point, point], [far], n_dimensions=2)
+    distances, indices = archive.nearest([point], 10)
+    np.testing.assert_array_equal(distances, [[0.0, 0.0, 0.0, 3.0, 3.0]])
+    np.testing.assert_array_equal(indices, [[0, 2, 3, 1, 4]])
+    assert archive.nearest([point], 2)[1].tolist() == [[0, 2]]
+
+
+def test_thousands_of_copies_are_held_once_in_the_trees():
+    archive = make_archive(np.ones((5000, 2)), -np.zeros((5000, 2)), n_dimensions=2)
+    archive.add(np.zeros((5000, 2)))
+    assert len(archive) == 15_000
+    assert archive.state_dict()["n_indexed"] == 2
+    distances, indices = archive.nearest([[0.0, 0.0], [2.0, 1.0]], 10_001)
+    np.testing.assert_array_equal(distances[0], [0.0] * 10_000 + [np.sqrt(2.0)])
+    np.testing.assert_array_equal(indices[0], [*range(5000, 15_000), 0])
+    np.testing.assert_array_equal(distances[1, 4999:5001], [1.0, np.sqrt(5.0)])
+
+
+def test_behaviors_whose_distance_is_none_are_told_apart():
+    near = 3e-200 * np.arange(4.0)[:, None]  # whose squares are 0
+    archive = make_archive(*[near] * 5, n_dimensions=1)
+    assert archive.state_dict()["n_indexed"] == 4
+    (found,) = archive.nearest([[0.0]], 20)[1].reshape(1, 4, 5)
+    assert sorted(found[:, 0].tolist()) == [0, 1, 2, 3]
+    np.testing.assert_array_equal(found - found[:, :1], [[0, 4, 8, 12, 16]] * 4)
+
+
+def test_a_pickled_archive_knows_its_behaviors_in_another_process():
+    archive = make_archive(random_batches(1, 100)[0])
+    code = (
+        "import pickle, sys\n"
+        "archive = pickle.load(sys.stdin.buffer)\n"
+        "archive.add(archive.behaviors.copy())\n"
+        "print(archive.state_dict()['n_indexed'], archive.nearest(archive.behaviors[:1], 2)[1])"
+    )
+    given = {"input": pickle.dumps(archive), "env": {**os.environ, "PYTHONHASHSEED": "7"}}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, **given)
+    assert done.stdout.decode().split() == ["100", "[[", "0", "100]]"]
+
+
+def test_a_behavior_takes_little_more_than_its_numbers():
+    batches = random_batches(20, 1000, n_dimensions=2)
+    tracemalloc.start()
+    try:
+        archive = make_archive(*batches, n_dimensions=2)
+        taken = tracemalloc.get_traced_memory()[0] / len(archive)
+    finally:
+        tracemalloc.stop()
+    assert taken <= 150.0  # its two numbers twice, one of its place, and room to grow
+
+
+def test_an_empty_archive_has_no_neighbors():
+    archive = make_archive()
+    for each in (archive, make_archive(np.empty((0, N_DIMENSIONS)))):
+        distances, indices = each.nearest(np.zeros((3, N_DIMENSIONS)), 5)
+        assert distances.shape == indices.shape == (3, 0)
+        assert len(each) == 0
+        assert each.behaviors.shape == (0, N_DIMENSIONS)
+
+
+def test_no_queries_have_no_neighbors():
+    distances, indices = make_archive(*random_batches(1)).nearest(np.empty((0, N_DIMENSIONS)), 5)
+    assert distances.shape == indices.shape == (0, 5)
+
+
+@pytest.mark.parametrize("sizes", [[1] * 600, [600], [599, 1], [200, 37, 363]])
+def test_when_trees_are_built_does_not_change_the_neighbors(sizes):
+    seen, queries = random_batches(1, 600)[0], random_batches(1, 50, seed=1)[0]
+    archive = make_archive(*np.split(seen, np.cumsum(sizes)[:-1]))
+    assert_same_answers(archive, make_archive(*np.split(seen, 6)), queries)
+    np.testing.assert_array_equal(archive.nearest(queries, 7)[1], brute_force(seen, queries, 7)[1])
+
+
+def test_a_tree_is_rebuilt_once_enough_is_new():
+    archive = make_archive(random_batches(1, 1000)[0])
+    covered = []
+    for row in random_batches(1, 40, seed=1)[0]:
+        archive.add([row])
+        covered.append(archive.state_dict()["n_indexed"])
+    assert covered == [1000] * 30 + [1031] * 10
+
+
+def test_what_was_added_is_a_copy():
+    batch = random_batches(1)[0]
+    archive, kept = make_archive(batch), batch.copy()
+    before = archive.nearest(kept, 5)
+    batch += 100.0
+    np.testing.assert_array_equal(archive.behaviors, kept)
+    for found, twin in zip(archive.nearest(kept, 5), before, strict=True):
+        np.testing.assert_array_equal(found, twin)
+
+
+def test_the_view_cannot_be_written_to():
+    archive = make_archive(*random_batches(2))
+    with pytest.raises(ValueError, match="read-only"):
+        archive.behaviors[0] = 0.0
+    archive.add(random_batches(1)[0])
+    assert len(archive) == 60
+
+
+@pytest.mark.parametrize("n_more", [1, 300])
+@pytest.mark.parametrize("n_tail", [0, 20])
+def test_a_state_resumes_in_every_bit(n_tail, n_more):
+    batches, queries = random_batches(1 + n_more, 3, seed=2), random_batches(1, 40, seed=3)[0]
+    # Whole numbers: equally near neighbors tell apart what trees of other rows answer.
+    first = np.round(random_batches(1, 1000)[0])
+    archive = make_archive(first, np.round(random_batches(1, 20, seed=1)[0])[:n_tail])
+    loaded = make_archive(*random_batches(3, seed=4))
+    loaded.load_state_dict(archive.state_dict())
+    assert loaded.behaviors.tobytes() == archive.behaviors.tobytes()
+    assert_same_answers(loaded, archive, np.round(queries))
+    for batch in batches:
+        for each in (loaded, archive):
+            each.add(np.round(batch))
+    assert_same_answers(loaded, archive, np.round(queries))
+    assert loaded.state_dict()["n_indexed"] == archive.state_dict()["n_indexed"]
+
+
+def test_a_state_tells_what_the_large_tree_covers():
+    archive = make_archive(random_batches(1, 1000)[0], random_batches(1, seed=1)[0])
+    state = archive.state_dict()
+    assert state["n_indexed"] == 1000
+    assert state["behaviors"].dtype == th.float64
+    loaded = make_archive()
+    loaded.load_state_dict(state)
+    assert loaded.state_dict()["n_indexed"] == 1000
+    assert len(loaded) == 1020
+
+
+def test_a_state_is_a_copy():
+    archive = make_archive(*random_batches(2))
+    state = archive.state_dict()
+    loaded = make_archive()
+    loaded.load_state_dict(state)
+    state["behaviors"] += 1.0
+    for each in (archive, loaded):
+        np.testing.assert_array_equal(each.behaviors, np.concatenate(random_batches(2)))
+
+
+@pytest.mark.parametrize("behaviors", [[0.0] * 4, [[0.0] * 3], [[[0.0] * 4]]])
+def test_other_shapes_are_refused(behaviors):
+    archive = make_archive(*random_batches(1))
+    for call in (archive.add, lambda rows: archive.nearest(rows, 1)):
+        with pytest.raises(ValueError, match=r"`behaviors` must have the shape \(n, 4\)"):
+            call(behaviors)
+    assert len(archive) == 20
+
+
+@pytest.mark.parametrize("entry", [np.nan, np.inf, -1e150])
+def test_numbers_without_a_distance_are_refused(entry):
+    archive = make_archive(*random_batches(1))
+    for call in (archive.add, lambda rows: archive.nearest(rows, 1)):
+        with pytest.raises(ValueError, match="`behaviors` must be finite and below 1e"):
+            call([[0.0, 0.0, entry, 0.0]])
+    assert len(archive) == 20
+
+
+def test_large_numbers_have_distances():
+    archive = make_archive([[9e149] * 4, [-9e149] * 4])
+    distances, indices = archive.nearest([[9e149] * 4], 2)
+    np.testing.assert_allclose(distances, [[0.0, 3.6e150]])
+    assert indices.tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize("k", [0, -1, 1.5])
+def test_fewer_than_one_neighbor_is_refused(k):
+    with pytest.raises(ValueError, match="`k` must be a whole number of at least 1"):
+        make_archive(*random_batches(1)).nearest(np.zeros((1, 4)), k)
+
+
+def test_no_dimensions_are_refused():
+    with pytest.raises(ValueError, match="`n_dimensions` must be a whole number of at least 1"):
+        NoveltyArchive(0)

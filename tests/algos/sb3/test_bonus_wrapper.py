@@ -1,0 +1,609 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from sb3_contrib import TQC, RecurrentPPO
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
+
+import curiosity_algos
+from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.make import BONUSES
+from curiosity_algos.checkpoints.environment_state import environment_states
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+
+
+class Count(gym.Env):
+    """Observes how many steps were taken; episodes have 4, begin at 0, and end with a reward."""
+
+    observation_space = spaces.Box(-100, 100, (1,))
+    action_space = spaces.Box(-1, 1, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        self.n = 0
+        return np.zeros(1, dtype=np.float32), {}
+
+    def step(self, action):
+        self.n += 1
+        return np.full(1, self.n, dtype=np.float32), float(self.n == 4), self.n == 4, False, {}
+
+
+class Pictures(gym.ObservationWrapper):
+    """Count's number as a gray picture."""
+
+    observation_space = spaces.Box(0, 255, (36, 36, 1), np.uint8)
+
+    def observation(self, observation):
+        return np.full((36, 36, 1), observation[0], dtype=np.uint8)
+
+
+class Recorder:
+    """A bonus that is where a step of 1 leads to, and remembers what it was asked and taught."""
+
+    name = "recorder"
+
+    def __init__(self):
+        self.asked, self.observed, self.batches = [], [], []
+
+    def score(self, observations, actions, next_observations):
+        self.asked.append((observations.copy(), actions.copy(), next_observations.copy()))
+        return 2 * next_observations[:, -1] - observations[:, -1] - 1
+
+    def score_trajectory(self, observations, actions):
+        raise AssertionError("not asked of a vector env")
+
+    def observe(self, observations):
+        self.observed.append(observations)
+
+    def update(self, *batch):
+        self.batches.append(batch)
+        return {"loss": float(len(self.batches))}
+
+    def state_dict(self):
+        return {"n": len(self.batches)}
+
+    def load_state_dict(self, state, strict=True):
+        self.batches = [None] * state["n"]
+
+
+def make_venv(n=2, env=Count):
+    return DummyVecEnv([env] * n)
+
+
+def wrap(venv=None, **changes):
+    settings = {"seed": 0, "device": "cpu", "train_interval": 8, "n_updates": 2, "batch_size": 4}
+    return BonusVecEnvWrapper(venv or make_venv(), **(settings | changes))
+
+
+def wrap_trained(venv=None, bonus=None, **changes):
+    """A wrapper that has trained in an episode of its own, so that it pays a bonus."""
+    wrapper = wrap(venv, bonus=bonus or Recorder(), **(changes | {"train_interval": 1}))
+    play(wrapper, 4)
+    wrapper.train_interval = 8
+    wrapper.bonus.asked.clear()
+    return wrapper
+
+
+def play(venv, n_steps, seed=0):
+    """What each step gave: observations, rewards, dones, infos."""
+    rng = np.random.default_rng(seed)
+    venv.reset()
+    return [
+        venv.step(rng.uniform(-1, 1, (venv.num_envs, 1)).astype(np.float32)) for _ in range(n_steps)
+    ]
+
+
+class TestRewards:
+    def test_a_bonus_is_that_of_the_true_last_observation(self):
+        venv = wrap_trained(bonus=(bonus := Recorder()))
+        steps = play(venv, 9)
+        befores, _, afters = (np.array([each[i] for each in bonus.asked]) for i in range(3))
+        np.testing.assert_array_equal(befores[:, 0, 0], [0, 1, 2, 3, 0, 1, 2, 3, 0])
+        np.testing.assert_array_equal(afters[:, 0, 0], [1, 2, 3, 4, 1, 2, 3, 4, 1])
+        seen = [observations[0, 0] for observations, *_ in steps]
+        assert seen == [1, 2, 3, 0, 1, 2, 3, 0, 1]
+
+    def test_a_venv_may_use_its_arrays_again(self):
+        venv = make_venv()
+        shared = np.zeros((2, 1), dtype=np.float32)
+        reset, step_wait = venv.reset, venv.step_wait
+
+        def share(observations, *others):
+            shared[:] = observations
+            return (shared, *others) if others else shared
+
+        venv.reset, venv.step_wait = lambda: share(reset()), lambda: share(*step_wait())
+        play(wrap_trained(venv, bonus=(bonus := Recorder())), 5)
+        befores = [before[0, 0] for before, _, _ in bonus.asked]
+        assert befores == [0, 1, 2, 3, 0]
+
+    def test_a_reset_begins_the_discounted_sum_anew(self):
+        venv = wrap_trained(bonus=Recorder())
+        play(venv, 3)
+        assert venv.state_dict()["scale"]["sums"].min() > 0
+        venv.reset()
+        assert not venv.state_dict()["scale"]["sums"].any()
+
+    def test_actions_are_those_that_were_taken(self):
+        venv = wrap_trained(bonus=(bonus := Recorder()))
+        play(venv, 5, seed=3)
+        taken = np.random.default_rng(3).uniform(-1, 1, (5, 2, 1)).astype(np.float32)
+        np.testing.assert_array_equal([actions for _, actions, _ in bonus.asked], taken)
+
+    def test_a_bonus_with_a_horizon_learns_from_spans_within_episodes(self):
+        bonus = Recorder()
+        bonus.horizon = 3
+        venv = wrap(bonus=bonus, train_interval=1000)
+        play(venv, 60)
+        held = venv.buffer.state_dict()
+        spans = (held["next_observations"] - held["observations"]).int().ravel().tolist()
+        assert set(spans) == {1, 2, 3}
+        venv.training = False
+        play(venv, 1)
+        venv.training = True
+        venv.step(np.zeros((2, 1), dtype=np.float32))  # no span over what was not learned from
+        assert venv.buffer.state_dict()["observations"][-2:].ravel().tolist() == [1, 1]
+
+    @pytest.mark.parametrize("unit", [0.5, 2**10])
+    def test_they_do_not_depend_on_the_unit_of_actions(self, make_pendulum, unit):
+        rewards = []
+        for env in (make_pendulum(1), make_pendulum(unit)):
+            venv = wrap(DummyVecEnv([lambda env=env: env]))
+            venv.seed(0)
+            venv.reset()
+            actions = np.linspace(-1, 1, 40, dtype=np.float32) * env.action_space.high
+            rewards.append([venv.step(action[None, None])[1].item() for action in actions])
+        np.testing.assert_array_equal(*rewards)
+
+    @pytest.mark.parametrize("extrinsic", [True, False])
+    @pytest.mark.parametrize("weight", [1.0, 0.25])
+    def test_rewards_add_up_and_infos_keep_them_apart(self, extrinsic, weight):
+        steps = play(wrap_trained(bonus=Recorder(), extrinsic=extrinsic, weight=weight), 9)
+        plain = play(wrap_trained(bonus=Recorder()), 9)
+        for (_, rewards, dones, infos), (_, _, _, unweighted) in zip(steps, plain, strict=True):
+            assert rewards.dtype == np.float32
+            for i, info in enumerate(infos):
+                assert info["reward_extrinsic"] == float(dones[i])
+                bonus = unweighted[i]["reward_intrinsic"]
+                assert info["reward_intrinsic"] == pytest.approx(weight * bonus)
+                total = extrinsic * info["reward_extrinsic"] + info["reward_intrinsic"]
+                assert rewards[i] == np.float32(total)
+
+    def test_the_bonus_is_scaled_by_the_deviation_of_its_discounted_sum(self):
+        n_steps, gamma = 400, 0.9
+        venv = wrap(make_venv(3), bonus=Recorder(), gamma=gamma, train_interval=1)
+        last = play(venv, n_steps)[-1]
+        sums, running = [], np.zeros(3)
+        for t in range(1, n_steps):  # there is no bonus before the first training
+            running = gamma * running + (1 + t % 4)
+            sums.append(running)
+        raw = 1 + (n_steps - 1) % 4
+        assert last[3][0]["reward_intrinsic"] == pytest.approx(raw / np.std(sums), rel=1e-3)
+
+    def test_the_first_bonus_of_a_single_env_is_bounded(self):
+        steps = play(wrap(make_venv(1), bonus=Recorder(), train_interval=1), 2)
+        assert [rewards[0] for _, rewards, *_ in steps] == [0.0, pytest.approx(10.0)]
+
+    def test_there_is_none_before_the_first_training(self):
+        venv = wrap(bonus=(bonus := Recorder()), train_interval=10)
+        bonus.asked.clear()
+        steps = play(venv, 7)
+        assert len(bonus.asked) == 2
+        is_paid = [info[0]["reward_intrinsic"] > 0 for *_, info in steps]
+        assert is_paid == [False] * 5 + [True] * 2
+        assert [rewards[0] for _, rewards, *_ in steps[:5]] == [0, 0, 0, 1, 0]
+
+    def test_the_scale_forgets_what_was_long_ago(self, monkeypatch):
+        monkeypatch.setattr("curiosity_algos.sb3.scale.MEMORY", 100)
+        venv = wrap_trained(bonus=(bonus := Recorder()))
+        bonus.score = lambda before, actions, after: 1000 * after[:, 0]
+        play(venv, 200)
+        bonus.score = lambda before, actions, after: after[:, 0]
+        last = play(venv, 2000)[-1]
+        fresh = play(wrap_trained(bonus=Recorder()), 2000)[-1]
+        assert last[3][0]["reward_intrinsic"] == pytest.approx(
+            fresh[3][0]["reward_intrinsic"], rel=0.1
+        )
+
+    def test_monitors_below_see_the_task(self):
+        venv = wrap(VecMonitor(make_venv()), bonus=Recorder())
+        infos = play(venv, 4)[-1][3]
+        assert [info["episode"]["r"] for info in infos] == [1.0, 1.0]
+
+    def test_stacked_below_the_last_observation_is_too(self):
+        play(wrap_trained(VecFrameStack(make_venv(), 2), bonus=(bonus := Recorder())), 5)
+        led_to = [after[0].tolist() for *_, after in bonus.asked]
+        assert led_to == [[0, 1], [1, 2], [2, 3], [3, 4], [0, 1]]
+
+    def test_normalized_above_both_rewards_are_scaled(self):
+        venv = VecNormalize(wrap_trained(bonus=Recorder()), norm_obs=False)
+        _, rewards, _, infos = play(venv, 8)[-1]
+        sums = [info["reward_extrinsic"] + info["reward_intrinsic"] for info in infos]
+        np.testing.assert_allclose(rewards, venv.normalize_reward(np.array(sums)), rtol=1e-5)
+
+    def test_normalized_above_a_replay_buffer_has_the_bonus(self):
+        venv = VecNormalize(wrap_trained(make_venv(1), bonus=Recorder()))
+        model = SAC("MlpPolicy", venv, learning_starts=50, device="cpu")
+        paid = []
+
+        def keep(local, _):
+            paid.append(local["infos"][0]["reward_intrinsic"])
+            return True
+
+        model.learn(20, keep)
+        expected = np.array(paid) + np.tile([0, 0, 0, 1], 5)
+        np.testing.assert_allclose(model.replay_buffer.rewards[:20, 0], expected, rtol=1e-5)
+        assert min(paid) > 0
+
+    @pytest.mark.parametrize("around", [lambda venv: venv, lambda venv: VecFrameStack(venv, 2)])
+    def test_normalized_below_replay_buffers_would_lack_it(self, around):
+        with pytest.raises(ValueError, match="`venv` must hold no VecNormalize"):
+            wrap(around(VecNormalize(make_venv())))
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_a_bonus_that_is_not_finite_is_named(self, value):
+        venv = wrap_trained(bonus=(bonus := Recorder()))
+        before = venv.state_dict()["scale"]["statistics"]
+        bonus.score = lambda observations, actions, after: np.array([1.0, value])
+        with pytest.raises(ValueError, match="`bonus` must give finite scores"):
+            play(venv, 1)
+        assert venv.state_dict()["scale"]["statistics"] == before
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    @pytest.mark.parametrize("n", [0, 2, 4])
+    def test_observations_that_are_not_finite_are_named(self, value, n):
+        class Broken(Count):
+            def reset(self, **kwargs):
+                observation, info = super().reset(**kwargs)
+                return (np.full(1, value, dtype=np.float32) if n == 0 else observation), info
+
+            def step(self, action):
+                observation, *others = super().step(action)
+                return np.where(self.n == n, value, observation).astype(np.float32), *others
+
+        venv = wrap(make_venv(env=Broken))
+        with pytest.raises(ValueError, match="`env` must give finite observations"):
+            play(venv, 4)
+        assert len(venv.buffer) == 2 * max(n - 1, 0)
+
+    @pytest.mark.parametrize("extrinsic", [True, False])
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_a_reward_that_is_not_finite_is_named(self, value, extrinsic):
+        class Broken(Count):
+            def step(self, action):
+                observation, _, *others = super().step(action)
+                return observation, value if self.n == 3 else 0.0, *others
+
+        venv = wrap(make_venv(env=Broken), extrinsic=extrinsic)
+        with pytest.raises(ValueError, match="`env` must give finite rewards, it gave NaN"):
+            play(venv, 4)
+        assert len(venv.buffer) == 4
+
+    def test_an_info_that_is_none_is_named(self):
+        venv = make_venv()
+        step_wait = venv.step_wait
+        venv.step_wait = lambda: (*step_wait()[:3], [{}, None])
+        wrapper = wrap(venv)
+        with pytest.raises(ValueError, match="`env` must give a dictionary as info with each step"):
+            play(wrapper, 1)
+        assert len(wrapper.buffer) == 0
+
+
+class TestTraining:
+    def test_it_trains_when_enough_has_come(self):
+        venv = wrap(bonus=(bonus := Recorder()), train_interval=6, n_updates=2, batch_size=5)
+        counts = []
+        venv.reset()
+        for _ in range(7):
+            venv.step(np.zeros((2, 1), dtype=np.float32))
+            counts.append(len(bonus.batches))
+        assert counts == [0, 0, 2, 2, 2, 4, 4]
+        assert [len(part) for part in bonus.batches[0]] == [5, 5, 5]
+        assert venv.metrics == {"recorder/loss": 3.5}
+
+    def test_the_buffer_holds_true_transitions(self):
+        venv = wrap(bonus=(bonus := Recorder()), train_interval=100, batch_size=200)
+        venv.reset()
+        for n in range(50):
+            venv.step(np.full((2, 1), n % 4 / 10, dtype=np.float32))
+        before, actions, after = bonus.batches[0]
+        assert set(after.ravel().tolist()) == {1.0, 2.0, 3.0, 4.0}
+        assert th.equal(after, before + 1)
+        assert th.allclose(actions, before / 10)
+        assert th.equal(th.cat(bonus.observed)[:4].ravel(), th.tensor([0.0, 0.0, 1.0, 1.0]))
+
+    def test_it_may_be_switched_off(self, assert_same):
+        venv = wrap(bonus="rnd", train_interval=2)
+        play(venv, 5)
+        venv.training = False
+        before = venv.state_dict()
+        steps = play(venv, 6, seed=1)
+        after = venv.state_dict()
+        for name in ("bonus", "buffer", "metrics", "n_untrained"):
+            assert_same(before[name], after[name])
+        assert before["scale"]["statistics"] == after["scale"]["statistics"]
+        assert all(info[0]["reward_intrinsic"] > 0 for *_, info in steps)
+
+    def test_numbers_in_bytes_are_no_images(self):
+        class Bytes(Count):
+            observation_space = spaces.Box(0, 255, (1,), np.uint8)
+
+        for bonus in BONUSES:
+            venv = wrap(make_venv(env=Bytes), bonus=bonus)
+            play(venv, 9)
+            assert venv.buffer.state_dict()["observations"].dtype == th.float32
+
+    def test_torchs_threads_come_back(self):
+        th.set_num_threads(2)
+        play(wrap(), 5)
+        assert th.get_num_threads() == 2
+
+    @pytest.mark.parametrize("bonus", BONUSES)
+    def test_seeds_decide(self, bonus):
+        runs = [play(wrap(bonus=bonus, seed=seed), 12) for seed in (0, 0, 1)]
+        rewards = [np.array([step[1] for step in run]) for run in runs]
+        np.testing.assert_array_equal(rewards[0], rewards[1])
+        assert not np.array_equal(rewards[0], rewards[2])
+
+
+class TestAlgorithms:
+    @pytest.mark.parametrize("bonus", BONUSES)
+    @pytest.mark.parametrize(
+        ("algorithm", "settings"),
+        [
+            (PPO, {"n_steps": 32, "batch_size": 32}),
+            (A2C, {}),
+            (SAC, {"learning_starts": 20}),
+            (TD3, {"learning_starts": 20}),
+            (DDPG, {"learning_starts": 20}),
+            (TQC, {"learning_starts": 20}),
+        ],
+        ids=lambda value: getattr(value, "__name__", ""),
+    )
+    def test_sb3s_algorithms_train(self, algorithm, settings, bonus):
+        venv = make_vec_env("CuriosityMaze-US-v0", n_envs=2, seed=0)
+        venv = wrap(venv, bonus=bonus, train_interval=32)
+        algorithm("MlpPolicy", venv, seed=0, device="cpu", **settings).learn(64)
+        assert len(venv.buffer) >= 64
+        assert np.isfinite(list(venv.metrics.values())).all()
+
+    def test_recurrent_policies_train(self):
+        venv = wrap(make_vec_env("CuriosityMaze-US-v0", n_envs=2, seed=0), train_interval=32)
+        RecurrentPPO("MlpLstmPolicy", venv, n_steps=32, batch_size=32, device="cpu").learn(64)
+        assert len(venv.buffer) == 64
+
+    def test_discrete_actions_and_images(self):
+        venv = wrap(make_venv(env=lambda: Pictures(Count())), train_interval=16)
+        model = PPO("CnnPolicy", venv, n_steps=8, batch_size=8, n_epochs=1, device="cpu", seed=0)
+        model.learn(32)
+        assert venv.buffer.state_dict()["observations"].dtype == th.uint8
+        venv = wrap(make_vec_env("CartPole-v1", n_envs=2), train_interval=16)
+        PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(32)
+        assert venv.buffer.state_dict()["actions"].unique().tolist() == [0.0, 1.0]
+
+
+class TestFiles:
+    @pytest.mark.parametrize("bonus", BONUSES)
+    def test_a_saved_wrapper_goes_on_bit_for_bit(self, tmp_path, bonus, assert_same):
+        one = wrap(bonus=bonus, weight=0.5, extrinsic=False, bonus_kwargs={"hidden": 8})
+        play(one, 11)
+        one.save(tmp_path / "wrapper.pt")
+        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), device="cpu")
+        assert_same(one.state_dict(), other.state_dict())
+        for step, same in zip(play(one, 9, seed=1), play(other, 9, seed=1), strict=True):
+            np.testing.assert_array_equal(step[1], same[1])
+        assert_same(one.state_dict(), other.state_dict())
+
+    @pytest.mark.parametrize("n_steps", [64, 40])  # 40 is in mid-episode
+    def test_ppo_goes_on_bit_for_bit(self, tmp_path, make_easy_maze, assert_same, n_steps):
+        def make_env():
+            return make_vec_env(make_easy_maze, n_envs=2)
+
+        settings = {"n_steps": n_steps, "batch_size": 16, "n_epochs": 2, "device": "cpu"}
+        venv = wrap(make_env(), train_interval=50)
+        model = PPO("MlpPolicy", venv, seed=0, **settings).learn(2 * n_steps)
+        model.save(tmp_path / "model")
+        venv.save(tmp_path / "wrapper.pt")
+        # SB3 draws from numpy's old global generator.
+        generators = th.get_rng_state(), np.random.get_state()  # noqa: NPY002
+        model.learn(4 * n_steps, reset_num_timesteps=False)
+
+        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_env(), device="cpu")
+        loaded = PPO.load(tmp_path / "model", env=other, device="cpu", force_reset=False)
+        th.set_rng_state(generators[0])
+        np.random.set_state(generators[1])  # noqa: NPY002
+        loaded.learn(4 * n_steps, reset_num_timesteps=False)
+        assert_same(venv.state_dict(), other.state_dict())
+        assert_same(model.get_parameters(), loaded.get_parameters())
+
+    def test_episodes_that_the_file_does_not_know_begin_with_the_first_step(self, tmp_path):
+        venv = wrap()
+        play(venv, 3)
+        venv.save(tmp_path / "bonus.pt")
+        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", make_venv(), device="cpu")
+        for _ in range(2):
+            loaded.step(np.zeros((2, 1), dtype=np.float32))
+        state = loaded.buffer.state_dict()
+        assert state["observations"].flatten().tolist() == [0, 0, 1, 1, 2, 2, 0, 0, 1, 1]
+        assert state["next_observations"].flatten().tolist() == [1, 1, 2, 2, 3, 3, 1, 1, 2, 2]
+
+    def test_a_model_goes_on_without_a_reset_of_its_own(self, tmp_path):
+        venv = wrap(make_vec_env("Pendulum-v1"))
+        model = PPO("MlpPolicy", venv, n_steps=16, batch_size=16, device="cpu", seed=0).learn(16)
+        model.save(tmp_path / "model")
+        venv.save(tmp_path / "bonus.pt")
+        venv = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", make_vec_env("Pendulum-v1"))
+        loaded = PPO.load(tmp_path / "model", venv, device="cpu", force_reset=False)
+        loaded.learn(16, reset_num_timesteps=False)
+        assert loaded.num_timesteps == 32
+
+    def test_a_load_leaves_the_first_start_to_the_model(self, tmp_path):
+        wrap(make_vec_env("Pendulum-v1")).save(tmp_path / "bonus.pt")
+        venv = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", make_vec_env("Pendulum-v1", seed=3))
+        np.testing.assert_array_equal(venv.reset(), make_vec_env("Pendulum-v1", seed=3).reset())
+
+    def test_episodes_begin_in_another_maze(self, tmp_path, make_maze):
+        venv = wrap(DummyVecEnv([make_maze] * 2))
+        PPO("MlpPolicy", venv, n_steps=20, batch_size=10, device="cpu").learn(40)
+        venv.save(tmp_path / "wrapper.pt")
+        others = DummyVecEnv([make_maze, lambda: make_maze(layout="snake")])
+        loaded = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", others, device="cpu")
+        steps = [state["env"]["steps"] for state in environment_states(loaded.venv)]
+        assert steps == [0, 0]
+
+    def test_how_numpy_prints_is_nothing_to_a_file(self, tmp_path):
+        class Wide(Count):
+            observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
+
+        class Wider(Count):
+            observation_space = spaces.Box(
+                -np.arange(30.0), np.arange(30.0) + 1e-9, (30,), np.float64
+            )
+
+        wrap(make_venv(env=Wide)).save(tmp_path / "wrapper.pt")
+        with np.printoptions(linewidth=300, precision=2):
+            Wide.observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
+            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wide))
+        with pytest.raises(ValueError, match="with the spaces that were saved"):
+            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wider))
+
+    @pytest.mark.parametrize(("state", "is_kept"), [((np.zeros(2), 3), True), (object(), False)])
+    def test_environments_of_ones_own_may_have_any_state(self, tmp_path, state, is_kept):
+        class Stateful(Count):
+            loaded = None
+
+            def state_dict(self):
+                return {"x": state}
+
+            def load_state_dict(self, state):
+                self.loaded = state
+
+        venv = wrap(make_venv(env=Stateful))
+        play(venv, 2)
+        venv.save(tmp_path / "wrapper.pt")
+        loaded = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Stateful))
+        assert (loaded.venv.envs[0].loaded is not None) == is_kept
+
+    def test_a_bonus_of_ones_own_is_given_again(self, tmp_path):
+        path, one = tmp_path / "wrapper.pt", wrap(bonus=Recorder())
+        play(one, 4)
+        one.save(path)
+        bonus = Recorder()
+        BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus, device="cpu")
+        assert len(bonus.batches) == 2
+        with pytest.raises(ValueError, match="`bonus` must be given"):
+            BonusVecEnvWrapper.load(path, make_venv())
+        wrap().save(path)
+        with pytest.raises(ValueError, match="`bonus` must be None, it was saved as 'icm'"):
+            BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus)
+
+    def test_a_bonus_of_ones_own_is_made_alike(self, tmp_path):
+        made = [
+            ICM(Count.observation_space, Count.action_space, hidden=hidden, device="cpu")
+            for hidden in (8, 9)
+        ]
+        wrap(bonus=made[0]).save(tmp_path / "wrapper.pt")
+        with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
+            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), bonus=made[1])
+
+    def test_numpys_numbers_may_be_settings(self, tmp_path):
+        settings = {
+            "weight": np.float64(0.5),
+            "train_interval": np.int64(4),
+            "extrinsic": np.bool_(False),
+            "bonus_kwargs": {"learning_rate": np.float64(1e-3)},
+            "buffer_size": np.int64(50),
+        }
+        wrap(**settings).save(tmp_path / "wrapper.pt")
+        loaded = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv())
+        assert (loaded.weight, loaded.train_interval, loaded.extrinsic) == (0.5, 4, False)
+        assert loaded.bonus_kwargs == {"learning_rate": 1e-3}
+        assert loaded.buffer.capacity == 50
+
+    def test_what_could_not_be_read_back_is_not_written(self, tmp_path):
+        venv = wrap(bonus=(bonus := Recorder()))
+        bonus.state_dict = lambda: {"weights": np.zeros(3)}
+        with pytest.raises(ValueError, match="`bonus` must have a state of tensors and plain"):
+            venv.save(tmp_path / "wrapper.pt")
+        assert not list(tmp_path.iterdir())
+
+    def test_errors_name_path_or_venv(self, tmp_path):
+        path = tmp_path / "wrapper.pt"
+        with pytest.raises(FileNotFoundError, match="`path` must be a saved BonusVecEnvWrapper"):
+            BonusVecEnvWrapper.load(path, make_venv())
+        wrap().save(path)
+        with pytest.raises(ValueError, match=r"`venv` must have 2 environments .*, got 3 with"):
+            BonusVecEnvWrapper.load(path, make_venv(3))
+        cart_poles = make_vec_env("CartPole-v1", n_envs=2)
+        with pytest.raises(ValueError, match=r"`venv` must have 2 .*, got 2 with .*Discrete\(2\)"):
+            BonusVecEnvWrapper.load(path, cart_poles)
+        whole = path.read_bytes()
+        for damaged in (whole[:100], whole[: len(whole) // 2], b"", b"something else"):
+            path.write_bytes(damaged)
+            with pytest.raises(ValueError, match="`path` must be a saved BonusVecEnvWrapper"):
+                BonusVecEnvWrapper.load(path, make_venv())
+
+
+def test_an_icm_learns_slower_than_a_populations_unless_told():
+    def rate(**changes):
+        return wrap(**changes).bonus.optimizer.param_groups[0]["lr"]
+
+    assert rate() == 1e-4
+    assert rate(bonus_kwargs={"learning_rate": 0.1}) == 0.1
+    assert rate(bonus="rnd") == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("bonus", "count"),
+        ("bonus", 3),
+        ("bonus_kwargs", {"widths": 3}),
+        ("weight", 0.0),
+        ("gamma", 1.5),
+        ("gamma", 1.0),
+        ("bonus", Recorder),
+        ("train_interval", 0),
+        ("n_updates", 0),
+        ("batch_size", 0),
+        ("buffer_size", 0),
+        ("seed", -1),
+    ],
+)
+def test_errors_name_the_argument(name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        wrap(**{name: value})
+
+
+def test_it_has_another_name():
+    assert (
+        curiosity_algos.ICMVecEnvWrapper is curiosity_algos.BonusVecEnvWrapper is BonusVecEnvWrapper
+    )
+
+
+def test_an_object_takes_no_keywords():
+    bonus = ICM(Count.observation_space, Count.action_space, device="cpu")
+    with pytest.raises(ValueError, match="`bonus_kwargs` must be empty"):
+        wrap(bonus=bonus, bonus_kwargs={"hidden": 3})
+
+
+def test_other_envs_are_refused():
+    class Dictionary(Count):
+        observation_space = spaces.Dict({"n": spaces.Box(-1, 1, (1,))})
+
+    class Several(Count):
+        action_space = spaces.MultiDiscrete([2, 2])
+
+    class FromOne(Count):
+        action_space = spaces.Discrete(2, start=1)
+
+    with pytest.raises(ValueError, match="`venv` must be a VecEnv"):
+        wrap(Count())
+    for bonus in ("icm", Recorder()):
+        with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
+            wrap(make_venv(env=Dictionary), bonus=bonus)
+        for env in (Several, FromOne):
+            with pytest.raises(ValueError, match="`action_space` must be a one-dimensional Box"):
+                wrap(make_venv(env=env), bonus=bonus)

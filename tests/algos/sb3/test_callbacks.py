@@ -1,0 +1,248 @@
+import json
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.callbacks import ConvertCallback
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+from curiosity_algos.sb3.callbacks import BonusCheckpointCallback, ExplorationCallback
+from curiosity_gym import BehaviorWrapper
+
+
+class Walk(gym.Env):
+    """Each episode takes one step more than the one before; from the third on they succeed."""
+
+    observation_space = spaces.Box(0, 10, (1,))
+    action_space = spaces.Discrete(2)
+    n_episodes = 0
+
+    def reset(self, *, seed=None, options=None):
+        self.n_episodes += 1
+        self.x = 0
+        return np.zeros(1, dtype=np.float32), {}
+
+    def step(self, action):
+        self.x += 1
+        is_over = self.x == self.n_episodes
+        info = {"is_success": is_over and self.x >= 3}
+        return np.full(1, self.x, dtype=np.float32), float(self.x), is_over, False, info
+
+
+def make_walk():
+    space = spaces.Box(0, 10, (1,))
+    return BehaviorWrapper(Walk(), lambda env, observation, info: observation, space)
+
+
+def train(env, n_steps, callback, logger=None):
+    model = PPO("MlpPolicy", env, n_steps=n_steps, batch_size=n_steps, n_epochs=1, device="cpu")
+    if logger is not None:
+        model.set_logger(logger)
+    model.learn(n_steps, callback=callback)
+    return callback
+
+
+def test_it_counts_where_episodes_end():
+    callback = train(make_vec_env(make_walk), 15, ExplorationCallback())  # 1 + 2 + 3 + 4 + 5 steps
+    assert callback.coverage.all == 5 / 50
+    assert callback.first_success_timesteps == 6
+    assert callback.best_return == 15.0
+
+
+def test_it_logs_with_each_rollout(tmp_path):
+    logger = configure(str(tmp_path), ["json"])
+    env = make_vec_env("CuriosityMaze-US-v0", n_envs=1)
+    callback = train(env, 2000, ExplorationCallback(), logger)
+    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    assert logged["coverage/all"] == pytest.approx(1 / 2500)
+    assert logged["coverage/reachable"] == callback.coverage.reachable > logged["coverage/all"]
+    assert logged["coverage/visited"] == callback.coverage.visited > logged["coverage/reachable"]
+
+
+@pytest.mark.parametrize("has_bonus", [False, True])
+def test_it_counts_the_cells_of_every_step(has_bonus):
+    kwargs = {"layout": "us", "horizon": 10, "max_acceleration": 100.0}
+    venv = make_vec_env("CuriosityMaze-v0", n_envs=2, env_kwargs=kwargs)
+    venv = BonusVecEnvWrapper(venv, bonus="rnd", seed=0) if has_bonus else venv
+    oracles = [gym.make("CuriosityMaze-v0", **kwargs) for _ in range(2)]
+    grid, cells, callback = oracles[0].unwrapped.coverage_grid, set(), ExplorationCallback()
+
+    def step(local, _):
+        for oracle, action, done in zip(
+            oracles, local["clipped_actions"], local["dones"], strict=True
+        ):
+            cells.add(grid.cells(oracle.step(action)[-1]["behavior"][None]).item())
+            if done:
+                oracle.reset()
+        return True
+
+    for oracle in oracles:
+        oracle.reset()
+    model = PPO("MlpPolicy", venv, n_steps=25, batch_size=50, n_epochs=1, seed=0, device="cpu")
+    model.learn(100, [callback, ConvertCallback(step)])
+    assert callback.coverage_shares["visited"] == len(cells) / grid.reachable.sum()
+    assert len(cells) > 2
+
+
+def test_more_training_counts_on():
+    callback, env = ExplorationCallback(), make_vec_env(make_walk)
+    train(env, 3, callback)
+    train(env, 4, callback)  # the reset has left the third episode out
+    assert callback.coverage.all == 3 / 50
+
+
+def test_there_may_be_nothing_to_count():
+    callback = train(make_vec_env("CartPole-v1"), 100, ExplorationCallback())
+    assert callback.coverage.all is None
+    assert callback.first_success_timesteps is None
+    assert callback.best_return > 0
+
+
+def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
+    logger = configure(str(tmp_path), ["json"])
+    venv = BonusVecEnvWrapper(make_vec_env("CartPole-v1"), bonus="rnd", train_interval=50, seed=0)
+    train(VecMonitor(venv), 100, ExplorationCallback(), logger)
+    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
+    assert logged["rnd/loss"] == venv.metrics["rnd/loss"]
+
+
+def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_last_log(tmp_path):
+    venv = make_vec_env("Pendulum-v1")
+    venv = BonusVecEnvWrapper(venv, bonus="rnd", train_interval=50, seed=0, device="cpu")
+    model = SAC("MlpPolicy", venv, learning_starts=500, seed=0, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    paid = []
+
+    def keep(local, _):
+        paid.append(local["infos"][0]["reward_intrinsic"])
+        return True
+
+    model.learn(400, [ConvertCallback(keep), ExplorationCallback()], log_interval=1)
+    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    # Episodes have 200 steps; SB3 logs in the last of them, before its rollout has ended.
+    for row, part in zip(rows, (paid[:199], paid[199:399]), strict=True):
+        assert row["intrinsic/mean"] == pytest.approx(np.mean(part))
+        assert row["intrinsic/max"] == np.max(part) > row["intrinsic/mean"]
+
+
+def test_the_log_of_an_episode_has_its_cell(tmp_path):
+    walk = make_walk()
+    walk.unwrapped.action_space = spaces.Box(-1, 1, (1,))
+    schedule = {"train_freq": (1, "episode"), "learning_starts": 100, "buffer_size": 100}
+    model = TD3("MlpPolicy", walk, **schedule, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    model.learn(15, ExplorationCallback(), log_interval=1)
+    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    assert [row["coverage/all"] for row in rows] == [n / 50 for n in (1, 2, 3, 4, 5)]
+
+
+def wrapped():
+    venv = make_vec_env("Pendulum-v1", n_envs=2)
+    settings = {"train_interval": 50, "n_updates": 2, "batch_size": 8, "device": "cpu"}
+    return BonusVecEnvWrapper(venv, bonus="rnd", **settings)
+
+
+class TestCheckpoints:
+    def test_each_model_has_its_wrapper(self, tmp_path, assert_same):
+        venv = VecNormalize(wrapped())
+        folder = tmp_path / "runs"
+        callback = BonusCheckpointCallback(60, str(folder), save_vecnormalize=True)
+        states, save = [], venv.venv.save
+        venv.venv.save = lambda path: states.append(venv.venv.state_dict()) or save(path)
+        train(venv, 80, callback)
+        names = {"rl_model_120_steps.zip", "rl_model_bonus_120_steps.pt"}
+        assert {path.name for path in folder.iterdir()} == {
+            *names,
+            "rl_model_vecnormalize_120_steps.pkl",
+        }
+        loaded = BonusVecEnvWrapper.load(
+            folder / "rl_model_bonus_120_steps.pt", make_vec_env("Pendulum-v1", n_envs=2)
+        )
+        assert_same(loaded.state_dict(), states[0])
+
+    def test_an_off_policy_algorithm_has_its_replay_buffer_too(self, tmp_path):
+        model = SAC("MlpPolicy", wrapped(), learning_starts=500, device="cpu")
+        settings = {"name_prefix": "sac", "save_replay_buffer": True}
+        model.learn(100, BonusCheckpointCallback(20, str(tmp_path), **settings))
+        for n in (40, 80):
+            for name in (f"{n}_steps.zip", f"bonus_{n}_steps.pt", f"replay_buffer_{n}_steps.pkl"):
+                assert (tmp_path / f"sac_{name}").is_file()
+
+    def test_a_killed_run_leaves_no_model_without_its_wrapper(self, tmp_path):
+        venv = wrapped()
+        venv.save = lambda path: (_ for _ in ()).throw(OSError("no space"))
+        with pytest.raises(OSError, match="no space"):
+            train(venv, 80, BonusCheckpointCallback(20, str(tmp_path)))
+        assert not list(tmp_path.iterdir())
+
+    def test_without_a_wrapper_it_would_save_none(self, tmp_path):
+        with pytest.raises(ValueError, match="`env` must be wrapped in a BonusVecEnvWrapper"):
+            train(make_vec_env("Pendulum-v1"), 10, BonusCheckpointCallback(5, str(tmp_path)))
+
+
+class TestFreshWrappers:
+    @pytest.fixture(params=[True, False], ids=["reset", "go on"])
+    def settings(self, request):
+        return {"total_timesteps": 160, "reset_num_timesteps": request.param}
+
+    @pytest.fixture(params=[0, 1], ids=["exploration", "checkpoint"])
+    def callback(self, request, tmp_path):
+        return [ExplorationCallback(), BonusCheckpointCallback(1000, str(tmp_path))][request.param]
+
+    @pytest.fixture
+    def trained(self, tmp_path):
+        venv = wrapped()
+        model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        model.learn(160).save(tmp_path / "model")
+        venv.save(tmp_path / "bonus.pt")
+        return lambda env: PPO.load(tmp_path / "model", env, device="cpu")
+
+    def test_a_model_that_has_trained_is_warned_of_one(self, trained, callback, settings):
+        model = trained(wrapped())
+        with pytest.warns(UserWarning, match="has trained, and its BonusVecEnvWrapper is new"):
+            model.learn(callback=callback, **settings)
+
+    def test_with_its_own_nothing_is_said(self, trained, callback, settings, tmp_path):
+        venv = make_vec_env("Pendulum-v1", n_envs=2)
+        model = trained(BonusVecEnvWrapper.load(tmp_path / "bonus.pt", venv, device="cpu"))
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+            model.learn(callback=callback, **settings)
+
+    def test_both_callbacks_warn_once(self, trained, settings, tmp_path):
+        callbacks = [ExplorationCallback(), BonusCheckpointCallback(1000, str(tmp_path))]
+        with pytest.warns(UserWarning, match="If this model was saved with one") as warned:
+            trained(wrapped()).learn(callback=callbacks, **settings)
+        assert len(warned) == 1
+
+    def test_one_that_was_stepped_is_not_new_though_it_does_not_learn(self, callback, settings):
+        venv = wrapped()
+        venv.training = False
+        model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+            model.learn(callback=callback, **settings)
+
+    def test_one_that_was_loaded_is_not_new(self, trained, callback, settings, tmp_path):
+        wrapped().save(tmp_path / "unstepped.pt")
+        venv = make_vec_env("Pendulum-v1", n_envs=2)
+        model = trained(BonusVecEnvWrapper.load(tmp_path / "unstepped.pt", venv, device="cpu"))
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+
+    def test_new_together_nothing_is_said(self, callback, settings):
+        model = PPO("MlpPolicy", wrapped(), n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=callback, **settings)
+
+    def test_without_a_wrapper_nothing_is_said(self, trained, settings):
+        model = trained(make_vec_env("Pendulum-v1", n_envs=2))
+        with warnings.catch_warnings(action="error"):
+            model.learn(callback=ExplorationCallback(), **settings)

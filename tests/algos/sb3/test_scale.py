@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+import torch as th
+
+from curiosity_algos.sb3.scale import LARGEST, BonusScale
+
+
+def test_it_is_the_deviation_of_the_discounted_sums():
+    scale, rng = BonusScale(3, gamma=0.9), np.random.default_rng(0)
+    sums, seen = np.zeros(3), []
+    for _ in range(500):
+        bonus = rng.exponential(4.0, 3)
+        scaled = scale.scaled(bonus, is_learning=True)
+        sums = 0.9 * sums + bonus
+        seen.append(sums)
+    assert scaled == pytest.approx(bonus / np.std(seen), rel=0.02)
+
+
+def test_it_is_bounded():
+    scale = BonusScale(1, gamma=0.0)
+    for _ in range(50):
+        scale.scaled(np.ones(1), is_learning=True)
+    assert scale.scaled(np.full(1, 1e9), is_learning=False) == [LARGEST]
+
+
+def test_it_may_only_look():
+    scale = BonusScale(1, gamma=0.5)
+    scale.scaled(np.ones(1), is_learning=True)
+    before = scale.state_dict()["statistics"]
+    scale.scaled(np.full(1, 7.0), is_learning=False)
+    assert scale.state_dict()["statistics"] == before
+    assert scale.state_dict()["sums"].tolist() == [7.5]
+    scale.reset()
+    assert scale.state_dict()["sums"].tolist() == [0.0]
+
+
+def test_it_goes_on_from_a_saved_state(assert_same):
+    scale, other = BonusScale(2, gamma=0.5), BonusScale(2, gamma=0.5)
+    for bonus in np.random.default_rng(0).random((9, 2)):
+        scale.scaled(bonus, is_learning=True)
+    other.load_state_dict(scale.state_dict())
+    for bonus in np.random.default_rng(1).random((9, 2)):
+        one, twin = (each.scaled(bonus, is_learning=True) for each in (scale, other))
+        np.testing.assert_array_equal(one, twin)
+    assert_same(scale.state_dict(), other.state_dict())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("statistics", [0.0, -1.0, 5.0]),
+        ("statistics", [0.0, 1.0, 0.0]),
+        ("statistics", [0.0, float("nan"), 5.0]),
+        ("statistics", [0.0, 1.0]),
+        ("sums", th.zeros(3, dtype=th.float64)),
+        ("sums", th.full((2,), float("inf"), dtype=th.float64)),
+    ],
+)
+def test_another_state_changes_nothing(assert_same, name, value):
+    scale = BonusScale(2, gamma=0.5)
+    before = scale.state_dict()
+    with pytest.raises(ValueError, match=f"`{name}`"):
+        scale.load_state_dict(before | {name: value})
+    assert_same(scale.state_dict(), before)

@@ -1,0 +1,341 @@
+import copy
+import json
+import pickle
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from curiosity_gym.layouts import (
+    BUILT_IN,
+    GOAL_RADIUS,
+    MAX_WALLS,
+    MazeLayout,
+    closest_approach,
+    reachable_cells,
+    resolve_layout,
+)
+
+FIELDS = {
+    "name": "room",
+    "width": 30.0,
+    "height": 20.0,
+    "start": (5.0, 5.0),
+    "goal": (25.0, 15.0),
+    "walls": [[10.0, 0.0, 5.0, 10.0]],
+}
+ASCII = """
+    #####
+    #S..#
+    ##..#
+    #G..#
+    #####
+"""
+
+
+def make_layout(**changes):
+    return MazeLayout(**(FIELDS | changes))
+
+
+class TestFields:
+    def test_are_normalized(self):
+        layout = make_layout(width=30, start=np.array([5, 5]), goal=[25, 15])
+        assert isinstance(layout.width, float)
+        assert layout.start == (5.0, 5.0)
+        assert layout.goal == (25.0, 15.0)
+        assert layout.walls.dtype == np.float64
+
+    def test_walls_are_a_read_only_copy(self):
+        walls = np.array(FIELDS["walls"])
+        layout = make_layout(walls=walls)
+        walls[:] = 0.0
+        np.testing.assert_array_equal(layout.walls, FIELDS["walls"])
+        with pytest.raises(ValueError, match="read-only"):
+            layout.walls[0, 0] = 1.0
+
+    def test_walls_are_clipped_to_the_world(self):
+        walls = [[-5, 15, 10, 10], [40, 0, 5, 5], [30, 0, 5, 5], [10, -3, 5, 13]]
+        np.testing.assert_array_equal(
+            make_layout(walls=walls).walls, [[0, 15, 5, 5], [10, 0, 5, 10]]
+        )
+
+    def test_walls_may_be_many_on_a_grid_but_not_more(self):
+        corners = 10.0 * np.stack(np.meshgrid(np.arange(100), np.arange(100)), axis=-1) + 3.0
+        walls = np.concatenate([corners, np.full_like(corners, 4.0)], axis=-1).reshape(-1, 4)
+        ends = {"start": (1.5, 1.5), "goal": (998.5, 998.5)}
+        layout = MazeLayout("pillars", 1000.0, 1000.0, walls=walls, **ends)
+        assert (len(layout.walls), closest_approach(layout)) == (MAX_WALLS, 0.0)
+        many = np.tile(walls, (20, 1))
+        with pytest.raises(ValueError, match=r"^walls must be at most 10000, got 200000.$"):
+            MazeLayout("pillars", 1000.0, 1000.0, walls=many, **ends)
+
+    def test_walls_may_not_cut_the_world_into_too_many_rectangles(self):
+        corners = np.random.default_rng(0).uniform(20.0, 180.0, (4000, 2))
+        walls = np.concatenate([corners, np.full_like(corners, 0.1)], axis=1)
+        with pytest.raises(ValueError, match=r"^walls must have fewer different edges: "):
+            MazeLayout("dust", 200.0, 200.0, (5.0, 5.0), (195.0, 195.0), walls)
+
+    @pytest.mark.parametrize("walls", [[], np.empty((0, 4)), np.array([])])
+    def test_walls_may_be_absent(self, walls):
+        assert make_layout(walls=walls).walls.shape == (0, 4)
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"name": 3},
+            {"width": 2.0},
+            {"width": -30.0},
+            {"height": np.inf},
+            {"height": np.nan},
+            {"height": "20"},
+            {"width": None},
+            {"start": (5.0, np.nan)},
+            {"start": (5.0, 5.0, 0.0)},
+            {"start": "ab"},
+            {"start": (12.0, 5.0)},
+            {"start": (9.5, 5.0)},
+            {"start": (0.5, 5.0)},
+            {"start": (5.0, 19.5)},
+            {"start": (-5.0, 5.0)},
+            {"goal": (25.0, -1.0)},
+            {"goal": (31.0, 15.0)},
+            {"goal": (12.0, 5.0)},
+            {"goal": [np.inf, 5.0]},
+            {"goal": True},
+            {"walls": [[10.0, 0.0, 5.0]]},
+            {"walls": [10.0, 0.0, 5.0, 5.0]},
+            {"walls": [[10.0, 0.0, 5.0, 5.0], [1.0]]},
+            {"walls": [[10.0, 0.0, -5.0, 5.0]]},
+            {"walls": [[10.0, 0.0, 5.0, 0.0]]},
+            {"walls": [[10.0, np.nan, 5.0, 5.0]]},
+            {"walls": {"x": 1.0}},
+            {"walls": None},
+        ],
+        ids=str,
+    )
+    def test_bad_ones_are_named(self, changes):
+        (field,) = changes
+        with pytest.raises(ValueError, match=rf"^{field} must [^\n]*\.$"):
+            make_layout(**changes)
+
+    def test_start_may_touch_a_wall(self):
+        assert closest_approach(make_layout(start=(9.0, 1.0))) == 0.0
+
+
+class TestGoal:
+    def test_behind_a_wall_is_refused(self):
+        with pytest.raises(ValueError, match=r"^goal must be within 2 of a point"):
+            make_layout(walls=[[10, 0, 5, 20]])
+
+    def test_behind_an_exactly_closed_gap_is_refused(self):
+        with pytest.raises(ValueError, match=r"^goal must be within 2 of a point"):
+            make_layout(walls=[[10, 0, 5, 10], [10, 12, 5, 8]])
+        assert closest_approach(make_layout(walls=[[10, 0, 5, 10], [10, 12.01, 5, 8]])) == 0.0
+
+    def test_may_be_where_the_robot_comes_near_only(self):
+        corner = make_layout(goal=(30.0, 20.0))
+        assert closest_approach(corner) == pytest.approx(np.sqrt(2.0))
+        assert closest_approach(corner) < GOAL_RADIUS
+
+    def test_may_lie_beyond_a_thin_wall(self):
+        # The robot's center comes to x = 9, and the goal is at 10.9 behind a wall of width 0.5.
+        layout = make_layout(walls=[[10, 0, 0.5, 20]], goal=(10.9, 10.0))
+        assert closest_approach(layout) == pytest.approx(1.9)
+
+
+class TestIdentity:
+    def test_is_by_value(self):
+        layout, same = make_layout(), make_layout(walls=np.array(FIELDS["walls"]))
+        assert layout == same
+        assert hash(layout) == hash(same)
+        assert len({layout, same, make_layout(name="other")}) == 2
+
+    @pytest.mark.parametrize(
+        "changes",
+        [{"name": "b"}, {"width": 31}, {"start": (5, 6)}, {"goal": (24, 15)}, {"walls": []}],
+        ids=str,
+    )
+    def test_every_field_counts(self, changes):
+        assert make_layout() != make_layout(**changes)
+
+    def test_is_not_another_type(self):
+        assert make_layout() != "room"
+
+    def test_zeros_of_either_sign_are_equal(self):
+        layout, same = make_layout(walls=[[10, -0.0, 5, 10]]), make_layout()
+        assert layout == same
+        assert hash(layout) == hash(same)
+
+    @pytest.mark.parametrize("duplicate", [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy])
+    def test_survives_copies(self, duplicate):
+        layout = BUILT_IN["labyrinth"]
+        assert duplicate(layout) == layout
+        assert not duplicate(layout).walls.flags.writeable
+
+
+class TestJson:
+    @given(
+        name=st.text(),
+        # Left of x = 30, so that start and goal stay free.
+        walls=st.lists(
+            st.tuples(
+                st.floats(-50, 10),
+                st.floats(-50, 150),
+                st.floats(1e-3, 20),
+                st.floats(1e-3, 200),
+            )
+        ),
+    )
+    def test_round_trip(self, tmp_path_factory, name, walls):
+        layout = MazeLayout(name, 100.0, 100.0, (50.0, 50.0), (60.0, 60.1), np.array(walls))
+        path = tmp_path_factory.getbasetemp() / "layout.json"
+        layout.to_json(path)
+        assert MazeLayout.from_json(path) == layout
+        assert json.loads(path.read_text())["walls"] == layout.walls.tolist()
+
+    @pytest.mark.parametrize("key", FIELDS)
+    def test_missing_keys_are_named(self, key):
+        values = {name: value for name, value in FIELDS.items() if name != key}
+        with pytest.raises(ValueError, match=rf"^layout must have exactly the keys .*'{key}'"):
+            MazeLayout.from_dict(values)
+
+    def test_unknown_keys_are_named(self):
+        with pytest.raises(ValueError, match=r"^layout must have exactly .* got .*'colour'"):
+            MazeLayout.from_dict(FIELDS | {"colour": "red"})
+
+    @pytest.mark.parametrize("text", ["", "{", "#S.G#", "\x00", '{"name": "\x01"}'])
+    def test_text_that_is_not_json_is_refused(self, tmp_path, text):
+        path = tmp_path / "bad.json"
+        path.write_text(text)
+        with pytest.raises(ValueError, match=r"^layout '.*bad\.json' is not JSON"):
+            MazeLayout.from_json(path)
+
+    def test_bytes_that_are_not_text_are_refused(self, tmp_path):
+        path = tmp_path / "bad.json"
+        path.write_bytes(b"\xff\xfe\x00")
+        with pytest.raises(ValueError, match=r"^layout '.*bad\.json' is not JSON"):
+            MazeLayout.from_json(path)
+
+    @pytest.mark.parametrize("text", ["[]", "3", "null", '"snake"'])
+    def test_other_json_is_refused(self, tmp_path, text):
+        path = tmp_path / "bad.json"
+        path.write_text(text)
+        with pytest.raises(ValueError, match=r"^layout must have exactly the keys"):
+            MazeLayout.from_json(path)
+
+    def test_nan_in_json_is_refused(self, tmp_path):
+        path = tmp_path / "bad.json"
+        path.write_text(json.dumps(FIELDS | {"walls": [[1.0, np.nan, 1.0, 1.0]]}))
+        with pytest.raises(ValueError, match=r"^walls must be finite"):
+            MazeLayout.from_json(path)
+
+    def test_missing_file_is_named(self, tmp_path):
+        with pytest.raises(ValueError, match=r"^layout '.*none\.json' is unreadable: No such file"):
+            MazeLayout.from_json(tmp_path / "none.json")
+
+
+def draw_ascii(layout, n_columns, n_rows, cell_size):
+    """The inverse of from_ascii: what is at the center of each cell."""
+
+    def letter(x, y):
+        if (x, y) in (layout.start, layout.goal):
+            return "S" if (x, y) == layout.start else "G"
+        low, high = layout.walls[:, :2], layout.walls[:, :2] + layout.walls[:, 2:]
+        return "#" if ((low < (x, y)) & ((x, y) < high)).all(axis=1).any() else "."
+
+    rows = [
+        "".join(letter((ix + 0.5) * cell_size, (iy + 0.5) * cell_size) for ix in range(n_columns))
+        for iy in reversed(range(n_rows))
+    ]
+    return "\n".join(rows)
+
+
+class TestAscii:
+    @given(
+        rows=st.integers(2, 9).flatmap(
+            lambda n: st.lists(st.text("#.", min_size=n, max_size=n), min_size=1, max_size=9)
+        ),
+        place=st.tuples(st.integers(0, 100), st.integers(0, 100)),
+        cell_size=st.sampled_from([2.5, 4.0, 10.0, 17.3]),
+    )
+    def test_round_trip(self, rows, place, cell_size):
+        y, x = place[0] % len(rows), place[1] % (len(rows[0]) - 1)
+        rows[y] = rows[y][:x] + "SG" + rows[y][x + 2 :]
+        text = "\n".join(rows)
+        layout = MazeLayout.from_ascii(text + "\n", cell_size=cell_size)
+        assert draw_ascii(layout, len(rows[0]), len(rows), cell_size) == text
+        assert len(layout.walls) == len(re.findall("#+", text))
+
+    def test_top_row_comes_first(self):
+        layout = MazeLayout.from_ascii(ASCII, name="box")
+        assert (layout.name, layout.width, layout.height) == ("box", 50.0, 50.0)
+        assert (layout.start, layout.goal) == ((15.0, 35.0), (15.0, 15.0))
+
+    @pytest.mark.parametrize(
+        ("text", "reason"),
+        [
+            ("S..\n.G\n", "one length"),
+            ("\n", "one length"),
+            ("S..\n\n..G\n", "one length"),
+            ("S.x\n..G\n", "'x'"),
+            ("...\n..G\n", "one 'S', got 0"),
+            ("SS.\n..G\n", "one 'S', got 2"),
+            ("S..\n...\n", "one 'G', got 0"),
+            ("SGG\n..G\n", "one 'G', got 3"),
+        ],
+    )
+    def test_malformed_text_is_refused(self, text, reason):
+        with pytest.raises(ValueError, match=rf"^layout [^\n]*{reason}"):
+            MazeLayout.from_ascii(text)
+
+    @pytest.mark.parametrize("cell_size", [0.0, -1.0, np.nan, np.inf, "10"])
+    def test_bad_cell_size_is_named(self, cell_size):
+        with pytest.raises(ValueError, match=r"^cell_size must be"):
+            MazeLayout.from_ascii(ASCII, cell_size=cell_size)
+
+    def test_unreachable_goal_is_refused(self):
+        with pytest.raises(ValueError, match=r"^goal must be within"):
+            MazeLayout.from_ascii("S#G\n.#.\n")
+
+
+class TestResolve:
+    @pytest.mark.parametrize("name", BUILT_IN)
+    def test_built_in_name(self, name):
+        assert resolve_layout(name) is BUILT_IN[name]
+        assert BUILT_IN[name].name == name
+
+    def test_layout_is_itself(self):
+        layout = make_layout()
+        assert resolve_layout(layout) is layout
+
+    @pytest.mark.parametrize("as_type", [str, Path])
+    def test_json_path(self, tmp_path, as_type):
+        path = tmp_path / "maze.json"
+        make_layout().to_json(path)
+        assert resolve_layout(as_type(path)) == make_layout()
+
+    def test_ascii_text(self):
+        assert resolve_layout(ASCII) == MazeLayout.from_ascii(ASCII)
+
+    @pytest.mark.parametrize("layout", ["maze", "", "S.G", Path("maze.txt"), None, 3, FIELDS])
+    def test_anything_else_is_refused(self, layout):
+        with pytest.raises(
+            ValueError, match=r"^`layout` must be .*snake, us, hard, labyrinth.*json"
+        ):
+            resolve_layout(layout)
+
+
+def test_reachable_cells_are_indexed_x_first():
+    # Free are the lower left half and a corridor along the bottom.
+    layout = make_layout(walls=[[15, 5, 15, 15]], start=(3.0, 3.0), goal=(28.0, 2.0))
+    cells = reachable_cells(layout, 4)
+    assert cells.shape == (4, 4)
+    np.testing.assert_array_equal(cells, [[1, 1, 1, 1], [1, 1, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]])
+
+
+def test_built_in_mazes_cannot_be_replaced():
+    with pytest.raises(TypeError):
+        BUILT_IN["snake"] = make_layout()

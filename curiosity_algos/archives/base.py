@@ -19,7 +19,7 @@ from curiosity_algos.archives.store import Description, EliteStore
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.checkpoints.archive_file import FIELDS, read_archive, write_archive
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_gym.validation import check_at_least_one, check_choice
+from curiosity_gym.validation import check_at_least_one, check_choice, check_keywords
 
 if TYPE_CHECKING:
     from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -69,6 +69,8 @@ class EliteArchive(ArchiveBase):
         extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
         net_arch: Sequence[int] | None = None,
     ) -> None:
+        check_at_least_one(solution_dim=solution_dim)
+        check_keywords(extra_fields=extra_fields)
         super().__init__(solution_dim=solution_dim, objective_dim=(), measure_dim=measure_dim)
         if not is_finite(qd_score_offset):
             raise ValueError(f"`qd_score_offset` must be a finite number, got {qd_score_offset!r}.")

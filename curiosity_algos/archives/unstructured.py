@@ -42,7 +42,8 @@ class UnstructuredArchive(EliteArchive):
         solution_dim: See `EliteArchive`, as for every argument not named here.
         measure_dim: See `EliteArchive`.
         target_size: Elites held, within 10 % once there are so many.
-        k_neighbors: Neighbors that count for `novelty` and `local_competition`.
+        k_neighbors: Neighbors that count for `novelty` and `local_competition`; None: `add` tells
+            neither.
         threshold: Of the first elites; 0 after `clear`, and after `remeasure` while there are
             fewer than `target_size`.
         qd_score_offset: See `EliteArchive`.
@@ -64,7 +65,7 @@ class UnstructuredArchive(EliteArchive):
         solution_dim: int,
         measure_dim: int,
         target_size: int,
-        k_neighbors: int,
+        k_neighbors: int | None,
         threshold: float = 0.0,
         qd_score_offset: float = 0.0,
         seed: int | np.random.SeedSequence | None = None,
@@ -72,7 +73,9 @@ class UnstructuredArchive(EliteArchive):
         extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
         net_arch: Sequence[int] | None = None,
     ) -> None:
-        check_at_least_one(target_size=target_size, k_neighbors=k_neighbors)
+        check_at_least_one(target_size=target_size)
+        if k_neighbors is not None:
+            check_at_least_one(k_neighbors=k_neighbors)
         _check_threshold(threshold)
         self.target_size = target_size
         self.k_neighbors = k_neighbors
@@ -104,6 +107,7 @@ class UnstructuredArchive(EliteArchive):
         all_objectives = np.concatenate([objective, self.data("objective")])
         distances = cdist(measures, all_measures)
         np.fill_diagonal(distances, np.inf)  # nobody is a neighbor of its own
+        assert self.k_neighbors is not None
         k = min(self.k_neighbors, len(all_measures) - 1)
         if k < 1:
             return np.zeros(len(measures)), np.zeros(len(measures), dtype=np.int64)
@@ -118,19 +122,17 @@ class UnstructuredArchive(EliteArchive):
 
     def _insert(self, data: Batch) -> Batch:
         """As pyribs; also `novelty` and `local_competition` (n,), see `compete`."""
-        novelty, competition = self.compete(data["measures"], data["objective"])
-        n = len(novelty)
+        told: Batch = {}
+        if self.k_neighbors is not None:
+            scores = self.compete(data["measures"], data["objective"])
+            told = dict(zip(("novelty", "local_competition"), scores, strict=True))
+        n = len(data["objective"])
         status, value = np.empty(n, dtype=np.int32), np.empty(n)
         for i in range(n):
             status[i], value[i] = self._offer({name: array[[i]] for name, array in data.items()})
         if len(self) > (1.0 + SLACK) * self.target_size:
             self._thin_out()
-        return {
-            "status": status,
-            "value": value,
-            "novelty": novelty,
-            "local_competition": competition,
-        }
+        return {"status": status, "value": value, **told}
 
     def _offer(self, one: Batch) -> tuple[int, float]:
         """Offer a batch of one: its status, and its objective or improvement."""

@@ -186,6 +186,10 @@ class TestCompete:
         assert info["novelty"].tolist() == [0.0]
         assert info["local_competition"].tolist() == [0]
 
+    def test_nobody_needs_to_ask(self):
+        info = make_archive(k_neighbors=None).add([[0], [1]], [1.0, 2.0], [[3, 4], [5, 6]])
+        assert info.keys() == {"status", "value"}
+
     @pytest.mark.filterwarnings("error")
     @pytest.mark.parametrize("n", [0, 1, 2, 5])
     def test_an_empty_batch(self, n):
@@ -311,7 +315,7 @@ class TestInsertion:
         assert make_full().stats.coverage == 1.0
 
     @pytest.mark.parametrize("name", ["target_size", "k_neighbors"])
-    @pytest.mark.parametrize("value", [0, -1, 1.5, None])
+    @pytest.mark.parametrize("value", [0, -1, 1.5, "1"])
     def test_errors_name_the_argument(self, name, value):
         with pytest.raises(ValueError, match=f"`{name}` must be a whole number of at least 1"):
             make_archive(**{name: value})

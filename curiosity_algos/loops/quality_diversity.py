@@ -176,6 +176,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         self._begin_archive(seed)
+        self._later_seeds = np.random.default_rng(seed.spawn(1)[0])
+
+    def _later_seed(self) -> np.random.SeedSequence:
+        """The seed of what begins anew in the course of the search."""
+        return np.random.SeedSequence(int(self._later_seeds.integers(2**63)))
 
     def _begin_archive(self, seed: np.random.SeedSequence) -> None:
         """Hold the archive, and emitters that begin anew."""
@@ -223,8 +228,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 "`policy` cannot be set alone once there are elites, which are the parents from "
                 "there on: set it before the first `learn`."
             )
-        seed = integer_seed(np.random.SeedSequence(self._episodes.draw()))
-        self._emitters = self._make_emitters(parameters, seed)
+        self._emitters = self._make_emitters(parameters, integer_seed(self._later_seed()))
 
     def _ask(self) -> Float32Array:
         # Made anew each time: after an env's error the old one would wait for what never comes.
@@ -263,7 +267,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
     def _forget_behaviors(self) -> None:
         if self._own_archive is not None:
             self._own_archive.clear()
-        self._begin_archive(np.random.SeedSequence(self._episodes.draw()))
+        self._begin_archive(self._later_seed())
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         names, variables = super()._get_torch_save_params()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -143,10 +144,11 @@ def _shares(stages: dict[str, list[dict[str, float]]]) -> Table:
 def timed_run(name: str, timesteps: float, seed: int) -> tuple[Any, dict[str, float]]:
     """A trained model, and its seconds by stage; they add up to the whole, construction too."""
     algorithm, _, preset = name.partition(", ")
-    settings = {"preset": preset} if preset else {}
+    cls = getattr(curiosity_algos, algorithm)
+    make = partial(cls.from_preset, preset) if preset else cls
     watch = Stopwatch()
     began = time.perf_counter()
-    model = getattr(curiosity_algos, algorithm)(MAZE, seed=seed, **settings)
+    model = make(MAZE, seed=seed)
     watch.wrap(model, "_ask", "ask")
     watch.wrap(model.evaluator, "evaluate", "evaluate")
     watch.wrap(model, "_tell", "tell")

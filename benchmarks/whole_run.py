@@ -12,8 +12,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -113,8 +113,9 @@ def largest_resident() -> int:
 def main(name: str, n_generations: int) -> None:
     """Train, save, print resident bytes, after a tenth, at the end and at most, and products."""
     algorithm, _, preset = name.partition(", ")
-    settings: dict[str, Any] = {"preset": preset} if preset else {}
-    model = getattr(curiosity_algos, algorithm)(MAZE, seed=0, device="cpu", **settings)
+    cls = getattr(curiosity_algos, algorithm)
+    make = partial(cls.from_preset, preset) if preset else cls
+    model = make(MAZE, seed=0, device="cpu")
     generations = Generations(n_generations)
     model.learn(1e12, callback=generations)
     with tempfile.TemporaryDirectory() as folder:

@@ -6,6 +6,7 @@ maze, a picture of coverage and best return against timesteps, and an animation 
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -89,7 +90,8 @@ def main(
     """Train CuriosityES and write a report."""
     out.mkdir(parents=True, exist_ok=True)
     print(f"CuriosityES on {env_id}, seed {seed}, {timesteps:,.0f} environment steps")
-    model = CuriosityES(env_id, preset=preset, seed=seed)
+    make = CuriosityES if preset is None else partial(CuriosityES.from_preset, preset)
+    model = make(env_id, seed=seed)
     model.set_logger(configure(str(out), ["csv"]))
     history = History()
     model.learn(timesteps, callback=history, progress_bar=True)

@@ -4,6 +4,7 @@ import math
 import re
 import subprocess
 import sys
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
@@ -369,7 +370,8 @@ def test_a_table_gives_shares_of_the_roof_where_there_is_one():
 
 @pytest.mark.parametrize("preset", [None, "paper"])
 def test_products_are_those_that_torch_counts(preset):
-    model = CuriosityES("CuriosityMaze-US-v0", seed=0, preset=preset)
+    make = CuriosityES if preset is None else partial(CuriosityES.from_preset, preset)
+    model = make("CuriosityMaze-US-v0", seed=0)
     model.learn(1)
     motivation, bonus = model._motivation, model._motivation.bonus
     updates = products.products_of_updates(model)

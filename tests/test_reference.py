@@ -73,6 +73,13 @@ def described(docstring, headings=HEADINGS):
     return names
 
 
+def described_with_parents(each):
+    """The names that a docstring describes, of a class also those that its parents' do."""
+    classes = inspect.getmro(each) if inspect.isclass(each) else [each]
+    known = [parent for parent in classes if parent is each or parent in REFERENCE.values()]
+    return set().union(*(described(inspect.getdoc(parent)) for parent in known))
+
+
 def arguments(each):
     """The names of the arguments that a user may give, but those that are passed on."""
     passed_on = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
@@ -105,7 +112,7 @@ def test_everything_shown_says_what_it_is(path):
 
 @pytest.mark.parametrize("path", TAKERS)
 def test_arguments_are_those_that_are_described(path):
-    assert arguments(TAKERS[path]) <= described(inspect.getdoc(TAKERS[path]))
+    assert arguments(TAKERS[path]) <= described_with_parents(TAKERS[path])
 
 
 @pytest.mark.parametrize("path", TAKERS)

@@ -7,7 +7,7 @@ Cully 2019 (https://arxiv.org/abs/1905.11874); Grillotti & Cully 2022
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
+from curiosity_algos.loops.keywords import MutationKeywords
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityDiversity
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
@@ -25,10 +26,17 @@ from curiosity_gym.validation import check_at_least_one, check_positive, check_s
 class AURORA(QualityDiversity):
     """Mutates elites that lie apart in what an autoencoder makes of their trajectories.
 
+    The archive keeps its size by a rule of ours: elites are as far apart as the closest pairs that
+    were left when it was last thinned out, see `UnstructuredArchive`. Grillotti & Cully steer that
+    distance by the number of elites instead.
+
     The autoencoder is trained on the archive and the generation: in the first generation, after
     `training_interval` generations, and whenever their number has doubled since. After each
     training all elites are encoded anew. So an `archive` must be empty at the beginning: an earlier
     run's elites have their places from another autoencoder.
+
+    Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
+    algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
         latent_size: Dimensions of the learned behavior space.
@@ -36,9 +44,9 @@ class AURORA(QualityDiversity):
             the number is that of the first generation's longest episode.
         archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
             its `target_size` instead. Each is held with the states that the autoencoder sees.
-        training_interval: See above.
+        training_interval: Generations between two trainings at first, see above.
         n_epochs: Passes over the data in a training.
-        ae_learning_rate: Adam's, in the autoencoder.
+        ae_learning_rate: Adam's learning rate in the autoencoder.
         batch_size: Trajectories a gradient step.
     """
 
@@ -57,7 +65,7 @@ class AURORA(QualityDiversity):
         n_epochs: int = 10,
         ae_learning_rate: float = 1e-3,
         batch_size: int = 64,
-        **kwargs: Any,
+        **kwargs: Unpack[MutationKeywords],
     ) -> None:
         self.latent_size = latent_size
         self.trajectory_share = trajectory_share
@@ -100,7 +108,7 @@ class AURORA(QualityDiversity):
         return UnstructuredArchive(
             measure_dim=self.latent_size,
             target_size=self.archive_size,
-            k_neighbors=1,
+            k_neighbors=None,  # nothing reads novelty
             **self._archive_kwargs(seed),
         )
 

@@ -6,11 +6,11 @@ Fontaine et al. 2020, "Covariance Matrix Adaptation for the Rapid Illumination o
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Unpack
 
 from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
 
-from curiosity_algos.algorithms.map_elites import MAPElites
+from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_gym.validation import check_at_least_one, check_choice
@@ -20,6 +20,9 @@ STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es")
 
 class CMAME(MAPElites):
     """One improvement emitter: CMA-ES, started anew from a random elite every few generations.
+
+    Further keywords are those of `MAPElites`, of algorithms with an archive, see
+    `QualityDiversity`, and of every algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
         sigma: Step size after each restart, above 0; like the next two without effect on
@@ -38,7 +41,7 @@ class CMAME(MAPElites):
         sigma: float = 0.1,
         restart_interval: int = 10,
         es: str = "cma_es",
-        **kwargs: Any,
+        **kwargs: Unpack[GridKeywords],
     ) -> None:
         self.restart_interval = restart_interval
         self.es = es

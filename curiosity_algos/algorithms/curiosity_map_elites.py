@@ -6,44 +6,53 @@ The paper's discussion names the combination of curiosity and MAP-Elites as futu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
-from curiosity_algos.algorithms.map_elites import MAPElites
+from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.make import check_bonus_choice, stored_action_size
+from curiosity_algos.bonuses.make import stored_action_size
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
+from curiosity_algos.loops.curious_algorithm import CuriousAlgorithm
+from curiosity_algos.loops.keywords import BonusKeywords
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
-from curiosity_algos.motivations.curiosity import make_motivation
 from curiosity_algos.motivations.elites import EliteCuriosity
 from curiosity_algos.search.emitters import TournamentEmitter
 from curiosity_gym.validation import check_at_least_one
 
 
-class CuriosityMAPElites(MAPElites):
+class _Keywords(BonusKeywords, GridKeywords, total=False):
+    pass
+
+
+class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     """MAP-Elites' archive decides who is kept, curiosity who has offspring.
 
     Each parent is the winner of a tournament of elites drawn uniformly: the one whose trajectory
-    the Intrinsic Curiosity Module, as it is now, predicts worst. The module learns from every
-    generation, as in `CuriosityES`, so that what is known stops having offspring.
+    the bonus, as it is now, finds most curious. The bonus learns from every generation, as in
+    `CuriosityES`, so that what is known stops having offspring.
+
+    An elite's curiosity is the sum over its trajectory (eq. 10, with a gamma of 1), as of the
+    paper's ICM, which is the default here. It is not the mean of the most curious quarter that
+    `CuriosityES` takes: of an elite only `n_kept` transitions are held, drawn at random. Their mean
+    estimates the sum whatever was drawn, the highest of them depend on the draw.
+
+    Further keywords are those of the bonus, see `CuriousAlgorithm`, of `MAPElites`, of algorithms
+    with an archive, see `QualityDiversity`, and of every algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
         sigma: Standard deviation of mutations, above 0; `emitters` have their own.
         tournament_size: Elites drawn for each parent; with 1 all are as likely, as in MAP-Elites.
             `emitters` choose parents of their own.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
-            trains.
-        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND` (`learning_rate`, ...).
-        n_transitions: m, transitions of each individual kept for training.
+        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.
-        buffer_size: Transitions kept in all, the newest.
     """
 
     def __init__(
@@ -55,50 +64,29 @@ class CuriosityMAPElites(MAPElites):
         tournament_size: int = 32,
         n_kept: int = 32,
         bonus: str | Bonus = "icm",
-        bonus_kwargs: dict[str, Any] | None = None,
-        n_transitions: int = 100,
         n_updates: int = 64,
         batch_size: int = 1024,
-        buffer_size: int = 500_000,
-        **kwargs: Any,
+        **kwargs: Unpack[_Keywords],
     ) -> None:
         self.tournament_size = tournament_size
         self.n_kept = n_kept
-        self.bonus = bonus
-        self.bonus_kwargs = dict(bonus_kwargs or {})
-        self.n_transitions = n_transitions
-        self.n_updates = n_updates
-        self.batch_size = batch_size
-        self.buffer_size = buffer_size
-        super().__init__(env, policy, sigma=sigma, **kwargs)
-
-    @property
-    def trained_bonus(self) -> Bonus:
-        """The bonus as trained so far; `bonus` is the argument that it was made by."""
-        return self._motivation.bonus
+        super().__init__(
+            env,
+            policy,
+            sigma=sigma,
+            bonus=bonus,
+            n_updates=n_updates,
+            batch_size=batch_size,
+            **kwargs,
+        )
 
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(tournament_size=self.tournament_size, n_kept=self.n_kept)
-        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
-        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
-        check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         curiosity_seed, draws_seed, search_seed = seed.spawn(3)
-        self._motivation = make_motivation(
-            self.observation_space,
-            self.action_space,
-            bonus=self.bonus,
-            bonus_kwargs=self.bonus_kwargs,
-            n_transitions=self.n_transitions,
-            n_updates=self.n_updates,
-            batch_size=self.batch_size,
-            buffer_size=self.buffer_size,
-            seed=curiosity_seed,
-            device=self.device,
-            n_threads=self.n_threads,
-        )
+        self._motivation = self._make_curiosity(curiosity_seed)
         self._curiosity = EliteCuriosity(self._motivation.bonus, self.n_kept, draws_seed)
         super()._make_search(search_seed)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -17,14 +17,24 @@ from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.loops.keywords import ArchiveKeywords, MutationKeywords
 from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_gym.validation import check_at_least_one
+
+
+class GridKeywords(ArchiveKeywords, total=False):
+    """Those of algorithms with a grid but the mutations' size, see `MAPElites`."""
+
+    n_cells: int | Sequence[int]
 
 
 class MAPElites(QualityDiversity):
     """Each generation mutates elites drawn uniformly, with Gaussian noise.
 
     The grid spans the environment's `behavior_space`; memory is for the elites alone.
+
+    Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
+    algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
         env: As of every algorithm, with a `behavior_space`, bounded unless there is an `archive`.
@@ -41,7 +51,7 @@ class MAPElites(QualityDiversity):
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
         n_cells: int | Sequence[int] = 50,
-        **kwargs: Any,
+        **kwargs: Unpack[MutationKeywords],
     ) -> None:
         self.n_cells: int | list[int] = (
             [*map(plain, n_cells)]

@@ -7,7 +7,7 @@ meta-population, as the paper's section 4.2 has it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -15,16 +15,21 @@ from gymnasium import spaces
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
+from curiosity_algos.loops.keywords import MotivatedKeywords
 from curiosity_algos.motivations.novelty import NoveltyMotivation, behavior_size
 from curiosity_gym.validation import check_at_least_one
 
 
 class NSES(MotivatedStrategy):
-    """Evolves policies whose episodes end where few ended before.
+    """NSRA-ES by default, whose `phi` adapts the weight of the return; NS-ES with `phi=0`.
 
+    Evolves policies whose episodes end where few ended before.
     Each generation samples lambda policies around the center, scores them by
     `phi z(return) + (1 - phi) z(novelty)`, and moves the center towards the best mu. Novelty is the
     mean Euclidean distance to the k nearest behaviors of all individuals so far.
+
+    Further keywords are those of strategies with a motivation, see `MotivatedStrategy` and
+    `EvolutionStrategy`, and of every algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
         phi: Weight of the extrinsic fitness, in [0, 1]; 0 is NS-ES, above it NSR-ES; "adaptive" is
@@ -42,7 +47,7 @@ class NSES(MotivatedStrategy):
         *,
         k: int = 10,
         behavior: str = "final",
-        **kwargs: Any,
+        **kwargs: Unpack[MotivatedKeywords],
     ) -> None:
         self.k = k
         self.behavior = behavior

@@ -6,7 +6,7 @@ Competition" (https://doi.org/10.1145/2001576.2001606); the paper's section 4.3.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.keywords import MutationKeywords
 from curiosity_algos.loops.quality_diversity import FieldTypes, QualityDiversity
 from curiosity_algos.motivations.novelty import behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
@@ -30,6 +31,9 @@ class NSLC(QualityDiversity):
     Novelty is the mean distance to the k nearest behaviors of archive and generation, local
     competition how many of these have a lower return. NSGA-II's ranking (fronts, then crowding)
     weighs the two.
+
+    Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
+    algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
         n_parents: mu, at most `population_size`, lambda; `emitters` have their own parents.
@@ -51,7 +55,7 @@ class NSLC(QualityDiversity):
         k: int = 10,
         behavior: str = "final",
         archive_size: int = 2000,
-        **kwargs: Any,
+        **kwargs: Unpack[MutationKeywords],
     ) -> None:
         self.n_parents = n_parents
         self.k = k

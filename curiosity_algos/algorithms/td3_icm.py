@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import io
 import pathlib
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import torch as th
+from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.bonuses.base import Bonus, record_bonus, train
@@ -20,11 +21,31 @@ from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.sb3.replay_buffer import CuriosityReplayBuffer
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
-from curiosity_gym.validation import check_at_least_one, check_positive
+from curiosity_gym.validation import (
+    check_at_least_one,
+    check_bool,
+    check_keywords,
+    check_positive,
+)
 
 NET_ARCH = [32, 32]
 BONUS_LEARNING_RATE = 6e-6
 """With faster ones the module outruns the policy, and nothing is left to be curious of (4.4)."""
+
+
+class _Keywords(TypedDict, total=False):
+    tau: float
+    gamma: float
+    action_noise: ActionNoise | None
+    policy_delay: int
+    target_policy_noise: float
+    target_noise_clip: float
+    seed: int | None
+    device: th.device | str
+    verbose: int
+    tensorboard_log: str | None
+    stats_window_size: int
+    _init_setup_model: bool
 
 
 class TD3ICM(ResumableTD3):
@@ -34,12 +55,14 @@ class TD3ICM(ResumableTD3):
     has been trained so far. After each episode from `learning_starts` on the module is trained
     for `n_updates` steps, and actor and critic for as many as the episode had (section 4.4).
 
+    Further keywords are those of TD3, see `ResumableTD3`.
+
     Args:
         bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
             trains.
-        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND`; their `learning_rate`
-            is 6e-6 here.
-        weight: Of the bonus, above 0: the paper's eta / 2.
+        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`; their
+            `learning_rate` is 6e-6 here.
+        weight: Factor of the bonus, above 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.
         policy_kwargs: As in SB3; `net_arch` is 32, 32 where it is not said.
@@ -67,8 +90,9 @@ class TD3ICM(ResumableTD3):
         train_freq: int | tuple[int, str] = (1, "episode"),
         gradient_steps: int = -1,
         policy_kwargs: dict[str, Any] | None = None,
-        **kwargs: Any,
+        **kwargs: Unpack[_Keywords],
     ) -> None:
+        check_keywords(bonus_kwargs=bonus_kwargs, policy_kwargs=policy_kwargs)
         self.bonus = bonus
         self.bonus_kwargs = dict(bonus_kwargs or {})
         self.weight = weight
@@ -94,6 +118,7 @@ class TD3ICM(ResumableTD3):
 
     def _check_settings(self) -> None:
         check_positive(weight=self.weight)
+        check_bool(extrinsic=self.extrinsic)
         check_at_least_one(n_updates=self.n_updates)
         check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
         check_bonus_choice(self.bonus, self.bonus_kwargs)

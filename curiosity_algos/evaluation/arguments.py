@@ -1,19 +1,23 @@
-"""Arguments that every algorithm takes: environments of all kinds, and the budget of a run."""
+"""Arguments that every algorithm takes, checked before anything is made of them."""
 
 from __future__ import annotations
 
+import inspect
 import math
 from numbers import Real
 from typing import Any
 
 import gymnasium as gym
+import torch as th
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
+from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.environments import GymnasiumView
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 
 def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
@@ -25,6 +29,28 @@ def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
     if isinstance(policy, type) and not issubclass(policy, tuple(aliases.values())):
         known = " or ".join(f'"{alias}"' for alias in aliases)
         raise ValueError(f"`policy` must be {known} or a subclass of it, got {policy.__name__}.")
+
+
+def check_common(seed: object, device: object, verbose: object) -> None:
+    """Raise ValueError unless Stable-Baselines3 can begin with these arguments."""
+    check_seed(seed)
+    check_whole(0, 2, verbose=verbose)
+    if not _is_device(device):
+        raise ValueError(f"`device` must be auto, cpu, cuda or a torch.device, got {device!r}.")
+
+
+def _is_device(device: object) -> bool:
+    try:
+        return device == "auto" or (isinstance(device, str | th.device) and bool(th.device(device)))
+    except RuntimeError:  # torch's, of a name that it does not know
+        return False
+
+
+def use_python_numbers(algorithm: BaseAlgorithm) -> None:
+    """Replace settings that are numbers of numpy's, some of which torch refuses, by Python's."""
+    arguments = inspect.signature(type(algorithm)).parameters
+    for name in arguments.keys() & vars(algorithm).keys():
+        setattr(algorithm, name, plain(getattr(algorithm, name)))
 
 
 def open_env(env: Any) -> Any:
@@ -39,7 +65,9 @@ def wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv
     return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
 
 
-def check_learning(env: VecEnv | None, total_timesteps: object, log_interval: object) -> None:
+def check_learning(
+    env: VecEnv | None, total_timesteps: object, log_interval: object, callback: object = None
+) -> None:
     """Raise ValueError unless `learn` can begin with these arguments."""
     if log_interval is not None:
         check_at_least_one(log_interval=log_interval)
@@ -47,8 +75,20 @@ def check_learning(env: VecEnv | None, total_timesteps: object, log_interval: ob
         raise ValueError(
             f"`total_timesteps` must be finite and at least 0, got {total_timesteps!r}."
         )
+    if not _is_callback(callback):
+        raise ValueError(
+            f"`callback` must be None, a callback, a list of them or a function, got {callback!r}."
+        )
     if env is None:
         raise ValueError("`env` must be set before learning: call set_env(env).")
+
+
+def _is_callback(callback: object) -> bool:
+    """Whether Stable-Baselines3 takes it: callbacks are objects, not their classes."""
+    if isinstance(callback, list):
+        return all(isinstance(each, BaseCallback) for each in callback)
+    is_function = callable(callback) and not isinstance(callback, type)
+    return callback is None or isinstance(callback, BaseCallback) or is_function
 
 
 def check_parents(n_parents: int, population_size: int) -> None:

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ class Run:
         seed: Of everything random.
         timesteps: Budget in environment steps.
         env_kwargs: Keywords of the environment.
-        settings: Keywords of the algorithm, `preset` and `device` among them.
+        settings: Keywords of the algorithm, and `preset`: what they begin with.
         variant: Folder of its own among runs of other settings, if any.
     """
 
@@ -63,7 +64,7 @@ class Run:
             check_known("env", self.env, gym.registry, shown=self.env, choices=gym.registry)
         cls = find_algorithm(self.algorithm)
         parameters = inspect.signature(cls).parameters
-        known = [name for name in parameters if name not in {"env", "seed"}]
+        known = ["preset", *(name for name in parameters if name not in {"env", "seed"})]
         for name in self.settings:
             check_known("hyperparams", name, known, shown=name, choices=known)
         if str(self.settings.get("device")).startswith("cuda") and not th.cuda.is_available():
@@ -75,12 +76,16 @@ class Run:
         except (AssertionError, TypeError) as error:  # of classes that take what they are given
             raise ValueError(f"`hyperparams` must fit {cls.__name__}: {error}") from error
         for name, value in self.settings.items():  # what constructors took as it was
-            check_value(name, value, str(parameters[name].annotation))
+            if name in parameters:
+                check_value(name, value, str(parameters[name].annotation))
 
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""
         cls = find_algorithm(self.algorithm)
-        model: BaseAlgorithm = cls(self._make_env(), seed=self.seed, **self.settings)
+        settings = dict(self.settings)
+        preset = settings.pop("preset", None)
+        make = cls if preset is None else partial(cls.from_preset, preset)
+        model: BaseAlgorithm = make(self._make_env(), seed=self.seed, **settings)
         return model
 
     def _make_env(self) -> gym.Env[Any, Any]:

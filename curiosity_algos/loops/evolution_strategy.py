@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +21,12 @@ from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.keywords import AlgorithmKeywords, StrategyKeywords
 from curiosity_algos.motivations.base import Motivation
 from curiosity_algos.motivations.phi import Phi, check_phi, make_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_gym.validation import check_choice, check_positive
+from curiosity_gym.validation import check_bool, check_choice, check_positive
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -83,6 +84,8 @@ def _is_search(thing: object) -> TypeGuard[Search]:
 class EvolutionStrategy(EvolutionaryAlgorithm):
     """Asks a search for policies around its center, and tells it their fitness.
 
+    Further keywords are those of every algorithm, see `EvolutionaryAlgorithm`.
+
     Args:
         population_size: lambda, individuals a generation.
         n_parents: mu, the best of them that recombine, at most lambda.
@@ -111,7 +114,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         step: str = "canonical",
         mirrored_sampling: bool = False,
         search: Search | MakeSearch | None = None,
-        **kwargs: Any,
+        **kwargs: Unpack[AlgorithmKeywords],
     ) -> None:
         self.population_size = population_size
         self.n_parents = n_parents
@@ -128,6 +131,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         check_parents(self.n_parents, self.population_size)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(STEPS, step=self.step)
+        check_bool(mirrored_sampling=self.mirrored_sampling)
         if not (self.search is None or _is_search(self.search) or callable(self.search)):
             raise ValueError(
                 "`search` must be None, a Search, or a function that makes one, got "
@@ -207,7 +211,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 class MotivatedStrategy(EvolutionStrategy):
     """Ranks individuals by `phi z(return) + (1 - phi) z(intrinsic fitness)`.
 
-    A subclass says what the intrinsic fitness is: `_make_motivation`.
+    A subclass says what the intrinsic fitness is: `_make_motivation`. Further keywords are those of
+    `EvolutionStrategy` and `EvolutionaryAlgorithm`.
 
     Args:
         learning_rate: alpha, above 0: scales the center's step. 1 leads to the weighted mean of the
@@ -227,7 +232,7 @@ class MotivatedStrategy(EvolutionStrategy):
         learning_rate: float = 2.0,
         phi: float | str = "adaptive",
         no_reward: str = "ignore",
-        **kwargs: Any,
+        **kwargs: Unpack[StrategyKeywords],
     ) -> None:
         self.phi = phi
         self.no_reward = no_reward

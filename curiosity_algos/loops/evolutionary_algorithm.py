@@ -31,9 +31,15 @@ from curiosity_algos.checkpoints.parts import stateful_parts
 from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_parameters
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import AnyGenerator, EpisodeSeeds, reseed
-from curiosity_algos.evaluation.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.evaluation.arguments import (
+    check_common,
+    check_learning,
+    check_order,
+    open_env,
+    use_python_numbers,
+    wrap_env,
+)
 from curiosity_algos.evaluation.blocks import play
-from curiosity_algos.evaluation.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
@@ -42,6 +48,7 @@ from curiosity_algos.evaluation.evaluator import (
     check_policy_kwargs,
     make_evaluator,
 )
+from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
 from curiosity_algos.loops.generation import as_step
@@ -52,7 +59,7 @@ _BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivati
 """Names of parts that do not say where a search stands."""
 
 
-class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
+class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
     """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
 
     A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is
@@ -69,8 +76,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             a 1-D Box, actions a bounded 1-D Box or Discrete.
         policy: "MlpPolicy", or a subclass of it.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
-        preset: "paper" or "tuned": settings that replace the defaults of what is not given here,
-            see `load_preset`; None: none.
         evaluator: What evaluates populations: "auto", the fastest that fits `env`; "ray", the same
             on every processor of a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many
             parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
@@ -102,7 +107,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        preset: str | None = None,
         evaluator: Evaluator | str = "auto",
         policy_kwargs: dict[str, Any] | None = None,
         n_threads: int | None = None,
@@ -114,8 +118,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
     ) -> None:
         check_order(self, env, policy)
-        preset = name_of_applied(preset)
-        check_seed(seed)
+        check_common(seed, device, verbose)
         net_arch = check_policy_kwargs(policy_kwargs)
         env = open_env(env)
         if env is not None or _init_setup_model:
@@ -131,7 +134,6 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             support_multi_env=True,
             seed=seed,
         )
-        self.preset = preset
         self._evaluator_choice = evaluator
         self._given: dict[str, list[str]] = {}
         self.n_threads = n_threads
@@ -186,6 +188,7 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             check_at_least_one(n_threads=self.n_threads)
 
     def _setup_model(self) -> None:
+        use_python_numbers(self)
         self._check_settings()
         # SB3 knows the class as that of any policy.
         self.policy = self.policy_class(
@@ -375,10 +378,10 @@ class EvolutionaryAlgorithm(BaseAlgorithm, metaclass=AlgorithmType):
             progress_bar: Show a bar of timesteps.
 
         Raises:
-            ValueError: If the budget is negative or not finite, `log_interval` is below 1, or no
-                env is set.
+            ValueError: If the budget is negative or not finite, `log_interval` is below 1,
+                `callback` is none, or no env is set.
         """
-        check_learning(self.env, total_timesteps, log_interval)
+        check_learning(self.env, total_timesteps, log_interval, callback)
         name = tb_log_name or type(self).__name__
         total, callback = self._setup_learn(
             int(total_timesteps), callback, reset_num_timesteps, name, progress_bar=False

@@ -7,9 +7,9 @@ import io
 import json
 import os
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -26,14 +26,13 @@ from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.keywords import AlgorithmKeywords, MakeEmitters
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 Fields = dict[str, npt.NDArray[Any]]
 FieldTypes = dict[str, tuple[Any, Any]]
-MakeEmitters = Callable[[EliteArchive, Float32Array, int], list[EmitterBase]]
-"""From the archive, the parameters to begin at (n_parameters,) and a seed to pyribs' emitters."""
 
 POPULATION_SIZE = 56
 
@@ -44,7 +43,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
     A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). Where they
     are not the environment's behaviors, it also says what places a policy in the archive
     (`_measures`, `_measure_dim`); what is kept of each elite (`_fields`, `_field_types`); and what
-    these need of trajectories (`_reads`).
+    these need of trajectories (`_reads`). Further keywords are those of every algorithm, see
+    `EvolutionaryAlgorithm`.
 
     Args:
         population_size: Policies a generation. With `emitters` it is the sum of their batch sizes,
@@ -83,7 +83,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         sigma: float = 0.3,
         archive: EliteArchive | None = None,
         emitters: MakeEmitters | None = None,
-        **kwargs: Any,
+        **kwargs: Unpack[AlgorithmKeywords],
     ) -> None:
         self.population_size = population_size
         self.sigma = sigma

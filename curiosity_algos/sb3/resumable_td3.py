@@ -49,18 +49,27 @@ from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_p
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator, reseed
-from curiosity_algos.evaluation.arguments import check_learning, check_order, open_env, wrap_env
-from curiosity_algos.evaluation.constructors import AlgorithmType, name_of_applied
+from curiosity_algos.evaluation.arguments import (
+    check_common,
+    check_learning,
+    check_order,
+    open_env,
+    use_python_numbers,
+    wrap_env,
+)
 from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.environments import describe, step_limit
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_gym.validation import (
+    LARGEST_COUNT,
     check_at_least_one,
     check_not_negative,
     check_seed,
     check_share,
+    check_whole,
 )
 
 NOISE = 0.1
@@ -85,7 +94,7 @@ class GaussianActionNoise(ActionNoise):
         return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)
 
 
-class ResumableTD3(TD3, metaclass=AlgorithmType):
+class ResumableTD3(FromPreset, TD3):
     """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
 
     A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout
@@ -96,8 +105,6 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
             Actions must be a bounded Box.
         policy: "MlpPolicy", "CnnPolicy", or a subclass of either.
-        preset: "paper" or "tuned": settings that replace the defaults of what is not given here,
-            see `load_preset`; None: none.
         learning_rate: Adam's, of actor and critics, or a schedule as in SB3.
         buffer_size: Transitions kept.
         learning_starts: Steps of random actions before the first training.
@@ -131,7 +138,6 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         env: AnyEnv | None,
         policy: str | type[TD3Policy] = "MlpPolicy",
         *,
-        preset: str | None = None,
         learning_rate: float | Schedule = 1e-3,
         buffer_size: int = 1_000_000,
         learning_starts: int = 100,
@@ -153,8 +159,7 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
     ) -> None:
         check_order(self, env, policy)
-        preset = name_of_applied(preset)
-        check_seed(seed)
+        check_common(seed, device, verbose)
         env = open_env(env)
         if env is not None or _init_setup_model:
             _check_env(env)
@@ -181,7 +186,6 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             stats_window_size=stats_window_size,
             _init_setup_model=False,
         )
-        self.preset = preset
         self._n_steps = self._n_episodes = 0  # of the rollout under way
         self._is_seen = False
         self._interrupted: dict[str, Any] | None = None
@@ -210,8 +214,10 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
     # -- the model ------------------------------------------------------------------------------
 
     def _setup_model(self) -> None:
+        use_python_numbers(self)
         self._check_settings()
         check_share(tau=self.tau, gamma=self.gamma)
+        check_whole(0, LARGEST_COUNT, learning_starts=self.learning_starts)
         check_at_least_one(policy_delay=self.policy_delay)
         check_not_negative(target_policy_noise=self.target_policy_noise)
         seeds = np.random.SeedSequence(self.seed).spawn(3)
@@ -330,10 +336,10 @@ class ResumableTD3(TD3, metaclass=AlgorithmType):
             progress_bar: Show a bar of timesteps.
 
         Raises:
-            ValueError: If the budget is negative or not finite, `log_interval` is below 1, or no
-                env is set.
+            ValueError: If the budget is negative or not finite, `log_interval` is below 1,
+                `callback` is none, or no env is set.
         """
-        check_learning(self.env, total_timesteps, log_interval)
+        check_learning(self.env, total_timesteps, log_interval, callback)
         name = tb_log_name or type(self).__name__
         with self._generators.lent(), single_torch_thread():
             return super().learn(

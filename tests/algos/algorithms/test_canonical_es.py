@@ -26,18 +26,13 @@ def test_the_center_learns_to_reach_the_goal(make_model, make_easy_maze):
     assert after > before + 0.2
 
 
-@pytest.mark.parametrize("step", ["canonical", "paper"])
-def test_the_paper_divides_the_step(make_model, make_easy_maze, step):
-    settings = {"sigma": 0.2, "n_parents": 3, "step": step}
-    model = make_model(CanonicalES, make_easy_maze(), **settings)
-    center = model._search.center.copy()
-    model.learn(1)
-    moved = np.linalg.norm(model._search.center - center)
-    reference = make_model(CanonicalES, make_easy_maze(), **(settings | {"step": "canonical"}))
-    center = reference._search.center.copy()
-    reference.learn(1)
-    divisor = 0.2 * 3 if step == "paper" else 1.0
-    assert moved == pytest.approx(np.linalg.norm(reference._search.center - center) / divisor)
+def test_the_paper_divides_the_step(make_model, make_easy_maze):
+    moved = []
+    for step in ("canonical", "paper"):
+        model = make_model(CanonicalES, make_easy_maze(), sigma=0.2, n_parents=3, step=step)
+        center = model._search.center.copy()
+        moved.append(np.linalg.norm(model.learn(1)._search.center - center))
+    assert moved[1] == pytest.approx(moved[0] / (0.2 * 3))
 
 
 def test_mirrored_sampling_reaches_the_search(make_model, make_maze):

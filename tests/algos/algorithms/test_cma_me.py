@@ -49,10 +49,10 @@ def test_its_emitter_improves_the_sphere_in_100_dimensions(es):
     scheduler = Scheduler(model.archive, [model._emitters.emitters[0]])
     climb(scheduler, 1, **fields)
     first = model.archive.stats
-    climb(scheduler, 99, **fields)
+    climb(scheduler, 34, **fields)
     assert model.archive.stats.obj_max > 0.8 * first.obj_max  # objectives are below 0
     assert len(model.archive) > 2 * first.num_elites
-    assert model._emitters.emitters[0].restarts >= 9
+    assert model._emitters.emitters[0].restarts >= 3
 
 
 def test_it_is_pyribs_cma_me_on_a_dense_grid():
@@ -101,9 +101,7 @@ def test_it_starts_anew_from_an_elite_every_few_generations(make_model, make_eas
         assert (elites == emitter._opt.mean).all(axis=1).any()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("restart_interval", 0), ("es", "cma"), ("population_size", 1)]
-)
-def test_errors_name_the_argument(make_model, make_maze, name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_model(CMAME, make_maze(), **{name: value})
+def test_errors_name_the_argument(make_model, make_maze):
+    for name, value in {"restart_interval": 0, "es": "cma", "population_size": 1}.items():
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            make_model(CMAME, make_maze(), **{name: value})

@@ -71,17 +71,12 @@ def test_an_archive_has_its_own_neighbors_and_size(make_model, make_easy_maze, a
         own = make_model(NSLC, make_easy_maze(), **FINAL).archive
         runs.append(make_model(NSLC, make_easy_maze(), **(FINAL | changes), archive=own))
     assert_same_run(*(model.learn(3000) for model in runs))
-    text = " ".join(NSLC.__doc__.split())
-    assert "its `k_neighbors` instead" in text
-    assert "its `target_size` instead" in text
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("n_parents", 7), ("k", 0), ("archive_size", 0), ("behavior", "x")]
-)
-def test_errors_name_the_argument(make_model, make_maze, name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_model(NSLC, make_maze(), **{name: value})
+def test_errors_name_the_argument(make_model, make_maze):
+    for name, value in {"n_parents": 7, "k": 0, "archive_size": 0, "behavior": "x"}.items():
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            make_model(NSLC, make_maze(), **{name: value})
 
 
 def test_final_behaviors_need_an_env_that_has_them(make_model):

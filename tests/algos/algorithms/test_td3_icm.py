@@ -96,25 +96,23 @@ def test_curiosity_does_not_depend_on_the_unit_of_actions(make, make_pendulum, a
 
 
 class TestSettings:
-    @pytest.mark.parametrize(
-        ("name", "value"),
-        [
-            ("weight", 0.0),
-            ("weight", np.nan),
-            ("n_updates", 0),
-            ("tau", 1.1),
-            ("gamma", "abc"),
-            ("policy_delay", 0),
-            ("target_policy_noise", -0.1),
-            ("batch_size", 0),
-            ("buffer_size", 0),
-            ("bonus", "novelty"),
-            ("bonus_kwargs", {"depth": 3}),
-        ],
-    )
-    def test_errors_name_the_argument(self, make, make_maze, name, value):
-        with pytest.raises(ValueError, match=f"`{name}` must be"):
-            make(make_maze(), **{name: value})
+    def test_errors_name_the_argument(self, make, make_maze):
+        wrong = {"weight": 0.0, "n_updates": 0, "tau": 1.1, "gamma": "abc", "policy_delay": 0}
+        wrong |= {"target_policy_noise": -0.1, "batch_size": 0, "buffer_size": 0, "extrinsic": 1}
+        wrong |= {"bonus": "novelty", "bonus_kwargs": {"depth": 3}, "learning_starts": "a"}
+        wrong |= {"seed": -1, "verbose": "a", "device": "gpu", "policy_kwargs": [32]}
+        for name, value in wrong.items():
+            with pytest.raises(ValueError, match=f"`{name}` must be"):
+                make(make_maze(), **{name: value})
+
+    def test_numbers_of_numpy_are_numbers(self, make, make_maze):
+        numbers = {"batch_size": np.int64(8), "n_updates": np.int64(2), "weight": np.float64(0.5)}
+        model = make(make_maze(), **numbers, seed=np.int64(3)).learn(100)
+        assert {type(getattr(model, name)) for name in numbers} == {int, float}
+
+    def test_callbacks_are_objects(self, make, make_maze):
+        with pytest.raises(ValueError, match="`callback` must be"):
+            make(make_maze()).learn(10, callback=[print])
 
     def test_the_papers_learning_rate_is_no_more_than_a_default(self, make, make_maze):
         model = make(make_maze(), bonus="rnd", bonus_kwargs={"learning_rate": 0.01})

@@ -81,6 +81,14 @@ OWN_KEYS = {
     AURORA: ARCHIVE_KEYS | {"archive/threshold", "autoencoder/loss"},
     CuriosityMAPElites: GRID_KEYS | ICM_KEYS,
 }
+EVERY = pytest.mark.parametrize("algorithm", OWN_KEYS, ids=lambda algorithm: algorithm.__name__)
+"""For what each algorithm does in a way of its own."""
+
+
+@pytest.fixture(params=[CuriosityES, MAPElites], ids=lambda algorithm: algorithm.__name__)
+def algorithm(request):
+    """A search with a center and one with an archive, for what the loop does for all of them."""
+    return request.param
 
 
 class FlatEnv(gym.Env):
@@ -152,21 +160,9 @@ class TestLearn:
         model.learn(GENERATION)
         assert (model.num_timesteps, model.generation) == (GENERATION, 3)
 
-    @pytest.mark.parametrize("budget", [-1, float("nan"), float("inf"), -1e-9])
-    def test_a_budget_is_finite(self, algorithm, make_model, make_maze, budget):
-        model = make_model(algorithm, make_maze())
-        with pytest.raises(ValueError, match="`total_timesteps` must be finite"):
-            model.learn(budget)
-        assert model.num_timesteps == 0
-
-    @pytest.mark.parametrize("log_interval", [0, 1.5, "1"])
-    def test_log_intervals_count(self, algorithm, make_model, make_maze, log_interval):
-        with pytest.raises(ValueError, match="`log_interval` must be"):
-            make_model(algorithm, make_maze()).learn(10, log_interval=log_interval)
-
     @pytest.mark.parametrize("horizon", HORIZONS)
-    def test_remembers_the_best_and_the_first(self, algorithm, make_model, make_easy_maze, horizon):
-        model, recorder = make_model(algorithm, make_easy_maze(horizon=horizon)), Recorder()
+    def test_remembers_the_best_and_the_first(self, make_model, make_easy_maze, horizon):
+        model, recorder = make_model(CanonicalES, make_easy_maze(horizon=horizon)), Recorder()
         assert (model.best_return, model.first_success_timesteps) == (-np.inf, None)
         model.learn(60 * horizon, callback=recorder)
         returns = np.concatenate([rollouts.returns for rollouts in recorder.rollouts])
@@ -204,8 +200,8 @@ class TestLearn:
         else:
             assert make_model(algorithm, "CartPole-v1").learn(1).coverage is None
 
-    def test_a_bar_counts_timesteps(self, algorithm, make_model, make_maze, capsys):
-        model = make_model(algorithm, make_maze())
+    def test_a_bar_counts_timesteps(self, make_model, make_maze, capsys):
+        model = make_model(CanonicalES, make_maze())
         model.learn(GENERATION + 100, progress_bar=True)
         shown = capsys.readouterr().err
         assert "400/400" in shown
@@ -215,13 +211,11 @@ class TestLearn:
 
 
 class TestDeterminism:
-    @pytest.mark.parametrize("env_id", ["CartPole-v1", "maze"])
-    def test_the_seed_decides(
-        self, algorithm, make_model, make_easy_maze, make_classic, assert_same_run, env_id
-    ):
-        make = make_easy_maze if env_id == "maze" else lambda: make_classic(env_id)
+    @EVERY
+    def test_the_seed_decides(self, algorithm, make_model, make_classic, assert_same_run):
         one, same, other = (
-            make_model(algorithm, make(), seed=seed).learn(1000) for seed in (1, 1, 2)
+            make_model(algorithm, make_classic("CartPole-v1"), seed=seed).learn(600)
+            for seed in (1, 1, 2)
         )
         assert_same_run(one, same)
         assert not np.array_equal(one.policy.vector, other.policy.vector)
@@ -230,6 +224,7 @@ class TestDeterminism:
         one, other = (make_model(algorithm, make_maze(), seed=None) for _ in range(2))
         assert not np.array_equal(one.policy.vector, other.policy.vector)
 
+    @EVERY
     def test_threads_change_no_bit(self, algorithm, make_model, make_easy_maze, assert_same_run):
         models = []
         for n_threads, n_torch_threads in [(1, 1), (2, 1), (3, 2)]:
@@ -247,6 +242,7 @@ class TestDeterminism:
         several = make_model(algorithm, SyncVectorEnv([make] * 4)).learn(400)
         assert_same_run(single, several)
 
+    @EVERY
     def test_global_settings_stay(self, algorithm, make_model, make_easy_maze):
         th.set_num_threads(2)
         random.seed(3), np.random.seed(3), th.manual_seed(3)  # noqa: NPY002
@@ -326,6 +322,7 @@ class TestEnvs:
         finally:
             model.get_env().close()
 
+    @EVERY
     def test_set_env_goes_on_elsewhere(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze()).learn(GENERATION)
         model.set_env(DummyVecEnv([make_maze] * 3))
@@ -343,10 +340,8 @@ class TestEnvs:
     @pytest.mark.parametrize(
         "wrong", [lambda make: VecNormalize(DummyVecEnv([make])), lambda make: "CartPole-v1"]
     )
-    def test_a_wrong_env_leaves_the_old_one(
-        self, algorithm, make_model, make_maze, assert_same_run, wrong
-    ):
-        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+    def test_a_wrong_env_leaves_the_old_one(self, make_model, make_maze, assert_same_run, wrong):
+        model, untouched = (make_model(CanonicalES, make_maze()) for _ in range(2))
         with pytest.raises(ValueError, match=r"VecNormalize|spaces do not match"):
             model.set_env(wrong(make_maze))
         assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
@@ -356,34 +351,34 @@ class TestEnvs:
         [spaces.Dict(a=spaces.Box(-1, 1, (2,))), spaces.Box(0, 255, (36, 36, 3), np.uint8)],
         ids=["dict", "image"],
     )
-    def test_observations_that_no_network_takes(self, algorithm, make_model, observation_space):
+    def test_observations_that_no_network_takes(self, make_model, observation_space):
         with pytest.raises(ValueError, match=r"observation space .* is not supported"):
-            make_model(algorithm, FlatEnv(observation_space))
+            make_model(CanonicalES, FlatEnv(observation_space))
 
     @pytest.mark.parametrize(
         "action_space",
         [spaces.Box(-np.inf, np.inf, (1,)), spaces.MultiDiscrete([2, 2])],
         ids=["unbounded", "multi-discrete"],
     )
-    def test_actions_that_no_network_gives(self, algorithm, make_model, action_space):
+    def test_actions_that_no_network_gives(self, make_model, action_space):
         with pytest.raises(ValueError, match=r"action space .* is not supported"):
-            make_model(algorithm, FlatEnv(action_space=action_space))
+            make_model(CanonicalES, FlatEnv(action_space=action_space))
 
     @pytest.mark.parametrize(
         "wrap",
         [VecNormalize, functools.partial(VecFrameStack, n_stack=2)],
         ids=["VecNormalize", "VecFrameStack"],
     )
-    def test_vec_env_wrappers_are_refused(self, algorithm, make_model, make_maze, wrap):
+    def test_vec_env_wrappers_are_refused(self, make_model, make_maze, wrap):
         with pytest.raises(ValueError, match=r"`env` is wrapped in Vec(Normalize|FrameStack)"):
-            make_model(algorithm, wrap(DummyVecEnv([make_maze])))
+            make_model(CanonicalES, wrap(DummyVecEnv([make_maze])))
 
 
 class TestArguments:
-    def test_stable_baselines_order_gets_one_sentence(self, algorithm, make_maze):
+    def test_stable_baselines_order_gets_one_sentence(self, make_maze):
         for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD)]:
-            with pytest.raises(ValueError, match=rf"{algorithm.__name__}\(env, policy="):
-                algorithm(*arguments)
+            with pytest.raises(ValueError, match=r"CanonicalES\(env, policy="):
+                CanonicalES(*arguments)
 
     def test_the_policy_goes_by_keyword(self, algorithm, make_model, make_maze):
         settings = {"policy": "MlpPolicy", "policy_kwargs": {"net_arch": [3, 2]}}
@@ -391,38 +386,69 @@ class TestArguments:
         assert model.policy.mlp.sizes.tolist() == [36, 3, 2, 2]
 
     @pytest.mark.parametrize(
-        ("name", "values"),
+        ("algorithm", "name", "values"),
         [
-            ("population_size", [0, -3, 2.5]),
-            ("n_parents", [0, 7]),
-            ("sigma", [-0.1, 0.0, float("nan")]),
-            ("learning_rate", [-1.0, 0.0, float("inf")]),
-            ("step", ["Canonical", None]),
-            ("n_threads", [0]),
-            ("policy_kwargs", [{"activation_fn": None}]),
+            (CanonicalES, "population_size", [0, 2.5]),
+            (CanonicalES, "n_parents", [0, 7]),
+            (CanonicalES, "sigma", [0.0, 1e300]),
+            (CanonicalES, "learning_rate", [0.0]),
+            (CanonicalES, "step", ["Canonical"]),
+            (CanonicalES, "mirrored_sampling", ["no", 1]),
+            (MAPElites, "population_size", [0]),
+            (MAPElites, "sigma", [0.0]),
+            (CanonicalES, "n_threads", [0]),
+            (CanonicalES, "policy_kwargs", [{"activation_fn": None}]),
+            (CanonicalES, "seed", [-1, "1", True]),
+            (CanonicalES, "verbose", [-1, 3, "a", True]),
+            (CanonicalES, "device", ["gpu", 3.5, 0, None]),
         ],
     )
     def test_errors_name_the_argument(self, algorithm, make_model, make_maze, name, values):
-        ours = [each for each in algorithm.__mro__ if each.__module__.startswith("curiosity_algos")]
-        names = {name for each in ours for name in signature(each).parameters}
-        # What an algorithm has no use for it does not know.
-        error, match = (ValueError, f"`{name}` m") if name in names else (TypeError, f"'{name}'")
         for value in values:
-            with pytest.raises(error, match=match):
+            with pytest.raises(ValueError, match=f"`{name}` m"):
                 make_model(algorithm, make_maze(), **{name: value})
 
-    @pytest.mark.parametrize("env", [None, 3, spaces.Discrete(2)], ids=str)
-    def test_an_env_is_needed(self, algorithm, env):
-        with pytest.raises(ValueError, match="`env` must be an environment id"):
-            algorithm(env)
+    @EVERY
+    def test_numbers_of_numpy_are_numbers(self, algorithm, make_model, make_easy_maze):
+        settings = make_model(algorithm, make_easy_maze()).__dict__
+        numbers = {
+            name: np.asarray(value)[()]
+            for name, value in settings.items()
+            if type(value) in (int, float) and name in signature(algorithm).parameters
+        }
+        model = make_model(algorithm, make_easy_maze(), **numbers).learn(1000)
+        assert not [name for name in numbers if isinstance(getattr(model, name), np.generic)]
 
-    def test_the_user_keeps_their_dictionaries(self, algorithm, make_model, make_maze):
+    def test_an_env_is_needed(self):
+        for env in (None, 3, spaces.Discrete(2)):
+            with pytest.raises(ValueError, match="`env` must be an environment id"):
+                CanonicalES(env)
+
+    def test_the_user_keeps_their_dictionaries(self, make_model, make_maze):
         policy_kwargs = {"net_arch": [4]}
-        make_model(algorithm, make_maze(), policy_kwargs=policy_kwargs).learn(1)
+        make_model(CanonicalES, make_maze(), policy_kwargs=policy_kwargs).learn(1)
         assert policy_kwargs == {"net_arch": [4]}
 
 
+class TestLearningArguments:
+    @pytest.mark.parametrize(
+        ("name", "values"),
+        [
+            ("total_timesteps", [-1, float("nan"), float("inf"), -1e-9, "1"]),
+            ("log_interval", [0, 1.5, "1"]),
+            ("callback", [3, "eval", EvalCallback, [print], {}]),
+        ],
+    )
+    def test_errors_name_them(self, make_model, make_maze, name, values):
+        model = make_model(CanonicalES, make_maze())
+        for value in values:
+            with pytest.raises(ValueError, match=f"`{name}` must be"):
+                model.learn(**({"total_timesteps": 10} | {name: value}))
+        assert model.num_timesteps == 0
+
+
 class TestParameters:
+    @EVERY
     def test_they_carry_the_whole_search_over(self, algorithm, make_model, make_maze, assert_same):
         one = make_model(algorithm, make_maze()).learn(2 * GENERATION)
         other = make_model(algorithm, make_maze(), seed=5)
@@ -431,8 +457,8 @@ class TestParameters:
             model.learn(2 * GENERATION, reset_num_timesteps=False)
         assert_same(one.get_parameters(), other.get_parameters())
 
-    def test_missing_ones_are_an_error(self, algorithm, make_model, make_maze):
-        model = make_model(algorithm, make_maze())
+    def test_missing_ones_are_an_error(self, make_model, make_maze):
+        model = make_model(CanonicalES, make_maze())
         parameters = model.get_parameters()
         del parameters["_episodes"]
         with pytest.raises(ValueError, match="Names of parameters do not match"):
@@ -447,6 +473,7 @@ class TestParameters:
         expected = act(model.policy.mlp, flat.numpy()[None], observation[None])[0]
         np.testing.assert_array_equal(model.predict(observation)[0], expected)
 
+    @EVERY
     def test_the_search_goes_on_from_a_policy(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze(), sigma=1e-6)
         flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
@@ -467,9 +494,9 @@ class TestParameters:
 
     @pytest.mark.parametrize("others", [set(), {"_episodes"}, {"_coverage", "_episodes"}])
     def test_the_search_goes_on_from_a_policy_whatever_comes_with_it(
-        self, algorithm, make_model, make_maze, others
+        self, make_model, make_maze, others
     ):
-        model, other = (make_model(algorithm, make_maze(), seed=seed) for seed in (0, 1))
+        model, other = (make_model(CanonicalES, make_maze(), seed=seed) for seed in (0, 1))
         parameters = {k: v for k, v in other.get_parameters().items() if k in others}
         flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
         model.set_parameters(parameters | {"policy": {"flat": flat}}, exact_match=False)
@@ -486,19 +513,16 @@ class TestParameters:
             model.set_parameters({"policy": policy, "_none": {}}, exact_match=False)
         assert_same_run(model, untouched)
 
-    @pytest.mark.parametrize("name", ["flat", "vector", None])
-    def test_a_policy_has_all_of_its_parameters(
-        self, algorithm, make_model, make_maze, assert_same_run, name
-    ):
-        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
-        policy = {} if name is None else {name: th.zeros(3)}
-        for parameters in ({"policy": policy}, model.get_parameters() | {"policy": policy}):
-            with pytest.raises(ValueError, match=r"`policy` must have `flat`, its \d+ parameters"):
-                model.set_parameters(parameters, exact_match=False)
+    def test_a_policy_has_all_of_its_parameters(self, make_model, make_maze, assert_same_run):
+        model, untouched = (make_model(CanonicalES, make_maze()) for _ in range(2))
+        for policy in ({}, {"flat": th.zeros(3)}, {"vector": th.zeros(3)}):
+            for parameters in ({"policy": policy}, model.get_parameters() | {"policy": policy}):
+                with pytest.raises(ValueError, match=r"`policy` must have `flat`, its \d+ param"):
+                    model.set_parameters(parameters, exact_match=False)
         assert_same_run(model, untouched)
 
-    def test_a_whole_state_is_finite_too(self, algorithm, make_model, make_maze, assert_same_run):
-        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
+    def test_a_whole_state_is_finite_too(self, make_model, make_maze, assert_same_run):
+        model, untouched = (make_model(CanonicalES, make_maze()) for _ in range(2))
         flat = th.full((model.policy.mlp.n_parameters,), th.inf)
         with pytest.raises(ValueError, match="`policy` must have finite parameters"):
             model.set_parameters(model.get_parameters() | {"policy": {"flat": flat}})
@@ -536,11 +560,9 @@ def read_rows(folder):
 
 
 class TestLogging:
-    @pytest.mark.parametrize("env_id", ["maze", "CartPole-v1"])
-    def test_keys_are_the_documented_ones(
-        self, algorithm, make_model, make_maze, make_classic, tmp_path, env_id
-    ):
-        model = make_model(algorithm, make_maze() if env_id == "maze" else make_classic(env_id))
+    @EVERY
+    def test_keys_are_the_documented_ones(self, algorithm, make_model, make_classic, tmp_path):
+        model = make_model(algorithm, make_classic("CartPole-v1"))
         model.set_logger(configure(str(tmp_path), ["csv"]))
         model.learn(2 * GENERATION)
         rows = read_rows(tmp_path)
@@ -565,30 +587,30 @@ class TestLogging:
             assert float(row["rollout/success_rate"]) == pytest.approx(rollouts.success.mean())
         assert float(row["coverage/reachable"]) == pytest.approx(model.coverage)
 
-    def test_the_interval_counts_generations(self, algorithm, make_model, make_maze, tmp_path):
-        model = make_model(algorithm, make_maze())
+    def test_the_interval_counts_generations(self, make_model, make_maze, tmp_path):
+        model = make_model(CanonicalES, make_maze())
         model.set_logger(configure(str(tmp_path), ["csv"]))
         model.learn(7 * GENERATION, log_interval=3)
         assert [float(row["time/generations"]) for row in read_rows(tmp_path)] == [3, 6]
 
-    def test_verbose_prints_a_table(self, algorithm, make_model, make_maze, capsys):
-        make_model(algorithm, make_maze(), verbose=1).learn(1)
+    def test_verbose_prints_a_table(self, make_model, make_maze, capsys):
+        make_model(CanonicalES, make_maze(), verbose=1).learn(1)
         assert "total_timesteps" in capsys.readouterr().out
-        make_model(algorithm, make_maze()).learn(1)
+        make_model(CanonicalES, make_maze()).learn(1)
         assert capsys.readouterr().out == ""
 
 
 class TestCallbacks:
-    def test_events_come_in_stable_baselines_order(self, algorithm, make_model, make_maze):
+    def test_events_come_in_stable_baselines_order(self, make_model, make_maze):
         recorder = Recorder()
-        make_model(algorithm, make_maze()).learn(2 * GENERATION, callback=recorder)
+        make_model(CanonicalES, make_maze()).learn(2 * GENERATION, callback=recorder)
         generation = ["rollout start", "step", "rollout end"]
         assert recorder.events == ["training start", *generation, *generation, "training end"]
         assert recorder.timesteps == [GENERATION, 2 * GENERATION]
 
-    def test_false_stops(self, algorithm, make_model, make_maze):
+    def test_false_stops(self, make_model, make_maze):
         recorder = Recorder(stop_after=2)
-        model = make_model(algorithm, make_maze())
+        model = make_model(CanonicalES, make_maze())
         model.learn(9 * GENERATION, callback=recorder)
         assert model.generation == 2
         assert recorder.events[-1] == "training end"
@@ -613,8 +635,8 @@ class TestCallbacks:
         assert [row["own"] for row in rows] == [row["time/generations"] for row in rows]
         assert len(rows) == 3
 
-    def test_a_function_will_do(self, algorithm, make_model, make_maze):
-        model = make_model(algorithm, make_maze())
+    def test_a_function_will_do(self, make_model, make_maze):
+        model = make_model(CanonicalES, make_maze())
         model.learn(9 * GENERATION, callback=lambda local_variables, global_variables: False)
         assert model.generation == 1
 
@@ -637,9 +659,9 @@ class TestCallbacks:
         best = algorithm.load(tmp_path / "best_model", env=make_easy_maze(horizon=horizon))
         assert evaluate_policy(best, best.get_env(), 1)[0] == model.best_return
 
-    def test_checkpoints_count_generations(self, algorithm, make_model, make_maze, tmp_path):
+    def test_checkpoints_count_generations(self, make_model, make_maze, tmp_path):
         callback = CheckpointCallback(save_freq=2, save_path=str(tmp_path))
-        make_model(algorithm, make_maze()).learn(5 * GENERATION, callback=callback)
+        make_model(CanonicalES, make_maze()).learn(5 * GENERATION, callback=callback)
         names = [f"rl_model_{n * GENERATION}_steps.zip" for n in (2, 4)]
         assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
 

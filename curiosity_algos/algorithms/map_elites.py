@@ -23,7 +23,7 @@ from curiosity_gym.validation import check_at_least_one
 
 
 class GridKeywords(ArchiveKeywords, total=False):
-    """Those of algorithms with a grid but the mutations' size, see `MAPElites`."""
+    """Keywords of algorithms with a grid but the mutations' size, see `MAPElites`."""
 
     n_cells: int | Sequence[int]
 
@@ -37,7 +37,7 @@ class MAPElites(QualityDiversity):
     algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
-        env: As of every algorithm, with a `behavior_space`, bounded unless there is an `archive`.
+        env: One with a `behavior_space`, bounded unless there is an `archive`.
         n_cells: Cells along each dimension of the behavior, or a sequence of B such numbers. An
             `archive` has its own.
 

@@ -65,7 +65,7 @@ class TD3ICM(ResumableTD3):
         weight: Factor of the bonus, above 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.
-        policy_kwargs: As in SB3; `net_arch` is 32, 32 where it is not said.
+        policy_kwargs: Keywords of the policy, as in SB3; `net_arch` is 32, 32 where it is not said.
 
     Raises:
         ValueError: If an argument is out of its range, or the env's spaces are not supported.

@@ -129,13 +129,15 @@ class UnstructuredArchive(EliteArchive):
         n = len(data["objective"])
         status, value = np.empty(n, dtype=np.int32), np.empty(n)
         for i in range(n):
-            status[i], value[i] = self._offer({name: array[[i]] for name, array in data.items()})
+            status[i], value[i] = self._insert_one(
+                {name: array[[i]] for name, array in data.items()}
+            )
         if len(self) > (1.0 + SLACK) * self.target_size:
             self._thin_out()
         return {"status": status, "value": value, **told}
 
-    def _offer(self, one: Batch) -> tuple[int, float]:
-        """Offer a batch of one: its status, and its objective or improvement."""
+    def _insert_one(self, one: Batch) -> tuple[int, float]:
+        """Take in a batch of one; its status, and its objective or improvement."""
         objective = float(one["objective"][0])
         if self.empty:
             self._write(np.array([0]), one)

@@ -59,7 +59,7 @@ def open_env(env: Any) -> Any:
 
 
 def wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-    """What Stable-Baselines3 sees of an environment of any kind."""
+    """The VecEnv that Stable-Baselines3 sees of an environment of any kind."""
     if isinstance(env, VectorEnv):
         return GymnasiumView(env)
     return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)

@@ -1,4 +1,4 @@
-"""What every algorithm's class can do: show all of its keywords, and take them from a preset."""
+"""Classes of algorithms show all of their keywords, and take them from a preset."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str,
 
 
 def _all_parameters(cls: type) -> list[inspect.Parameter]:
-    """What the constructor takes, and those that it passes keywords on to."""
+    """Parameters of the constructor, and of those that it passes keywords on to."""
     found: dict[str, inspect.Parameter] = {}
     for each in cls.__mro__:
         if "__init__" not in vars(each):

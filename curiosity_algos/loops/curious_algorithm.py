@@ -1,4 +1,4 @@
-"""What algorithms that are drawn to the curious share: a bonus, and how it is trained."""
+"""The bonus, and its training, that algorithms share which are drawn to the curious."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ class Fitness:
 
     Args:
         phi: Weight of the extrinsic fitness.
-        no_reward: What stands for the extrinsic fitness while no individual of a generation has a
-            reward: "ignore": nothing, the intrinsic fitness ranks alone; "random": noise, as in the
+        no_reward: Stand-in for the extrinsic fitness while no individual of a generation has a
+            reward: "ignore": none, the intrinsic fitness ranks alone; "random": noise, as in the
             paper.
         seed: Seed of the noise.
     """
@@ -220,8 +220,8 @@ class MotivatedStrategy(EvolutionStrategy):
         phi: Weight of the extrinsic fitness, in [0, 1]; "adaptive": it begins at .8, falls to 0
             while the best return stays, and rises with each better one (Conti et al. 2018). The
             paper's is .8.
-        no_reward: "ignore" or "random": what stands for the extrinsic fitness while a generation
-            has no reward (the paper draws it at random).
+        no_reward: "ignore" or "random": stand-in for the extrinsic fitness while a generation has
+            no reward (the paper draws it at random).
     """
 
     def __init__(
@@ -240,7 +240,7 @@ class MotivatedStrategy(EvolutionStrategy):
 
     @abstractmethod
     def _make_motivation(self, seed: np.random.SeedSequence) -> Motivation:
-        """What the strategy is motivated by beside reward; everything random grows from `seed`."""
+        """The strategy's motivation beside reward; everything random in it grows from `seed`."""
 
     def _check_settings(self) -> None:
         super()._check_settings()

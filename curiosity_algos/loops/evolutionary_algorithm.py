@@ -76,7 +76,7 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
             a 1-D Box, actions a bounded 1-D Box or Discrete.
         policy: "MlpPolicy", or a subclass of it.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
-        evaluator: What evaluates populations: "auto", the fastest that fits `env`; "ray", the same
+        evaluator: Evaluates populations: "auto", the fastest that fits `env`; "ray", the same
             on every processor of a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many
             parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
             takes it again.
@@ -84,7 +84,7 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
             environment that has none, processes, if they pay; None: this one alone. Results do not
             depend on it.
         seed: Seed of everything random; None: fresh entropy.
-        device: Where the bonus' networks are, as in SB3; policies are evaluated on the CPU.
+        device: Device of the bonus' networks, as in SB3; policies are evaluated on the CPU.
         verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
         tensorboard_log: Folder of TensorBoard's files; None: none.
 
@@ -166,7 +166,7 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
 
     def _reads(self) -> MakeReads | None:
-        """What `_tell` needs of trajectories; None: all of them.
+        """The parts of trajectories that `_tell` needs; None: all of them.
 
         Where it is said, large populations are played in blocks, and rollouts hold excerpts alone.
         """
@@ -223,7 +223,7 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
             )
 
     def _choose_evaluator(self, env: VecEnv, choice: Evaluator | str) -> Evaluator:
-        """What evaluates populations on `env`: what the user gave, or the fastest that fits."""
+        """The evaluator of populations on `env`: the user's own, or the fastest that fits."""
         if isinstance(choice, str):
             check_choice(("auto", "ray"), evaluator=choice)
             self._given["evaluator"] = []
@@ -418,7 +418,7 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         return goes_on
 
     def _run_generation(self) -> dict[str, Any]:
-        """What callbacks find in their `locals`, see `as_step`."""
+        """Run a generation; the entries of callbacks' `locals`, see `as_step`."""
         assert self.evaluator is not None
         parameters = self._ask()
         rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._reads())

@@ -13,8 +13,8 @@ def as_step(rollouts: Rollouts, seconds: float) -> dict[str, Any]:
     """The last step of P episodes, as if each individual had an environment of its own.
 
     Args:
-        rollouts: Of the generation.
-        seconds: Since training began, as a Monitor notes it of an episode.
+        rollouts: The generation's.
+        seconds: Time since training began, as a Monitor notes it of an episode.
 
     Returns:
         `rewards`: (P,), the returns; `dones`: (P,), all True; `infos`: of each individual what a

@@ -22,7 +22,7 @@ MakeEmitters = Callable[[EliteArchive, Float32Array, int], list[EmitterBase]]
 
 
 class AlgorithmKeywords(TypedDict, total=False):
-    """Those of every population algorithm, see `EvolutionaryAlgorithm`."""
+    """Keywords of every population algorithm, see `EvolutionaryAlgorithm`."""
 
     evaluator: Evaluator | str
     policy_kwargs: dict[str, Any] | None
@@ -35,7 +35,7 @@ class AlgorithmKeywords(TypedDict, total=False):
 
 
 class StrategyKeywords(AlgorithmKeywords, total=False):
-    """Those of every evolution strategy but the learning rate, see `EvolutionStrategy`."""
+    """Keywords of every evolution strategy but the learning rate, see `EvolutionStrategy`."""
 
     population_size: int
     n_parents: int
@@ -46,7 +46,7 @@ class StrategyKeywords(AlgorithmKeywords, total=False):
 
 
 class MotivatedKeywords(StrategyKeywords, total=False):
-    """Those of strategies with a motivation, see `MotivatedStrategy`."""
+    """Keywords of strategies with a motivation, see `MotivatedStrategy`."""
 
     learning_rate: float
     phi: float | str
@@ -54,7 +54,7 @@ class MotivatedKeywords(StrategyKeywords, total=False):
 
 
 class ArchiveKeywords(AlgorithmKeywords, total=False):
-    """Those of every algorithm with an archive but the mutations' size, see `QualityDiversity`."""
+    """Keywords of algorithms with an archive but the mutations' size, see `QualityDiversity`."""
 
     population_size: int
     archive: EliteArchive | None
@@ -62,13 +62,13 @@ class ArchiveKeywords(AlgorithmKeywords, total=False):
 
 
 class MutationKeywords(ArchiveKeywords, total=False):
-    """Those of every algorithm with an archive, see `QualityDiversity`."""
+    """Keywords of every algorithm with an archive, see `QualityDiversity`."""
 
     sigma: float
 
 
 class BonusKeywords(TypedDict, total=False):
-    """Those of a bonus and its training that have one default, see `CuriousAlgorithm`."""
+    """Keywords of a bonus and its training that have one default, see `CuriousAlgorithm`."""
 
     bonus_kwargs: dict[str, Any] | None
     n_transitions: int

@@ -1,4 +1,4 @@
-"""What the quality-diversity algorithms share: an archive, and pyribs' emitters that fill it."""
+"""The archive, and pyribs' emitters that fill it, of all quality-diversity algorithms."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         population_size: Policies a generation. With `emitters` it is the sum of their batch sizes,
             and may be left out; the default counts as left out there.
         sigma: Standard deviation of mutations, above 0; `emitters` have their own.
-        archive: Where elites are kept, instead of the algorithm's own archive: one of
+        archive: Keeps the elites, instead of the algorithm's own archive: one of
             `curiosity_algos.archives` whose `solution_dim` and `measure_dim` are the algorithm's.
             Elites that it holds are where the search begins. An empty one is made to keep what the
             algorithm keeps of each elite. Its draws follow the `seed` of the last model that took
@@ -72,7 +72,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     archive: EliteArchive
     archive_class: ClassVar[type[Any]] = EliteArchive
-    """Which archives the algorithm can work on."""
+    """Archives that the algorithm can work on."""
 
     def __init__(
         self,
@@ -98,16 +98,16 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """The algorithm's own archive, empty."""
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
-        """What emits policies for `self.archive`, beginning at `x0` (n_parameters,).
+        """The emitter of policies for `self.archive`, beginning at `x0` (n_parameters,).
 
-        Mutants of elites drawn uniformly, where an algorithm says nothing else.
+        It mutates elites drawn uniformly, where an algorithm says nothing else.
         """
         return GaussianEmitter(
             self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
         )
 
     def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
-        """What places each individual in the archive, (P, measure_dim)."""
+        """The place of each individual in the archive, (P, measure_dim)."""
         return rollouts.behaviors
 
     def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
@@ -119,7 +119,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return {"seed": ((), np.int64)}
 
     def _fields(self, rollouts: Rollouts) -> Fields:
-        """What is kept of each individual, an array (P, ...) for each extra field."""
+        """The extra fields of each individual, an array (P, ...) for each of them."""
         fields: Fields = {"seed": np.full(len(rollouts), self._episodes.current)}
         if "behavior" in self.archive.field_list:
             fields["behavior"] = rollouts.behaviors[:, : self._n_behaviors]
@@ -297,16 +297,16 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
         Args:
             path: See `EvolutionaryAlgorithm.load`, as for every argument not named here.
-            env: See `EvolutionaryAlgorithm.load`.
-            device: See `EvolutionaryAlgorithm.load`.
-            custom_objects: See `EvolutionaryAlgorithm.load`.
-            print_system_info: See `EvolutionaryAlgorithm.load`.
-            force_reset: See `EvolutionaryAlgorithm.load`.
-            archive: Of the class and settings of the constructor's `archive`, where it had one: the
-                file's elites take the place of its own.
-            emitters: As the constructor's `emitters`, where it had any.
-            allow_pickle: See `EvolutionaryAlgorithm.load`.
-            **kwargs: See `EvolutionaryAlgorithm.load`.
+            env: As in the constructor.
+            device: As in the constructor.
+            custom_objects: By name, replaces attributes in the file.
+            print_system_info: As in SB3.
+            force_reset: As in SB3.
+            archive: One of the class and settings of the constructor's `archive`, where it had one:
+                the file's elites take the place of its own.
+            emitters: The function that the constructor had, where it had any.
+            allow_pickle: Also read objects of classes that are not of this package.
+            **kwargs: By name, replace the model's attributes.
 
         Raises:
             ValueError: Also if `archive` or `emitters` are missing or others, or `kwargs` would
@@ -327,7 +327,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:
-        """What archive and emitters were made with."""
+        """Settings that archive and emitters were made with."""
         own, common = (inspect.signature(each) for each in (cls, EvolutionaryAlgorithm))
         made_with = own.parameters.keys() - common.parameters.keys() - {"archive", "emitters"}
         return super()._fixed_settings() | made_with
@@ -371,7 +371,7 @@ def _unchanged_on_error(archive: EliteArchive | None) -> AbstractContextManager[
 
 
 def _kinds(*parts: object) -> list[str]:
-    """What tells parts apart that the user passed; a file holds no more of them."""
+    """The kinds of parts that the user passed; a file holds no more of them."""
     return [_kind(part) for part in parts if part is not None]
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import math
-from numbers import Integral, Real
-from typing import TypeGuard
+from collections.abc import Callable, Mapping
+from numbers import Real
 
 import numpy as np
 
@@ -17,90 +17,79 @@ LARGEST = 1e12
 
 def check_whole(low: int, high: int, /, **values: object) -> None:
     """Raise ValueError unless every value is a whole number from `low` to `high`."""
-    for name, value in values.items():
-        if not (_is_whole(value) and low <= value <= high):
-            raise ValueError(
-                f"`{name}` must be a whole number from {low} to {high}, got {value!r}."
-            )
+    _check(
+        lambda value: _is_whole(value, low, high), f"a whole number from {low} to {high}", values
+    )
 
 
 def check_at_least_one(**values: object) -> None:
     """Raise ValueError unless every value is a whole number from 1 to `LARGEST_COUNT`."""
-    for name, value in values.items():
-        if not (_is_whole(value) and value >= 1):
-            raise ValueError(f"`{name}` must be a whole number of at least 1, got {value!r}.")
-        _check_largest(name, value, LARGEST_COUNT)
+    what = f"a whole number of at least 1, at most {LARGEST_COUNT:,}"
+    _check(lambda value: _is_whole(value, 1, LARGEST_COUNT), what, values)
 
 
 def check_positive(**values: object) -> None:
     """Raise ValueError unless every value is above 0 and at most `LARGEST`."""
-    for name, value in values.items():
-        if not 0.0 < (number := _number(value)) < math.inf:
-            raise ValueError(f"`{name}` must be finite and above 0, got {value!r}.")
-        _check_largest(name, number, LARGEST)
+    what = f"finite and above 0, at most {LARGEST:.0e}"
+    _check(lambda value: 0.0 < _number(value) <= LARGEST, what, values)
 
 
 def check_not_negative(**values: object) -> None:
     """Raise ValueError unless every value is from 0 to `LARGEST`."""
-    for name, value in values.items():
-        if not 0.0 <= (number := _number(value)) < math.inf:
-            raise ValueError(f"`{name}` must be finite and at least 0, got {value!r}.")
-        _check_largest(name, number, LARGEST)
-
-
-def _check_largest(name: str, value: float, largest: float) -> None:
-    if value > largest:
-        raise ValueError(f"`{name}` must be at most {largest:.0e}, got {value!r}.")
+    what = f"finite and at least 0, at most {LARGEST:.0e}"
+    _check(lambda value: 0.0 <= _number(value) <= LARGEST, what, values)
 
 
 def check_share(**values: object) -> None:
     """Raise ValueError unless every value is a number from 0 to 1."""
-    for name, value in values.items():
-        if not 0.0 <= _number(value) <= 1.0:
-            raise ValueError(f"`{name}` must be from 0 to 1, got {value!r}.")
-
-
-def _is_whole(value: object) -> TypeGuard[int]:
-    """Whether it is a whole number of Python or numpy; Python counts True as 1."""
-    return isinstance(value, Integral) and not isinstance(value, bool)
-
-
-def _number(value: object) -> float:
-    """`value` as a float, or NaN, which is in no range, where it is no real number."""
-    if not isinstance(value, Real) or isinstance(value, bool):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:  # a whole number beyond floats
-        return math.inf
+    _check(lambda value: 0.0 <= _number(value) <= 1.0, "from 0 to 1", values)
 
 
 def check_choice(choices: tuple[str, ...], **values: object) -> None:
     """Raise ValueError unless every value is one of the choices."""
-    for name, value in values.items():
-        if not (isinstance(value, str) and value in choices):
-            raise ValueError(f"`{name}` must be one of {', '.join(choices)}, got {value!r}.")
+    what = f"one of {', '.join(choices)}"
+    _check(lambda value: isinstance(value, str) and value in choices, what, values)
 
 
 def check_bool(**values: object) -> None:
     """Raise ValueError unless every value is True or False."""
-    for name, value in values.items():
-        if not isinstance(value, bool | np.bool_):
-            raise ValueError(f"`{name}` must be True or False, got {value!r}.")
+    _check(lambda value: isinstance(value, bool | np.bool_), "True or False", values)
 
 
 def check_keywords(**values: object) -> None:
     """Raise ValueError unless every value is None or a dictionary whose keys are names."""
-    for name, value in values.items():
-        if value is None or (isinstance(value, dict) and all(isinstance(k, str) for k in value)):
-            continue
-        raise ValueError(f"`{name}` must be None or a dictionary of keywords, got {value!r}.")
+    _check(_is_keywords, "None or a dictionary of keywords", values)
 
 
 def check_seed(seed: object) -> None:
     """Raise ValueError unless `seed` is None or a whole number of at least 0."""
-    if not (seed is None or (_is_whole(seed) and seed >= 0)):
-        raise ValueError(f"`seed` must be None or a whole number of at least 0, got {seed!r}.")
+    what = "None or a whole number of at least 0"
+    _check(lambda value: value is None or _is_whole(value, 0, math.inf), what, {"seed": seed})
+
+
+def _check(is_valid: Callable[[object], bool], what: str, values: Mapping[str, object]) -> None:
+    for name, value in values.items():
+        if not is_valid(value):
+            raise ValueError(f"`{name}` must be {what}, got {value!r}.")
+
+
+def _is_whole(value: object, low: float, high: float) -> bool:
+    """Whether it is a whole number of Python or numpy in a range; Python counts True as 1."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        return False
+    return low <= int(value) <= high
+
+
+def _number(value: object) -> float:
+    """`value` as a float, or NaN, which is in no range, where it is no real number."""
+    try:
+        return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:  # a whole number beyond floats
+        return math.inf
+
+
+def _is_keywords(value: object) -> bool:
+    return value is None or (isinstance(value, dict) and all(isinstance(k, str) for k in value))
 
 
 def check_copyable(**values: object) -> None:

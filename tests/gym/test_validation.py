@@ -16,7 +16,6 @@ from curiosity_gym.validation import (
 )
 
 NO_NUMBERS = [math.nan, "1", None, True, np.True_, 1j, [1], np.ones(1)]
-HUGE = [10**18, 10**400]
 
 
 def refuse(check, values, message, name="size"):
@@ -27,8 +26,8 @@ def refuse(check, values, message, name="size"):
 
 def test_counts_are_whole_numbers_of_at_least_one():
     check_at_least_one(other=1, size=np.int64(3))
-    refuse(check_at_least_one, [0, -1, 1.5, math.inf, *NO_NUMBERS], "a whole number of at least 1")
-    refuse(check_at_least_one, HUGE, r"at most 1e\+09")
+    what = "a whole number of at least 1, at most 1,000,000,000, got"
+    refuse(check_at_least_one, [0, -1, 1.5, math.inf, 10**18, 10**400, *NO_NUMBERS], what)
 
 
 def test_whole_numbers_are_between_two():
@@ -40,14 +39,14 @@ def test_whole_numbers_are_between_two():
 
 def test_scales_are_finite_and_positive():
     check_positive(other=1, sigma=1e-9, size=np.float32(3.0))
-    refuse(check_positive, [0, -0.1, math.inf, 10**400, *NO_NUMBERS], "finite and above 0")
-    refuse(check_positive, [1e300], r"at most 1e\+12")
+    wrong = [0, -0.1, math.inf, 1e300, 10**400, *NO_NUMBERS]
+    refuse(check_positive, wrong, r"finite and above 0, at most 1e\+12, got")
 
 
 def test_what_is_not_negative_is_finite_and_at_least_zero():
     check_not_negative(other=0, noise=0.2)
-    refuse(check_not_negative, [-0.1, math.inf, *NO_NUMBERS], "finite and at least 0")
-    refuse(check_not_negative, [1e300], r"at most 1e\+12")
+    wrong = [-0.1, math.inf, 1e300, *NO_NUMBERS]
+    refuse(check_not_negative, wrong, r"finite and at least 0, at most 1e\+12, got")
 
 
 def test_shares_are_from_zero_to_one():

@@ -84,7 +84,7 @@ def test_cells_are_of_each_dimension(make_model, make_maze):
 
 
 def test_cells_are_whole_numbers(make_model, make_maze):
-    wrong = r"^`n_cells` must be a whole number of at least 1, got"
+    wrong = r"^`n_cells` must be a whole number of at least 1,"
     for n_cells in ("50", [5, 6, 0, 1], [5, 6, 2.5, 1], None, [[5] * 4], 7.0):
         with pytest.raises(ValueError, match=wrong):
             make_model(MAPElites, make_maze(), n_cells=n_cells)

@@ -39,13 +39,10 @@ class CuriosityES(CuriousAlgorithm, MotivatedStrategy):
     `EvolutionaryAlgorithm`.
 
     Args:
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces.
         n_states: An episode's curiosity is the mean of the highest quarter of those of so many of
             its transitions, which lie evenly over it; None: the sum over all, with `gamma`.
         gamma: Discount, in [0, 1]: in that sum, curiosity of step t of T weighs `gamma^(T-1-t)`
             (eq. 10); 1 where `n_states` is a number.
-        n_updates: p, the bonus' gradient steps a generation.
-        batch_size: Transitions a gradient step.
     """
 
     def __init__(

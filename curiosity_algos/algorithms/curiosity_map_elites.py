@@ -50,9 +50,6 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         tournament_size: Elites drawn for each parent; with 1 all are as likely, as in MAP-Elites.
             `emitters` choose parents of their own.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces.
-        n_updates: p, the bonus' gradient steps a generation.
-        batch_size: Transitions a gradient step.
     """
 
     def __init__(

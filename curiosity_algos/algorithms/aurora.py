@@ -18,8 +18,12 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
-from curiosity_algos.loops.keywords import MutationKeywords
-from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityDiversity
+from curiosity_algos.loops.quality_diversity import (
+    Fields,
+    FieldTypes,
+    MutationKeywords,
+    QualityDiversity,
+)
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 

@@ -12,9 +12,8 @@ import numpy as np
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.curious_algorithm import CuriousAlgorithm
-from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
-from curiosity_algos.loops.keywords import BonusKeywords, MotivatedKeywords
+from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
+from curiosity_algos.loops.evolution_strategy import MotivatedKeywords, MotivatedStrategy
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 
 

@@ -18,8 +18,7 @@ from curiosity_algos.bonuses.make import stored_action_size
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
-from curiosity_algos.loops.curious_algorithm import CuriousAlgorithm
-from curiosity_algos.loops.keywords import BonusKeywords
+from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
 from curiosity_algos.motivations.elites import EliteCuriosity
 from curiosity_algos.search.emitters import TournamentEmitter

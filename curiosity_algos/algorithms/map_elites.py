@@ -17,8 +17,11 @@ from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.keywords import ArchiveKeywords, MutationKeywords
-from curiosity_algos.loops.quality_diversity import QualityDiversity
+from curiosity_algos.loops.quality_diversity import (
+    ArchiveKeywords,
+    MutationKeywords,
+    QualityDiversity,
+)
 from curiosity_gym.validation import check_at_least_one
 
 

@@ -14,8 +14,7 @@ from gymnasium import spaces
 
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
-from curiosity_algos.loops.keywords import MotivatedKeywords
+from curiosity_algos.loops.evolution_strategy import MotivatedKeywords, MotivatedStrategy
 from curiosity_algos.motivations.novelty import NoveltyMotivation, behavior_size
 from curiosity_gym.validation import check_at_least_one
 

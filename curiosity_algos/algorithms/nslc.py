@@ -18,8 +18,7 @@ from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.keywords import MutationKeywords
-from curiosity_algos.loops.quality_diversity import FieldTypes, QualityDiversity
+from curiosity_algos.loops.quality_diversity import FieldTypes, MutationKeywords, QualityDiversity
 from curiosity_algos.motivations.novelty import behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
 from curiosity_gym.validation import check_at_least_one

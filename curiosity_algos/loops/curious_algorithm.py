@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -12,6 +12,14 @@ from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.motivations.curiosity import CuriosityMotivation, make_motivation
 from curiosity_gym.validation import check_keywords
+
+
+class BonusKeywords(TypedDict, total=False):
+    """Keywords of a bonus and its training that have one default, see `CuriousAlgorithm`."""
+
+    bonus_kwargs: dict[str, Any] | None
+    n_transitions: int
+    buffer_size: int
 
 
 class CuriousAlgorithm(EvolutionaryAlgorithm):

@@ -20,8 +20,7 @@ from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
-from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.loops.keywords import AlgorithmKeywords, StrategyKeywords
+from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.motivations.base import Motivation
 from curiosity_algos.motivations.phi import Phi, check_phi, make_phi
 from curiosity_algos.search.base import MakeSearch, Search
@@ -79,6 +78,17 @@ class Fitness:
 
 def _is_search(thing: object) -> TypeGuard[Search]:
     return isinstance(thing, Search) and not isinstance(thing, type)  # a class has the methods too
+
+
+class StrategyKeywords(AlgorithmKeywords, total=False):
+    """Keywords of every evolution strategy but the learning rate, see `EvolutionStrategy`."""
+
+    population_size: int
+    n_parents: int
+    sigma: float
+    step: str
+    mirrored_sampling: bool
+    search: Search | MakeSearch | None
 
 
 class EvolutionStrategy(EvolutionaryAlgorithm):
@@ -206,6 +216,14 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
                 "`policy` cannot be set alone where `search` was given: let it begin there."
             )
         self._search.center = parameters.astype(np.float64)
+
+
+class MotivatedKeywords(StrategyKeywords, total=False):
+    """Keywords of strategies with a motivation, see `MotivatedStrategy`."""
+
+    learning_rate: float
+    phi: float | str
+    no_reward: str
 
 
 class MotivatedStrategy(EvolutionStrategy):

@@ -7,7 +7,7 @@ import os
 import time
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +57,19 @@ from curiosity_gym.validation import check_at_least_one, check_choice, check_see
 
 _BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivation"}
 """Names of parts that do not say where a search stands."""
+
+
+class AlgorithmKeywords(TypedDict, total=False):
+    """Keywords of every population algorithm, see `EvolutionaryAlgorithm`."""
+
+    evaluator: Evaluator | str
+    policy_kwargs: dict[str, Any] | None
+    n_threads: int | None
+    seed: int | None
+    device: th.device | str
+    verbose: int
+    tensorboard_log: str | None
+    _init_setup_model: bool
 
 
 class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):

@@ -7,7 +7,7 @@ import io
 import json
 import os
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, Self, Unpack
 
@@ -25,8 +25,7 @@ from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
-from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.loops.keywords import AlgorithmKeywords, MakeEmitters
+from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters
 from curiosity_gym.validation import check_at_least_one, check_positive
@@ -35,6 +34,24 @@ Fields = dict[str, npt.NDArray[Any]]
 FieldTypes = dict[str, tuple[Any, Any]]
 
 POPULATION_SIZE = 56
+
+
+MakeEmitters = Callable[[EliteArchive, Float32Array, int], list[EmitterBase]]
+"""From the archive, the parameters to begin at (n_parameters,) and a seed to pyribs' emitters."""
+
+
+class ArchiveKeywords(AlgorithmKeywords, total=False):
+    """Keywords of algorithms with an archive but the mutations' size, see `QualityDiversity`."""
+
+    population_size: int
+    archive: EliteArchive | None
+    emitters: MakeEmitters | None
+
+
+class MutationKeywords(ArchiveKeywords, total=False):
+    """Keywords of every algorithm with an archive, see `QualityDiversity`."""
+
+    sigma: float
 
 
 class QualityDiversity(EvolutionaryAlgorithm):

@@ -123,22 +123,21 @@ def test_an_algorithm_with_an_archive_trains(tmp_path):
     assert model.num_timesteps == GENERATION
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_an_algorithm_takes_what_is_sampled(algorithm):
+def test_algorithms_take_what_is_sampled():
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=0))
-    made, tried = find_algorithm(algorithm), []
-    for _ in range(12):
-        trial = study.ask()
-        keywords = sampler(algorithm)(trial, 2, 1, {})
-        assert set(trial.params) == set(SPACES[algorithm])
-        assert convert(trial.params) == keywords
+    for algorithm in ALGORITHMS:
+        study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=0))
+        made, tried = find_algorithm(algorithm), []
+        for _ in range(12):
+            trial = study.ask()
+            keywords = sampler(algorithm)(trial, 2, 1, {})
+            assert set(trial.params) == set(SPACES[algorithm])
+            assert convert(trial.params) == keywords
+            tried.append(trial.params)
         assert set(keywords) <= set(inspect.signature(made).parameters)
-        tried.append(trial.params)
-    model = made(gym.make(ENV), seed=0, device="cpu", **keywords)
-    for name, value in keywords.items():
-        assert getattr(model, name) == value, name
-    assert all(len({params[name] for params in tried}) > 1 for name in SPACES[algorithm])
+        model = made(gym.make(ENV), seed=0, device="cpu", **keywords)
+        assert {name: getattr(model, name) for name in keywords} == keywords, algorithm
+        assert all(len({params[name] for params in tried}) > 1 for name in SPACES[algorithm])
 
 
 def test_parameters_stand_for_keywords():

@@ -1,4 +1,4 @@
-"""What runs came to, read from their folders: the curves of the figures and of the report."""
+"""Runs side by side, and their curves, read from their folders for the figures and the report."""
 
 from __future__ import annotations
 

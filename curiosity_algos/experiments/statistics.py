@@ -32,7 +32,7 @@ Statistic: TypeAlias = Callable[[list[Float64]], Any]
 
 N_RESAMPLES = 5000
 N_POINTS = 200
-"""Of a curve's mean, where no grid is given."""
+"""Points of a curve's mean, where no grid is given."""
 BATCH = 100  # resamples in memory at once; another number would change the draws
 
 
@@ -70,7 +70,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """How long runs go without reward.
+    """The share of runs without reward over time, and its median.
 
     Attributes:
         curve: Share of runs still without reward, from time 0 on; each height holds until the next
@@ -114,7 +114,7 @@ def stratified_bootstrap(
         scores: (runs, tasks), (runs,), or a list of (runs,).
         aggregate: A function such as `interquartile_mean`: takes a list with an array (..., runs)
             for each task, whose leading dimensions are resamples, and gives an array (...).
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: A task has no runs, a score is not finite, `aggregate` gives another shape, or
@@ -141,7 +141,7 @@ def performance_profile(
     Args:
         scores: (runs, tasks), (runs,), or a list of (runs,).
         thresholds: (n,).
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Returns:
         The shares over the thresholds.
@@ -168,7 +168,7 @@ def probability_of_improvement(
     Args:
         scores_x: (runs, tasks), (runs,), or a list of (runs,).
         scores_y: The same tasks in the same order; of any number of runs.
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: X and Y have different numbers of tasks, a task has no runs, a score is not
@@ -301,7 +301,7 @@ def curve_interval(
         curves: `x` and `values` of each run, as in `step_values`.
         grid: (m,) timesteps or seconds, of which those after the end of the shortest run are left
             out; None: `N_POINTS`, evenly from 0 to that end.
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: There are no curves, no point of the grid is before the end of the shortest run,

@@ -1,4 +1,4 @@
-"""What every figure is drawn on, and the file that it is written to."""
+"""Panels, titles and files of every figure."""
 
 from __future__ import annotations
 

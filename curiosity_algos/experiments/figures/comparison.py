@@ -37,10 +37,10 @@ MEASURES: dict[str, tuple[Measure, str, float]] = {
     "coverage": (coverage, "coverage (%)", 0.01),
     "best-return": (best_return, "highest return so far", 1.0),
 }
-"""By name what is read, how the axis is called, and the value that is 1 on it."""
+"""By name the reader, the title of the axis, and the value that is 1 on it."""
 Y = (*MEASURES, "survival")
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
-"""By name how the axis is called, and what is 1 on it."""
+"""By name the title of the axis, and the value that is 1 on it."""
 TITLES = {
     "coverage": "Coverage",
     "best-return": "Highest return so far",
@@ -54,10 +54,10 @@ SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval."
 
 
 def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps") -> Figure:
-    """Draw what runs came to over time.
+    """Draw the curves of runs over time.
 
     Args:
-        folders: Of runs, or folders that hold them.
+        folders: Folders of runs, or folders that hold them.
         y: "coverage", "best-return" (so far) or "survival" (share of runs without success yet;
             none on a task that reports no success).
         x: "timesteps" or "seconds".

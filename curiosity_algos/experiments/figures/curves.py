@@ -20,10 +20,10 @@ class Line:
     """Runs that are drawn as one line.
 
     Args:
-        label: In the legend.
-        color: Of all that is drawn of it.
-        curves: For each run when it came to which value.
-        style: Whether the line is broken.
+        label: Name in the legend.
+        color: Color of line, interval and runs.
+        curves: Timesteps or seconds of each run, and its value from then on.
+        style: Unbroken or broken.
     """
 
     label: str
@@ -46,7 +46,7 @@ def draw_lines(
     dotted, at its last value; where there is no line, the axes say so.
 
     Args:
-        ax: Where.
+        ax: Axes.
         lines: At least one run in each.
         x_unit: Timesteps or seconds that are 1 on the axis.
         y_unit: Value that is 1 on the axis.

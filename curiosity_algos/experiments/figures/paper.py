@@ -51,7 +51,7 @@ def draw(figure: int, plan: Plan) -> Figure:
 
 
 def _folder(plan: Plan, figure: int, series: Series, env: str, seed: int) -> Path:
-    """Where one of the figure's runs is."""
+    """The folder of one of the figure's runs."""
     run = plan.run(series, env, seed)
     folder = run.folder(plan.folder)
     if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:
@@ -125,4 +125,4 @@ FIGURES: dict[int, Callable[[Plan], Figure]] = {
     ),
     8: _show_projection,
 }
-"""What draws each."""
+"""The functions that draw them, by number."""

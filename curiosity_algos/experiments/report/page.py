@@ -85,8 +85,8 @@ def write_report(
     """Write a page about all runs in folders; the same runs give the same bytes.
 
     Args:
-        folders: Of runs, or with runs in them.
-        path: Of the page; its folder need not be there yet.
+        folders: Folders of runs, or with runs in them.
+        path: File of the page; its folder need not be there yet.
 
     Returns:
         A row for each run that the page is about, as of `load_runs`.
@@ -123,13 +123,13 @@ def _asset(name: str) -> str:
 
 
 def counts(runs: pd.DataFrame) -> str:
-    """How many runs there are, and on how many environments."""
+    """The number of runs, and of their environments, as text."""
     n_envs = runs["env"].nunique()
     return f"{len(runs):,} run{'s' * (len(runs) != 1)} on {n_envs} environment{'s' * (n_envs != 1)}"
 
 
 class _Page:
-    """What stands on the page: HTML of sections, and the figures that scripts draw in them."""
+    """The parts of the page: HTML of sections, and the figures that scripts draw in them."""
 
     def __init__(self, runs: pd.DataFrame) -> None:
         self.begun = runs[runs["has_begun"]]

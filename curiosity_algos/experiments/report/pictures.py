@@ -31,9 +31,9 @@ Figure: TypeAlias = dict[str, Any]
 """`data` and `layout`."""
 
 MOST_ROWS = 200
-"""Of the curve of a single run, evenly spaced."""
+"""Points of the curve of a single run, evenly spaced."""
 MOST_POINTS = 2_000
-"""Of a path, evenly spaced over its steps."""
+"""Points of a path, evenly spaced over its steps."""
 N_CELLS = 50
 """Along either side of a map: in mazes those that coverage counts."""
 SCALE = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151")
@@ -61,7 +61,7 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str], x: str) -> Figure:
 
     Args:
         runs: On one environment, as `load_compared` gives them.
-        colors: Of labels.
+        colors: Colors of labels.
         x: "timesteps" or "seconds".
     """
     panels = [("best return so far", "~g", best_return)]
@@ -175,7 +175,7 @@ class Plane:
 
 
 def plane_of(runs: pd.DataFrame) -> Plane | None:
-    """Where to draw the final states; None where behaviors have fewer than two entries."""
+    """The plane of final states; None where behaviors have fewer than two entries."""
     maze = _maze_of(RunFolder(runs["run"].iloc[0]).describe())
     if maze is not None:
         return Plane(np.zeros(2), np.array([maze.layout.width, maze.layout.height]), maze)
@@ -216,8 +216,8 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     """Each cell in which an episode of any of the runs ended, colored by when one first did.
 
     Args:
-        runs: Of one label.
-        plane: Where they are drawn.
+        runs: Runs of one label.
+        plane: Plane that they are drawn in.
         longest: Timesteps of the last color.
     """
     first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
@@ -251,7 +251,7 @@ def draw_paths(runs: pd.DataFrame, plane: Plane, colors: dict[str, str]) -> Figu
 
 
 def best_runs(runs: pd.DataFrame) -> pd.DataFrame:
-    """Of each label the run with the highest return among those that have a trajectory.
+    """The run of each label with the highest return among those that have a trajectory.
 
     Their `return` is that of the trajectory, `steps` its length.
     """

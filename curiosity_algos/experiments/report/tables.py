@@ -1,4 +1,4 @@
-"""The tables of a report, as HTML: what runs came to, and how they were made."""
+"""The tables of a report, as HTML: results of runs, and their settings."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from curiosity_algos.experiments.statistics import (
 )
 
 NOTHING = "\N{EN DASH}"
-"""Where there is no number."""
+"""Stands for a number that is not known."""
 SETTINGS = r"^(settings|env_kwargs|versions|machine)\.|^git_revision$"
 """Columns of `load_runs` that say how a run was made."""
 
 
 def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
-    """How often and how soon runs had success, and how far they came, a row for each label."""
+    """A row for each label: successes of its runs, best returns and coverage."""
     has_successes = reports_success(runs)
     rows = {
         f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, has_successes)

@@ -59,8 +59,9 @@ def test_runs_are_named_by_the_settings_that_tell_them_apart(copied):
     assert labels.tolist() == ["MAPElites, preset paper", "MAPElites, preset none"]
 
 
-def test_a_run_that_is_found_twice_counts_once(copied):
-    assert len(load_compared([*copied, copied[0].parent])) == 2
+def test_a_run_that_is_found_twice_counts_once(copied, monkeypatch):
+    monkeypatch.chdir(copied[0].parent)
+    assert len(load_compared([*copied, copied[0].parent, copied[0].name])) == 2
 
 
 def table(firsts, best):

@@ -67,19 +67,14 @@ class TestInterquartileMean:
 
 
 class TestStratifiedBootstrap:
-    def test_two_runs_by_hand(self):
+    def test_by_hand(self):
         # Of 0 and 1, a quarter of the resamples is 0 and 0, a quarter 1 and 1.
         assert stratified_bootstrap([0, 1], mean) == Interval(0.5, 0.0, 1.0)
-
-    def test_skewed_runs_by_hand(self):
         # Each of 4 draws is 1 with probability 1 / 4. Of the resamples 32 % have no 1, 95 % at
         # most 2 and 99.6 % at most 3: the percentiles are 0 / 4 and 3 / 4.
         assert stratified_bootstrap([0, 0, 0, 1], mean) == Interval(0.25, 0.0, 0.75)
-
-    def test_resamples_within_each_task(self):
-        # Whatever runs are drawn, one task's mean is 0 and the other's 1.
-        scores = [[0, 0, 0], [1, 1]]
-        assert stratified_bootstrap(scores, mean) == Interval(0.5, 0.5, 0.5)
+        # Whatever runs are drawn within each task, one's mean is 0 and the other's 1.
+        assert stratified_bootstrap([[0, 0, 0], [1, 1]], mean) == Interval(0.5, 0.5, 0.5)
 
     def test_every_resample_is_as_likely_as_another(self):
         # The mean of all 2^2 * 3^3 resamples of two tasks, and where 2.5 % and 97.5 % of them lie.
@@ -110,12 +105,8 @@ class TestStratifiedBootstrap:
         np.random.seed(2)  # noqa: NPY002
         assert stratified_bootstrap(scores, interquartile_mean, seed=3) == one
         assert stratified_bootstrap(scores, interquartile_mean, seed=4) != one
-
-    def test_a_generator_goes_on(self):
-        scores = np.random.default_rng(0).normal(size=12)
-        rng = np.random.default_rng(3)
-        one = stratified_bootstrap(scores, interquartile_mean, seed=rng)
-        assert one == stratified_bootstrap(scores, interquartile_mean, seed=3)
+        rng = np.random.default_rng(3)  # a generator goes on
+        assert stratified_bootstrap(scores, interquartile_mean, seed=rng) == one
         assert stratified_bootstrap(scores, interquartile_mean, seed=rng) != one
 
     def test_is_narrower_with_more_runs(self):
@@ -137,12 +128,10 @@ class TestStratifiedBootstrap:
             assert math.isnan(found.low)
             assert math.isnan(found.high)
 
-    def test_an_aggregate_of_another_shape_is_refused(self):
+    def test_aggregates_of_another_shape_and_other_seeds_are_refused(self):
         for aggregate in (lambda tasks: 1.0, lambda tasks: tasks[0]):
             with pytest.raises(ValueError, match="`aggregate` must reduce the last axis alone"):
                 stratified_bootstrap([1, 2, 3], aggregate)
-
-    def test_other_seeds_are_refused(self):
         for seed in (None, -1, 0.5, "0"):
             with pytest.raises(ValueError, match="`seed` must be"):
                 stratified_bootstrap([1, 2, 3], mean, seed=seed)
@@ -286,8 +275,6 @@ class TestSurvival:
             found = survival([2, late], 10)
             np.testing.assert_array_equal(found.curve.x, [0, 2, 10])
             np.testing.assert_array_equal(found.curve.estimate, [1, 0.5, 0.5])
-
-    def test_nan_is_never_as_in_tables(self):
         expected = survival([5, None], 10).curve.estimate
         np.testing.assert_array_equal(survival([5.0, NAN], 10).curve.estimate, expected)
         np.testing.assert_array_equal(survival(np.array([5.0, NAN]), 10).curve.estimate, expected)
@@ -364,8 +351,7 @@ class TestCurves:
         for i in range(len(grid)):
             expected = stratified_bootstrap(heights[:, i], interquartile_mean, seed=2)
             assert Interval(curve.estimate[i], curve.low[i], curve.high[i]) == expected
-
-    def test_a_single_run_has_no_interval(self):
+        # A single run has no interval.
         curve = curve_interval([([1, 2], [0.5, 0.5])], [0, 2])
         np.testing.assert_array_equal(curve.estimate, [0, 0.5])
         assert np.isnan([curve.low, curve.high]).all()
@@ -388,7 +374,7 @@ class TestCurves:
         ):
             curve_interval([([3], [0.5])], [4, 5])
 
-    def test_other_curves_are_refused(self):
+    def test_other_curves_and_grids_are_refused(self):
         for x, values, budget, message in [
             ([], [], 1, "`x` must hold finite numbers, at least one"),
             ([1, NAN], [0, 1], 1, "`x` must hold finite numbers"),
@@ -403,8 +389,6 @@ class TestCurves:
         ]:
             with pytest.raises(ValueError, match=message):
                 area_under_curve(x, values, budget)
-
-    def test_other_grids_are_refused(self):
         for grid in ([], [NAN], [[0, 1]], 3):
             with pytest.raises(ValueError, match="`grid` must"):
                 step_values([1], [1], grid)
@@ -429,8 +413,5 @@ def test_other_scores_are_refused():
             interquartile_mean(scores)
         with pytest.raises(ValueError, match=f"`scores_y` must .*{message}"):
             probability_of_improvement([1, 2], scores)
-
-
-def test_a_run_of_a_task_has_one_score():
     with pytest.raises(ValueError, match="`scores` must have one dimension, got shape"):
-        stratified_bootstrap([[[1, 2], [3, 4]]], mean)
+        stratified_bootstrap([[[1, 2], [3, 4]]], mean)  # a run of a task has one

@@ -1,7 +1,5 @@
 """Curves of any runs."""
 
-import pathlib
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -91,11 +89,6 @@ def test_curves_over_seconds(runs):
     figure = compare(runs[:1], y="survival", x="seconds")
     first = thick(figure.axes[0])[0].get_xdata()[-1]
     assert 0.0 < first <= progress["time/seconds"].max()
-
-
-def test_a_run_counts_once(runs, monkeypatch):
-    monkeypatch.chdir(runs[0].parent)
-    assert labels(compare([runs[0], pathlib.Path(runs[0].name)])) == ["MAPElites (1 run)"]
 
 
 def test_runs_must_be_there(tmp_path, runs):

@@ -59,14 +59,11 @@ def test_the_same_runs_give_the_same_bytes(page, runs_folder, tmp_path):
     assert sorted(runs["algorithm"]) == ["CanonicalES"] * 2 + ["MAPElites"] * 2 + ["NSES"] * 2
 
 
-def test_nothing_is_loaded(elements):
+def test_nothing_is_loaded_and_headings_are_in_order(elements):
     assert not [tag for tag, _ in elements if tag in {"link", "img", "iframe", "object", "embed"}]
     for tag, attributes in elements:
         assert "src" not in attributes, tag
         assert attributes.get("href", "#").startswith("#")
-
-
-def test_headings_are_in_order(elements):
     levels = [int(tag[1]) for tag, _ in elements if re.fullmatch("h[1-6]", tag)]
     assert levels[0] == 1
     assert levels.count(1) == 1

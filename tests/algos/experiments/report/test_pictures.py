@@ -1,4 +1,3 @@
-import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
@@ -70,9 +69,6 @@ def test_curves_are_those_of_the_runs(maze):
     assert (mean["y"] <= high["y"] + 1e-9).all()
     survival = traces_of(figure, 3)
     assert survival[0]["y"].tolist() == [1.0, 1.0]
-
-
-def test_curves_over_seconds(maze):
     figure = draw_curves(maze, color_labels(maze["label"]), "seconds")
     assert figure["layout"]["xaxis"]["title"] == "seconds of training"
     longest = maze["seconds"].max()
@@ -123,19 +119,19 @@ def test_another_environment_is_drawn_around_most_final_states(mountain, write_r
     np.testing.assert_allclose(same.high, [1.1, 1.2])
 
 
-@pytest.mark.parametrize("env", ["CuriosityMaze-v0", "unknown_module:Unknown-v0", None])
-def test_an_environment_that_cannot_be_made_again_has_no_walls(env, write_run):
-    assert plane_of(write_run([[0.1, 0.2]], [1], env)).maze is None
+def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):
+    for env in ("CuriosityMaze-v0", "Unknown-v0", None):
+        assert plane_of(write_run([[0.1, 0.2]], [1], env)).maze is None
+    wrapped = {"env_kwargs": {}, "wrappers": {"BehaviorWrapper": None}}
+    assert plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **wrapped)).maze is None
+    # A folder from a stranger makes no environment, and imports no module, that is not known here.
+    monkeypatch.setattr(pictures.gym, "make", lambda *args, **kwargs: pytest.fail("made"))
+    assert plane_of(write_run([[0.1, 0.2]], [1], "my_module:Mine-v0")).maze is None
 
 
-def test_a_wrapped_maze_has_no_walls(write_run):
-    described = {"env_kwargs": {}, "wrappers": {"BehaviorWrapper": None}}
-    assert plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **described)).maze is None
-
-
-@pytest.mark.parametrize("places", [[[0.1]], [[]], [[np.nan, 1.0]]])
-def test_behaviors_of_fewer_than_two_entries_have_no_plane(places, write_run):
-    assert plane_of(write_run(places, [1])) is None
+def test_behaviors_of_fewer_than_two_entries_have_no_plane(write_run):
+    for places in ([[0.1]], [[]], [[np.nan, 1.0]]):
+        assert plane_of(write_run(places, [1])) is None
 
 
 def test_the_path_of_the_best_run_is_where_the_robot_was(maze):
@@ -164,9 +160,3 @@ def test_only_runs_with_a_trajectory_have_a_path(write_run):
     line, _ = draw_paths(best, SQUARE, {"A": "#000000"})["data"]
     assert len(line["x"]) == MOST_POINTS
     assert (line["x"][-1], line["meta"]["steps"]) == (200.0, 9000)
-
-
-def test_no_folder_makes_environments_that_are_not_registered(write_run, monkeypatch):
-    monkeypatch.setattr(pictures.gym, "make", lambda *args, **kwargs: pytest.fail("made"))
-    assert "my_module:Mine-v0" not in gym.registry
-    assert plane_of(write_run([[0.1, 0.2]], [1], "my_module:Mine-v0")).maze is None

@@ -247,7 +247,13 @@ def draw_paths(runs: pd.DataFrame, plane: Plane, colors: dict[str, str]) -> Figu
         traces[-1]["hovertemplate"] = f"{run['label']}<br>%{{x:.3~g}}, %{{y:.3~g}}<extra></extra>"
         marker = {"color": color, "size": 12, "line": {"color": "white", "width": 2}}
         traces.append(_line(x, y, mode="markers", marker=marker, meta=meta, hoverinfo="skip"))
-    return {"data": traces, "layout": _plane_layout(plane, is_filled=False)}
+    layout = _plane_layout(plane, is_filled=False)
+    if plane.maze is None:  # axes that stay while the paths grow
+        for name in "xy":
+            ends = np.concatenate([trace[name] for trace in traces]).astype(np.float64)
+            margin = 0.05 * float(np.ptp(ends) or 1.0)
+            layout[f"{name}axis"]["range"] = [ends.min() - margin, ends.max() + margin]
+    return {"data": traces, "layout": layout}
 
 
 def best_runs(runs: pd.DataFrame) -> pd.DataFrame:

@@ -157,6 +157,8 @@ def test_only_runs_with_a_trajectory_have_a_path(write_run):
         )
     best = best_runs(runs)
     assert (best["run"].item(), best["return"].item()) == (runs["run"][1], 4500.0)
-    line, _ = draw_paths(best, SQUARE, {"A": "#000000"})["data"]
+    figure = draw_paths(best, SQUARE, {"A": "#000000"})
+    assert figure["layout"]["xaxis"]["range"] == [-10.0, 210.0]  # which holds all of the path
+    line, _ = figure["data"]
     assert len(line["x"]) == MOST_POINTS
     assert (line["x"][-1], line["meta"]["steps"]) == (200.0, 9000)

@@ -24,7 +24,7 @@ def snippets(page):
 
 def test_every_example_is_here():
     names = {path.name for path in (ROOT / "examples").glob("*.py")}
-    elsewhere = {"rl_zoo3_train.py"}  # runs in test_rl_zoo3.py
+    elsewhere = {"rl_zoo3_train.py", "rl_zoo3_spaces.py"}  # run in test_rl_zoo3.py
     assert names == {*ARGUMENTS, *elsewhere, "train_curiosity_es.py"}
 
 

@@ -1,10 +1,14 @@
 """rl-zoo3 trains on our environments, and with our algorithms."""
 
+import inspect
+import operator
 import runpy
 import sys
 from types import ModuleType
 
+import gymnasium as gym
 import numpy as np
+import optuna
 import pandas as pd
 import pytest
 from scripts import ROOT, run_python
@@ -13,9 +17,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 import curiosity_algos
 from curiosity_algos import CuriosityES, MAPElites
-from curiosity_algos.experiments.search_spaces import SPACES
+from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 
 EXAMPLES = ROOT / "examples"
+SPACES, convert, sampler = operator.itemgetter("SPACES", "convert", "sampler")(
+    runpy.run_path(str(EXAMPLES / "rl_zoo3_spaces.py"))
+)
 ENV = "CuriosityMaze-US-v0"
 GENERATION = 56 * 2000
 """Timesteps of a generation of CuriosityES while no individual is at the goal."""
@@ -63,6 +70,7 @@ def test_the_example_adds_every_algorithm_before_arguments_are_read(monkeypatch)
     tuning.HYPERPARAMS_SAMPLER, tuning.HYPERPARAMS_CONVERTER = {}, {}
     for module in (ModuleType("rl_zoo3"), zoo, tuning):
         monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.syspath_prepend(EXAMPLES)
     runpy.run_path(str(EXAMPLES / "rl_zoo3_train.py"), run_name="__main__")
     exported = {name: getattr(curiosity_algos, name) for name in curiosity_algos.__all__}
     classes = {name: each for name, each in exported.items() if isinstance(each, type)}
@@ -113,3 +121,30 @@ def test_an_algorithm_with_an_archive_trains(tmp_path):
     script = [EXAMPLES / "rl_zoo3_train.py", "--conf-file", EXAMPLES / "rl_zoo3.yml"]
     model = MAPElites.load(train("MAPElites", 1000, tmp_path, script))
     assert model.num_timesteps == GENERATION
+
+
+def test_algorithms_take_what_is_sampled():
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    for algorithm in ALGORITHMS:
+        study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=0))
+        made, tried = find_algorithm(algorithm), []
+        for _ in range(12):
+            trial = study.ask()
+            keywords = sampler(algorithm)(trial, 2, 1, {})
+            assert set(trial.params) == set(SPACES[algorithm])
+            assert convert(trial.params) == keywords
+            tried.append(trial.params)
+        assert set(keywords) <= set(inspect.signature(made).parameters)
+        model = made(gym.make(ENV), seed=0, device="cpu", **keywords)
+        assert {name: getattr(model, name) for name in keywords} == keywords, algorithm
+        assert all(len({params[name] for params in tried}) > 1 for name in SPACES[algorithm])
+
+
+def test_parameters_stand_for_keywords():
+    params = {"net_arch": "small", "population_size_pow": 5, "parents_share": 0.26, "sigma": 0.5}
+    assert convert(params) == {
+        "policy_kwargs": {"net_arch": [32, 16]},
+        "population_size": 32,
+        "n_parents": 8,
+        "sigma": 0.5,
+    }

@@ -20,7 +20,7 @@ def plot(
 ) -> None:
     """Draw curves of runs, a panel for each environment: their middle, its interval, every run.
 
-    survival is the share of runs that have found no reward yet.
+    survival is the share of runs without a success yet.
 
     Example: curiosity plot runs --y survival --out first_reward.pdf
     """

@@ -17,8 +17,6 @@ def report(
     Example: curiosity report runs --out report.html
     """
     from curiosity_algos.experiments.report import write_report
-    from curiosity_algos.experiments.report.numbers import counted
+    from curiosity_algos.experiments.report.page import counts
 
-    environments = write_report(runs, out)
-    runs_read = counted(sum(len(each.runs) for each in environments), "run")
-    typer.echo(f"{runs_read} on {counted(len(environments), 'environment')}: {out}")
+    typer.echo(f"{counts(write_report(runs, out))}: {out}")

@@ -31,6 +31,8 @@ Seed: TypeAlias = int | np.random.Generator
 Statistic: TypeAlias = Callable[[list[Float64]], Any]
 
 N_RESAMPLES = 5000
+N_POINTS = 200
+"""Points of a curve's mean, where no grid is given."""
 BATCH = 100  # resamples in memory at once; another number would change the draws
 
 
@@ -68,7 +70,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """How long runs go without reward.
+    """The share of runs without reward over time, and its median.
 
     Attributes:
         curve: Share of runs still without reward, from time 0 on; each height holds until the next
@@ -112,7 +114,7 @@ def stratified_bootstrap(
         scores: (runs, tasks), (runs,), or a list of (runs,).
         aggregate: A function such as `interquartile_mean`: takes a list with an array (..., runs)
             for each task, whose leading dimensions are resamples, and gives an array (...).
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: A task has no runs, a score is not finite, `aggregate` gives another shape, or
@@ -139,7 +141,7 @@ def performance_profile(
     Args:
         scores: (runs, tasks), (runs,), or a list of (runs,).
         thresholds: (n,).
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Returns:
         The shares over the thresholds.
@@ -166,7 +168,7 @@ def probability_of_improvement(
     Args:
         scores_x: (runs, tasks), (runs,), or a list of (runs,).
         scores_y: The same tasks in the same order; of any number of runs.
-        seed: Of the resamples, or the generator that draws them.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: X and Y have different numbers of tasks, a task has no runs, a score is not
@@ -285,26 +287,36 @@ def step_values(x: npt.ArrayLike, values: npt.ArrayLike, grid: npt.ArrayLike) ->
 
 
 def curve_interval(
-    curves: Iterable[tuple[npt.ArrayLike, npt.ArrayLike]], grid: npt.ArrayLike, *, seed: Seed = 0
+    curves: Iterable[tuple[npt.ArrayLike, npt.ArrayLike]],
+    grid: npt.ArrayLike | None = None,
+    *,
+    seed: Seed = 0,
 ) -> Curve:
     """Interquartile mean over runs of curves whose points differ, at each point of one grid.
 
-    The bootstrap draws whole runs.
+    It ends with the shortest run: beyond, the mean would be over other runs, those that are left,
+    or over values that a run no longer had. The bootstrap draws whole runs.
 
     Args:
         curves: `x` and `values` of each run, as in `step_values`.
-        grid: (m,) timesteps or seconds.
-        seed: Of the resamples, or the generator that draws them.
+        grid: (m,) timesteps or seconds, of which those after the end of the shortest run are left
+            out; None: `N_POINTS`, evenly from 0 to that end.
+        seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
-        ValueError: There are no curves, `seed` is not valid, or as in `step_values`.
+        ValueError: There are no curves, no point of the grid is before the end of the shortest run,
+            `seed` is not valid, or as in `step_values`.
     """
-    points = _vector("grid", grid)
-    heights = [step_values(x, values, points) for x, values in curves]
-    if not heights:
+    runs = [_points(x, values) for x, values in curves]
+    if not runs:
         raise ValueError("`curves` must hold at least one run.")
-    runs = np.stack(heights, axis=-1)
-    return Curve(points, *_bootstrap(interquartile_mean, [runs], seed))
+    end = min(x[-1] for x, _ in runs)
+    points = np.linspace(0.0, end, N_POINTS) if grid is None else _vector("grid", grid)
+    points = points[points <= end]
+    if not len(points):
+        raise ValueError(f"`grid` must begin before the shortest run ends, at {end:g}.")
+    heights = np.stack([step_values(x, values, points) for x, values in runs], axis=-1)
+    return Curve(points, *_bootstrap(interquartile_mean, [heights], seed))
 
 
 def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> float:

@@ -1,4 +1,4 @@
-"""What every figure is drawn on, and the file that it is written to."""
+"""Panels, titles and files of every figure."""
 
 from __future__ import annotations
 
@@ -72,5 +72,8 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def short_name(env: str) -> str:
-    """What an environment is called in a title: `US` for `CuriosityMaze-US-v0`."""
-    return env.rpartition("/")[2].split("-")[1] if env.startswith("Curiosity") else env
+    """The name of an environment in a title: `US` for `CuriosityMaze-US-v0`."""
+    name, *keywords = env.split(", ")
+    name = name.rpartition("/")[2]
+    short = name.split("-")[1] if name.startswith("Curiosity") else name
+    return ", ".join([short, *keywords])

@@ -18,43 +18,48 @@ from curiosity_algos.experiments.figures.canvas import (
 )
 from curiosity_algos.experiments.figures.curves import (
     Line,
-    Measure,
-    Points,
-    best_return,
-    coverage,
     draw_lines,
-    in_seconds,
+    draw_nothing,
     legend_handles,
 )
-from curiosity_algos.experiments.labels import color_labels, label_runs
-from curiosity_algos.experiments.loading import load_runs_of
-from curiosity_algos.experiments.statistics import survival
+from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.measures import (
+    Measure,
+    best_return,
+    coverage,
+    load_compared,
+    read_curves,
+    reports_success,
+    times_to_success,
+)
 
 MEASURES: dict[str, tuple[Measure, str, float]] = {
     "coverage": (coverage, "coverage (%)", 0.01),
     "best-return": (best_return, "highest return so far", 1.0),
 }
-"""By name what is read, how the axis is called, and the value that is 1 on it."""
+"""By name the reader, the title of the axis, and the value that is 1 on it."""
 Y = (*MEASURES, "survival")
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
-"""By name how the axis is called, and what is 1 on it."""
+"""By name the title of the axis, and the value that is 1 on it."""
 TITLES = {
     "coverage": "Coverage",
     "best-return": "Highest return so far",
-    "survival": "Time to first reward",
+    "survival": "Time to first success",
 }
 NOTE = (
-    "Thick: interquartile mean; shaded: its 95 % interval; thin: each run; dotted: after their end."
+    "Thick: interquartile mean while all runs go on; shaded: its 95 % interval; thin: each run; "
+    "dotted: after the first has ended."
 )
 SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval."
 
 
 def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps") -> Figure:
-    """Draw what runs came to over time.
+    """Draw the curves of runs over time.
 
     Args:
-        folders: Of runs, or folders that hold them.
-        y: "coverage", "best-return" (so far) or "survival" (share of runs without reward yet).
+        folders: Folders of runs, or folders that hold them.
+        y: "coverage", "best-return" (so far) or "survival" (share of runs without success yet;
+            none on a task that reports no success).
         x: "timesteps" or "seconds".
 
     Raises:
@@ -73,21 +78,19 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
     for ax in axes[:, 0]:
-        ax.set_ylabel("runs without reward (%)" if y == "survival" else MEASURES[y][1])
+        ax.set_ylabel("runs without success (%)" if y == "survival" else MEASURES[y][1])
     add_title(figure, TITLES[y], legend_handles(_samples(runs, colors)))
     add_note(figure, SURVIVAL_NOTE if y == "survival" else NOTE)
     return figure
 
 
 def _load(folders: Sequence[Path]) -> pd.DataFrame:
-    """`load_runs` of all folders, with a column `label`."""
-    runs = load_runs_of(folders)
-    is_empty = ~(runs["timesteps"] > 0) if "timesteps" in runs else runs["run"].notna()
-    if is_empty.any():
-        run = runs.loc[is_empty, "run"].iloc[0]
+    """`load_compared`, all of whose runs have begun."""
+    runs = load_compared(folders)
+    if not runs["has_begun"].all():
+        run = runs.loc[~runs["has_begun"], "run"].iloc[0]
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
-    env = runs["env"].fillna(runs["env_class"])
-    return runs.assign(env=env, label=label_runs(runs.assign(env=env)))
+    return runs
 
 
 def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
@@ -107,30 +110,22 @@ def _span(low: int, high: int) -> str:
 
 def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
     measure, _, unit = MEASURES[y]
-
-    def read(run: str) -> Points:
-        timesteps, values = measure(run)
-        return (in_seconds(run, timesteps) if x == "seconds" else timesteps), values
-
     lines = [
-        Line(str(label), colors[str(label)], [read(run) for run in here["run"]])
+        Line(str(label), colors[str(label)], read_curves(here, measure, x))
         for label, here in runs.groupby("label", sort=False)
     ]
     draw_lines(ax, lines, x_unit=X[x][1], y_unit=unit)
 
 
 def _draw_survival(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
-    times = runs[["first_success_timesteps", "timesteps"]]
-    if x == "seconds":
-        pairs = zip(runs["run"], times.to_numpy(), strict=True)
-        seconds = [in_seconds(run, each) for run, each in pairs]
-        times = pd.DataFrame(seconds, index=times.index, columns=times.columns)
-    for label, here in (times / X[x][1]).groupby(runs["label"], sort=False):
-        curve = survival(here["first_success_timesteps"], here["timesteps"].to_numpy()).curve
-        color = colors[str(label)]
-        low, high = 100.0 * curve.low, 100.0 * curve.high
-        ax.fill_between(curve.x, low, high, step="post", color=color, alpha=0.18, linewidth=0)
-        ax.step(curve.x, 100.0 * curve.estimate, where="post", color=color, linewidth=2.0)
+    if not reports_success(runs):
+        draw_nothing(ax)
+        return
+    for label, here in runs.groupby("label", sort=False):
+        curve, color = times_to_success(here, x).curve, colors[str(label)]
+        times, low, high = curve.x / X[x][1], 100.0 * curve.low, 100.0 * curve.high
+        ax.fill_between(times, low, high, step="post", color=color, alpha=0.18, linewidth=0)
+        ax.step(times, 100.0 * curve.estimate, where="post", color=color, linewidth=2.0)
     ax.set_ylim(0.0, 104.0)
     ax.set_xlim(left=0.0)
     polish(ax)

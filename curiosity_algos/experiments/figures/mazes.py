@@ -1,4 +1,4 @@
-"""Mazes, what a robot sees at their start, and where episodes ended in them."""
+"""Mazes, the beams of a robot at their start, and the final states of episodes in them."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ def draw_beams(ax: Axes, maze: gym.Env[Any, Any]) -> None:
 
 
 def show_final_states(states: Mapping[str, Mapping[str, Float64]]) -> Figure:
-    """Where the episodes of runs ended, a row for each algorithm and a column for each maze.
+    """Final states of the episodes of runs, a row for each algorithm and a column for each maze.
 
     Args:
-        states: By algorithm and environment x, y, (n, 2).
+        states: Positions (n, 2) by algorithm and environment.
     """
     envs = list(next(iter(states.values())))
     figure, axes = make_panels(len(states), len(envs), width=3.6, height=3.2, layout="compressed")

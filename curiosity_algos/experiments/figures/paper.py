@@ -11,21 +11,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, short_name
-from curiosity_algos.experiments.figures.curves import (
-    Float64,
-    Line,
-    Measure,
-    best_return,
-    coverage,
-    draw_lines,
-    generation_return,
-    legend_handles,
-)
+from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
 from curiosity_algos.experiments.figures.mazes import show_final_states, show_mazes
 from curiosity_algos.experiments.figures.plan import MAZES, Plan, Series, series_of
 from curiosity_algos.experiments.figures.projection import replay_rewarding, show_projection
 from curiosity_algos.experiments.labels import COLORS
 from curiosity_algos.experiments.loading import load_final_states
+from curiosity_algos.experiments.measures import (
+    Float64,
+    Measure,
+    best_return,
+    coverage,
+    generation_return,
+)
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym.validation import check_choice
 
@@ -53,7 +51,7 @@ def draw(figure: int, plan: Plan) -> Figure:
 
 
 def _folder(plan: Plan, figure: int, series: Series, env: str, seed: int) -> Path:
-    """Where one of the figure's runs is."""
+    """The folder of one of the figure's runs."""
     run = plan.run(series, env, seed)
     folder = run.folder(plan.folder)
     if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:
@@ -127,4 +125,4 @@ FIGURES: dict[int, Callable[[Plan], Figure]] = {
     ),
     8: _show_projection,
 }
-"""What draws each."""
+"""The functions that draw them, by number."""

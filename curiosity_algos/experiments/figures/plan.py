@@ -1,4 +1,4 @@
-"""The runs that each figure of the paper is drawn from: what is trained, for how long, and where.
+"""The runs that each figure of the paper is drawn from, their budgets and their folders.
 
 "Curiosity creates Diversity in Policy Search", sections 4 to 7, whose figures are counted from 1.
 """
@@ -25,21 +25,21 @@ WITHOUT_REWARD: Mapping[str, Mapping[str, Any]] = {
     "NSES": {"phi": 0.0},
     "TD3ICM": {"extrinsic": False},
 }
-"""How algorithms that weigh reward against exploration are told to explore alone."""
+"""Keywords with which algorithms that weigh reward against exploration explore alone."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """How long the runs of figures are, and how many.
+    """The length of the runs of figures, and their number.
 
     Args:
-        seeds: Of the runs.
+        seeds: Seeds of the runs.
         maze: Timesteps on a maze.
         control: Timesteps on a control task.
         td3_maze: Timesteps of TD3ICM on a maze: a step of its costs hundreds of a population's.
         td3_control: Timesteps of TD3ICM on a control task.
-        env_kwargs: By environment, what makes episodes shorter and goals easier.
-        settings: By algorithm, what makes it cheaper.
+        env_kwargs: Keywords by environment, for shorter episodes and easier goals.
+        settings: Keywords by algorithm, for cheaper training.
         jobs: Runs at a time; None: one a processor.
     """
 
@@ -53,7 +53,7 @@ class Budget:
     jobs: int | None = None
 
     def timesteps(self, algorithm: str, env: str) -> float:
-        """Of a run."""
+        """Timesteps of a run."""
         if algorithm == "TD3ICM":
             return self.td3_control if env in CONTROL else self.td3_maze
         return self.control if env in CONTROL else self.maze
@@ -94,7 +94,7 @@ class Series:
     """An algorithm as a figure shows it.
 
     Args:
-        algorithm: Its name.
+        algorithm: Name of the algorithm.
         settings: Keywords that the figure gives it, beside those of the preset.
     """
 
@@ -103,13 +103,13 @@ class Series:
 
     @property
     def label(self) -> str:
-        """What the legend says."""
+        """Text in the legend."""
         whole_state = self.settings.get("behavior") == "state"
         return f"{self.algorithm} (whole state)" if whole_state else self.algorithm
 
 
 def series_of(figure: int) -> dict[str, list[Series]]:
-    """What each panel of a figure shows: by environment, its series."""
+    """The series of each panel of a figure, by environment."""
     if figure in (2, 3):
         return {env: [Series(name) for name in COMPARED] for env in MAZES}
     if figure == 4:
@@ -144,9 +144,9 @@ class Plan:
     Args:
         folder: That holds them: those with the preset's settings as `curiosity sweep` lays them
             out, others in a folder that is called like their settings (`phi=0.0`).
-        budget: Of each.
+        budget: Budget of each.
         preset: "paper" or "tuned".
-        seeds: Of the runs; a figure that shows one run of an algorithm shows that of the first.
+        seeds: Seeds of the runs; figures that show one run of an algorithm show that of the first.
     """
 
     folder: Path
@@ -155,11 +155,11 @@ class Plan:
     seeds: Sequence[int]
 
     def seeds_of(self, figure: int) -> Sequence[int]:
-        """Of a figure's runs: final states and projections are those of one run."""
+        """Seeds of a figure's runs: final states and projections are those of one run."""
         return self.seeds[:1] if figure in (4, 8) else self.seeds
 
     def runs(self, figure: int) -> list[Run]:
-        """What a figure needs."""
+        """The runs that a figure needs."""
         return [
             self.run(series, env, seed)
             for env, panel in series_of(figure).items()

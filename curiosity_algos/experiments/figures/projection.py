@@ -1,4 +1,4 @@
-"""How rewarding policies differ: a projection of the last states of their episodes."""
+"""Rewarding policies side by side: a projection of the last states of their episodes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Float64 = npt.NDArray[np.float64]
 N_STATES = 300
 """Last states of an episode, the paper's number."""
 N_POLICIES = 2000
-"""Of a run, at most: their states are held in memory at once, 43 kB each on a maze."""
+"""Policies of a run, at most: their states are held in memory at once, 43 kB each on a maze."""
 BATCH = 64
 """Episodes played at once, at most."""
 TITLE = f"Rewarding policies on {{}}: the last {N_STATES} states of their episodes"
@@ -77,7 +77,7 @@ def replay_rewarding(run: Path) -> Rewarding:
 
 
 def _choose(n: int) -> npt.NDArray[np.int64]:
-    """Which of n policies are played."""
+    """Indices of those of n policies that are played."""
     if n <= N_POLICIES:
         return np.arange(n)
     return np.sort(np.random.default_rng(0).choice(n, N_POLICIES, replace=False))
@@ -118,8 +118,8 @@ def show_projection(rewarding: Mapping[str, Rewarding], env: str) -> Figure:
     """Projected policies: on the left by algorithm, on the right by return.
 
     Args:
-        rewarding: Of a run of each algorithm; at least three policies in all.
-        env: What the environment is called.
+        rewarding: Policies of a run of each algorithm; at least three policies in all.
+        env: Name of the environment.
 
     Raises:
         ValueError: If there are fewer.

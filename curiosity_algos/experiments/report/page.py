@@ -8,18 +8,15 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 
+import pandas as pd
+
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.report.collect import Environment, collect
-from curiosity_algos.experiments.report.maps import MOST_STATES
-from curiosity_algos.experiments.report.numbers import counted
-from curiosity_algos.experiments.report.payload import as_script, payload
-from curiosity_algos.experiments.report.replays import MOST_POINTS
-from curiosity_algos.experiments.report.sections import Section, not_begun
+from curiosity_algos.experiments.measures import load_compared
+from curiosity_algos.experiments.report import pictures
+from curiosity_algos.experiments.report.tables import configurations, summary, swatch
 from curiosity_gym.extras import import_extra
 
-SCRIPTS = ("core", "curves", "maps", "replay", "sections")
-"""In the order in which they build on each other."""
 PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -27,22 +24,18 @@ PAGE = """<!DOCTYPE html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Exploration report</title>
 <style>{style}</style>
-<script>document.documentElement.dataset.theme =
-  matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";</script>
 </head>
 <body>
 <a class="skip" href="#main">Skip to the results</a>
-<header>
-<div class="top"><div><h1>Exploration report</h1><p>{counts}</p></div>
-<button type="button" id="theme">Dark colors</button></div>
-<nav aria-label="Environments"><ul>{links}</ul></nav>
-</header>
+<header><h1>Exploration report</h1><p>{counts}.</p>
+<nav aria-label="Environments"><ul>{links}</ul></nav></header>
 <main id="main">
 <noscript><p>Pictures need JavaScript; the tables do not.</p></noscript>
 {sections}
-{notes}
+<section class="card" aria-labelledby="notes"><h2 id="notes">How to read this page</h2>
+<dl>{notes}</dl></section>
 </main>
-<script type="application/json" id="data">{data}</script>
+<script type="application/json" id="figures">{figures}</script>
 <script>{plotly}</script>
 <script>{script}</script>
 </body>
@@ -54,43 +47,49 @@ NOTES = {
         "95 % intervals of a bootstrap over runs; a single run has none."
     ),
     "Curves": (
-        "Thick lines are interquartile means as far as all runs of a label have come, shaded areas "
-        "their 95 % intervals, thin lines single runs. Best return is that of all episodes so far. "
-        "Drag over a curve to zoom in, and double-click to zoom out."
+        "Thick lines are interquartile means, up to the end of the shortest run of a label, shaded "
+        "areas their 95 % intervals, thin lines single runs. Click on a name to hide it; drag over "
+        "a curve to zoom in, and double-click to zoom out."
     ),
-    "First reward": (
-        "Reward is that of an episode which ended in success, where the environment reports it. "
-        "Runs that found none are not dropped: the Kaplan-Meier estimate counts them as without "
-        "reward for as long as they ran. The median is the time at which at most half of the runs "
-        "are still without reward, and missing where more than half are to the end."
+    "Success": (
+        "That an episode ended in, where the environment reports it; where returns differ from 0 "
+        "and no run had a success, the environment does not. Runs that had none are not dropped: "
+        "the Kaplan-Meier estimate counts them as without success for as long as they ran. The "
+        "median is missing where more than half of the runs are without success to the end."
     ),
-    "Area under coverage": "Mean coverage from the first timestep of a run to its last.",
-    "Final states": (
-        f"At most {MOST_STATES:,} final states of each run are drawn, evenly spaced over its "
-        "episodes; cells are those of the final states of all episodes, not those that episodes "
-        "visited on their way. The slider goes through timesteps in as many steps as the longest "
-        "run has generations, at most 300. Of environments that are no mazes, the first two "
-        "entries of the behavior are drawn. Of all seeds together, a cell counts from the first "
-        "episode of any of them that ended in it."
+    "Coverage": (
+        "The share of the reachable cells in which an episode has ended. The area under its curve "
+        "is the mean coverage from the first timestep of a run to its last."
     ),
-    "Best trajectories": (
-        f"The path of the run with the highest return of each algorithm, at most {MOST_POINTS:,} "
-        "points of it."
+    "Where episodes ended": (
+        "A cell has the color of the first episode of any run that ended in it; what episodes pass "
+        "on their way does not count. Of environments that are no mazes, the first two entries of "
+        "the behavior are drawn, and what is beyond 99 % of them along either side counts where "
+        "the map ends."
     ),
+    "Best trajectories": "The path of the run with the highest return of each label.",
 }
+KEY = (
+    '<p class="key">First episode that ended in a cell: at the start <span class="ramp"></span> '
+    "after {:,.0f} timesteps{}</p>"
+)
+MARKS = (
+    '<span class="mark" style="background: {}"></span> start '
+    '<span class="mark" style="border: 2px solid {}"></span> goal'
+)
 
 
 def write_report(
     folders: Iterable[str | os.PathLike[str]], path: str | os.PathLike[str]
-) -> list[Environment]:
+) -> pd.DataFrame:
     """Write a page about all runs in folders; the same runs give the same bytes.
 
     Args:
-        folders: Of runs, or with runs in them.
-        path: Of the page; its folder need not be there yet.
+        folders: Folders of runs, or with runs in them.
+        path: File of the page; its folder need not be there yet.
 
     Returns:
-        What the page is about.
+        A row for each run that the page is about, as of `load_runs`.
 
     Raises:
         FileNotFoundError: If there is no run in one of the folders.
@@ -98,69 +97,135 @@ def write_report(
         ValueError: If a run is of another format, or damaged.
         gymnasium.error.DependencyNotInstalled: If plotly is not installed.
     """
-    (plotly,) = import_extra("report", "plotly.offline")
+    graphs, offline = import_extra("report", "plotly.graph_objects", "plotly.offline")
     if Path(path).is_dir():
         raise IsADirectoryError(f"`out` must be a file, {path} is a folder.")
-    environments = collect(folders)
-    page = _page(environments, plotly.get_plotlyjs())
-    with atomic_file(path) as file:
-        file.write(page.encode())
-    return environments
-
-
-def _page(environments: list[Environment], plotly: str) -> str:
-    colors = color_labels(sorted({label for each in environments for label in each.labels}))
-    begun = [environment for environment in environments if environment.runs]
-    drawn = [payload(environment, colors) for environment in begun]
-    sections = [
-        Section(i, environment, its, colors).html()
-        for i, (environment, its) in enumerate(zip(begun, drawn, strict=True))
-    ]
-    empty = [
-        f'<section class="notes"><h2>{escape(each.title)}</h2>{not_begun(each)}</section>'
-        for each in environments
-        if not each.runs
-    ]
-    return PAGE.format(
+    runs = load_compared(folders)
+    page = _Page(runs)
+    encoded = [f'"{name}":{graphs.Figure(each).to_json()}' for name, each in page.figures.items()]
+    text = PAGE.format(
         style=_asset("page.css"),
-        counts=_counts(environments),
-        links="".join(_link(i, each) for i, each in enumerate(begun)),
-        sections="".join([*sections, *empty]),
-        notes=_notes(),
-        data=as_script({"environments": drawn}),
-        plotly=plotly,
-        script=_script(),
+        counts=counts(page.begun),
+        links="".join(page.links),
+        sections="".join(page.sections),
+        notes="".join(f"<dt>{name}</dt><dd>{text}</dd>" for name, text in NOTES.items()),
+        figures=f"{{{','.join(encoded)}}}".replace("<", "\\u003c"),
+        plotly=offline.get_plotlyjs(),
+        script=_asset("page.js"),
     )
+    with atomic_file(path) as file:
+        file.write(text.encode())
+    return page.begun
 
 
 def _asset(name: str) -> str:
     return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _script() -> str:
-    """All scripts as one, whose names no one else sees."""
-    parts = "".join(_asset(f"{name}.js") for name in SCRIPTS)
-    return f'(() => {{\n"use strict";\n{parts}}})();'
+def counts(runs: pd.DataFrame) -> str:
+    """The number of runs, and of their environments, as text."""
+    n_envs = runs["env"].nunique()
+    return f"{len(runs):,} run{'s' * (len(runs) != 1)} on {n_envs} environment{'s' * (n_envs != 1)}"
 
 
-def _link(index: int, environment: Environment) -> str:
-    return f'<li><a href="#environment-{index}">{escape(environment.title)}</a></li>'
+class _Page:
+    """The parts of the page: HTML of sections, and the figures that scripts draw in them."""
+
+    def __init__(self, runs: pd.DataFrame) -> None:
+        self.begun = runs[runs["has_begun"]]
+        self.figures: dict[str, pictures.Figure] = {}
+        self._colors = color_labels(sorted(set(self.begun["label"])))
+        self.links, self.sections = [], []
+        for i, (env, here) in enumerate(runs.groupby("env")):
+            self.links.append(f'<li><a href="#environment-{i}">{escape(str(env))}</a></li>')
+            title = f'<h2 id="environment-{i}">{escape(str(env))}</h2>'
+            waiting = _not_begun(here)
+            here = here[here["has_begun"]]
+            parts = self._section(here) if len(here) else ""
+            self.sections.append(
+                f'<section class="card" aria-labelledby="environment-{i}">'
+                f"{title}{waiting}{parts}</section>"
+            )
+
+    def _section(self, runs: pd.DataFrame) -> str:
+        """All of an environment."""
+        title, labels = escape(runs["env"].iloc[0]), ", ".join(sorted(set(runs["label"])))
+        timesteps, seconds = (
+            self._picture(
+                pictures.draw_curves(runs, self._colors, x),
+                "curves",
+                f"Curves of {labels} over {x}",
+            )
+            for x in ("timesteps", "seconds")
+        )
+        return (
+            f"{summary(runs, self._colors)}<h3>Curves</h3>{timesteps}"
+            f"<details><summary>Over seconds of training</summary>{seconds}</details>"
+            f"{self._maps(runs, title)}<h3>Configurations</h3><details>"
+            "<summary>Settings that differ, and each run's <code>run.json</code></summary>"
+            f"{configurations(runs)}</details>"
+        )
+
+    def _maps(self, runs: pd.DataFrame, title: str) -> str:
+        plane = pictures.plane_of(runs)
+        if plane is None:
+            return "<p>No maps: the environment gives no behavior of two entries or more.</p>"
+        longest = float(runs["timesteps"].max())
+        maps = "".join(
+            f"<figure><figcaption>{self._name(str(label))}</figcaption>"
+            + self._picture(
+                pictures.draw_map(here, plane, longest), "map", f"Map of {label} on {title}"
+            )
+            + "</figure>"
+            for label, here in runs.groupby("label")
+        )
+        marks = "" if plane.maze is None else MARKS.format(pictures.START, pictures.GOAL)
+        return (
+            "<h3>Where episodes ended</h3>"
+            f"{_played(longest, 'timesteps', KEY.format(longest, marks), maps)}"
+            f"{self._paths(runs, plane)}"
+        )
+
+    def _paths(self, runs: pd.DataFrame, plane: pictures.Plane) -> str:
+        best = pictures.best_runs(runs)
+        if best.empty:
+            return "<p>No trajectories: no run has ended with that of its best policy.</p>"
+        figure = pictures.draw_paths(best, plane, self._colors)
+        names = ", ".join(best["label"])
+        picture = self._picture(figure, "map", f"Paths of the best policies of {names}")
+        lines = "".join(
+            f"<li>{self._name(run['label'])}<span class='muted'>seed {escape(str(run['seed']))}, "
+            f"return {run['return']:,.3f} in {run['steps']:,} steps</span></li>"
+            for run in best.to_dict("records")
+        )
+        beside = f'<div class="beside">{picture}<ul>{lines}</ul></div>'
+        played = _played(best["steps"].max(), "steps", "", beside)
+        return f"<h3>Best trajectories</h3>{played}"
+
+    def _name(self, label: str) -> str:
+        return swatch(self._colors[label]) + escape(label)
+
+    def _picture(self, figure: pictures.Figure, kind: str, about: str) -> str:
+        """A place for a figure, and what it shows for those who cannot see it."""
+        name = f"figure-{len(self.figures)}"
+        self.figures[name] = figure
+        height = figure["layout"].get("height")
+        style = "" if height is None else f' style="height: {height}px"'
+        about = f'role="img" aria-label="{escape(about)}"'
+        return f'<div class="plot {kind}" id="{name}" {about}{style}></div>'
 
 
-def _counts(environments: list[Environment]) -> str:
-    runs = [run for environment in environments for run in environment.runs]
-    parts = [
-        counted(len(runs), "run"),
-        f"of {counted(len({run.description['algorithm'] for run in runs}), 'algorithm')}",
-        f"on {counted(len(environments), 'environment')}",
-    ]
-    under_way = sum(not run.has_ended for run in runs)
-    return f"{' '.join(parts)}." + (f" {under_way} not ended yet." if under_way else "")
+def _not_begun(runs: pd.DataFrame) -> str:
+    """A line that names the runs that are left out; empty where there are none."""
+    names = ", ".join(map(escape, runs.loc[~runs["has_begun"], "run"]))
+    return names and f"<p>Not begun, and left out, as there is no checkpoint yet: {names}.</p>"
 
 
-def _notes() -> str:
-    items = [f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in NOTES.items()]
+def _played(end: float, unit: str, key: str, pictures: str) -> str:
+    """Pictures below a slider from 0 to `end` that stands there, with a button that plays."""
     return (
-        '<section class="notes" aria-labelledby="notes"><h2 id="notes">How to read this page</h2>'
-        f"<dl>{''.join(items)}</dl></section>"
+        f'<div class="played" data-end="{end:.0f}" data-unit="{unit}">'
+        f'<div class="player" role="group" aria-label="{unit}"><button type="button">Play</button>'
+        f'<input type="range" min="0" max="300" value="300" aria-label="{unit}"><output></output>'
+        f'</div>{key}<div class="grid">{pictures}</div></div>'
     )

@@ -1,88 +1,131 @@
-"""The summary of an environment's runs, a row for each label."""
+"""The tables of a report, as HTML: results of runs, and their settings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import json
+from collections.abc import Callable
 from html import escape
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
-from curiosity_algos.experiments.report import numbers
-from curiosity_algos.experiments.report.collect import Environment, Run
-from curiosity_algos.experiments.report.controls import swatch
+from curiosity_algos.experiments.measures import coverage, reports_success, times_to_success
+from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import (
     area_under_curve,
     interquartile_mean,
     stratified_bootstrap,
-    survival,
 )
 
-COLUMNS = (
-    "Algorithm",
-    "Runs",
-    "Timesteps a run",
-    "Found reward",
-    "First reward, median timesteps",
-    "Best return, IQM",
-    "Coverage, IQM",
-    "Area under coverage, IQM",
-)
+NOTHING = "\N{EN DASH}"
+"""Stands for a number that is not known."""
+SETTINGS = r"^(settings|env_kwargs|versions|machine)\.|^git_revision$"
+"""Columns of `load_runs` that say how a run was made."""
 
 
-def summary_table(environment: Environment, colors: dict[str, str]) -> str:
-    """A table: how often and how soon reward was found, and how far runs came."""
-    rows = [
-        [swatch(colors[label]) + escape(label), *_row(environment.of(label))]
-        for label in environment.labels
-    ]
-    return table("Summary, IQM with 95 % intervals", COLUMNS, rows)
+def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
+    """A row for each label: successes of its runs, best returns and coverage."""
+    has_successes = reports_success(runs)
+    rows = {
+        f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, has_successes)
+        for label, here in runs.groupby("label")
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    return _as_html(table, "Interquartile means (IQM) of runs, with 95 % intervals")
 
 
-def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in a box of its own that scrolls; the first cell of each row names it.
+def swatch(color: str) -> str:
+    """A dot of a label's color."""
+    return f'<span class="swatch" style="background: {color}"></span>'
 
-    Args:
-        caption: Text.
-        columns: Text.
-        rows: HTML of each cell.
-    """
-    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in columns)
-    body = "".join(
-        f'<tr><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in others)}</tr>'
-        for first, *others in rows
-    )
+
+def _row(runs: pd.DataFrame, has_successes: bool) -> dict[str, str]:
+    n_successful = runs["first_success_timesteps"].notna().sum()
+    median = times_to_success(runs).median if has_successes else None
+    return {
+        "Runs": f"{len(runs)}",
+        "Timesteps of a run, median": f"{runs['timesteps'].median():,.0f}",
+        "Runs with a success": f"{n_successful} of {len(runs)}" if has_successes else NOTHING,
+        "First success, median timesteps": NOTHING if median is None else f"{median:,.0f}",
+        "Best return, IQM": _interval(runs["best_return"], "{:,.3f}".format),
+        "Coverage, IQM": _interval(_coverage(runs), percent),
+        "Area under coverage, IQM": _interval(_areas(runs), percent),
+    }
+
+
+def has_coverage(runs: pd.DataFrame) -> bool:
+    """Whether cells are counted in the environment of runs."""
+    return bool(_coverage(runs).notna().all())
+
+
+def _coverage(runs: pd.DataFrame) -> pd.Series:
+    return runs.reindex(columns=["coverage.reachable"])["coverage.reachable"]
+
+
+def _areas(runs: pd.DataFrame) -> list[float]:
+    """Mean coverage of each run from its first timestep to its last."""
+    if not has_coverage(runs):
+        return []
+    budgets = zip(runs["run"], runs["timesteps"], strict=True)
+    return [area_under_curve(*coverage(run), timesteps) for run, timesteps in budgets]
+
+
+def _interval(values: npt.ArrayLike, text: Callable[[float], str]) -> str:
+    """The interquartile mean of those that are known, with its interval."""
+    known = np.asarray(values, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return NOTHING
+    found = stratified_bootstrap(known, interquartile_mean)
+    bounds = f" ({text(found.low)} to {text(found.high)})"
+    return text(found.estimate) + ("" if np.isnan(found.low) else bounds)
+
+
+def percent(share: float) -> str:
+    """0.1234 as "12.3 %", with a space that does not break."""
+    return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
+
+
+def configurations(runs: pd.DataFrame) -> str:
+    """The settings that differ, a column for each label, and the `run.json` of each run."""
+    return _differences(runs) + "".join(map(_description, runs.to_dict("records")))
+
+
+def _differences(runs: pd.DataFrame) -> str:
+    """The values of those settings that have more than one among the runs that have them."""
+    settings = runs.filter(regex=SETTINGS)
+    texts = settings.astype(object).map(_text).where(settings.notna())
+    texts = texts.loc[:, texts.nunique() > 1]
+    if texts.empty:
+        return "<p>All runs have the same settings.</p>"
+    values = texts.groupby(runs["label"]).agg(lambda each: "; ".join(sorted(set(each.dropna()))))
+    table = values.T.sort_index().replace("", NOTHING).map(escape)
+    return _as_html(table.rename(index=escape, columns=escape), "Settings that differ")
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value, default=str)
+
+
+def _as_html(table: pd.DataFrame, about: str) -> str:
+    """A table of HTML in a box of its own that scrolls."""
+    html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
+    return f'<div class="scroll" role="region" tabindex="0" aria-label="{about}">{html}</div>'
+
+
+def _description(run: dict[str, object]) -> str:
+    described = json.dumps(RunFolder(str(run["run"])).describe(), indent=2)
     return (
-        f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(caption)}"><table>'
-        f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
-        "</table></div>"
+        f"<details><summary>{escape(str(run['label']))}, seed {escape(str(run['seed']))}: "
+        f'{_state(run)}</summary><p class="muted">{escape(str(run["run"]))}</p>'
+        f'<pre tabindex="0">{escape(described)}</pre></details>'
     )
 
 
-def _row(runs: list[Run]) -> list[str]:
-    found = [run.result["first_success_timesteps"] for run in runs]
-    n_found = sum(first is not None for first in found)
-    budgets = [run.result["timesteps"] for run in runs]
-    return [
-        f"{len(runs)}",
-        numbers.short(float(np.median(budgets))),
-        f"{n_found} of {len(runs)}",
-        numbers.short(survival(found, budgets).median),
-        _interval([run.best_return for run in runs], numbers.score),
-        _interval([run.coverage for run in runs], numbers.percent),
-        _interval([_area(run) for run in runs], numbers.percent),
-    ]
-
-
-def _area(run: Run) -> float | None:
-    """Mean coverage over the timesteps of the run; None where nothing is counted or logged."""
-    timesteps, coverage = run.log["timesteps"], run.log["coverage"]
-    if not len(timesteps) or np.isnan(coverage).any():
-        return None
-    return area_under_curve(timesteps, coverage, run.result["timesteps"])
-
-
-def _interval(values: list[float | None], text: Callable[[float], str]) -> str:
-    known = [value for value in values if value is not None]
-    if not known:
-        return numbers.NOTHING
-    return numbers.interval(stratified_bootstrap(known, interquartile_mean), text)
+def _state(run: dict[str, object]) -> str:
+    timesteps, total, seconds = (
+        float(str(run[name])) for name in ("timesteps", "total_timesteps", "seconds")
+    )
+    done = "ended" if timesteps >= total else f"{percent(timesteps / total)} done"
+    return f"{timesteps:,.0f} timesteps in {seconds:,.0f} s, {done}"

@@ -37,17 +37,6 @@ def test_a_video_can_be_written(folder, tmp_path):
     assert b"ftyp" in (tmp_path / "best.mp4").read_bytes()[:16]
 
 
-def test_other_kinds_of_files_are_refused(folder, tmp_path):
-    with pytest.raises(ValueError, match=r"`out` must be one of \.gif, \.mp4"):
-        film(folder, tmp_path / "best.png", stride=20, seed=0)
-
-
-def test_a_run_without_a_checkpoint_is_refused(tmp_path):
-    RunFolder(tmp_path).begin({"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "wrappers": {}})
-    with pytest.raises(ValueError, match="`run` must have a checkpoint"):
-        film(tmp_path, tmp_path / "best.gif", stride=20, seed=0)
-
-
 def test_an_episode_needs_no_picture(folder):
     assert play(folder, seed=0) == RunFolder(folder).result()["best_return"]
 
@@ -116,9 +105,13 @@ def test_an_environment_that_draws_nothing_is_refused(tmp_path, monkeypatch):
     assert play(tmp_path / "run", seed=0) > 0.0
 
 
-def test_algorithms_of_others_are_refused(folder, tmp_path):
+def test_what_cannot_be_filmed_is_refused(folder, tmp_path):
+    with pytest.raises(ValueError, match=r"`out` must be one of \.gif, \.mp4"):
+        film(folder, tmp_path / "best.png", stride=20, seed=0)
     described = RunFolder(folder).describe()
     RunFolder(tmp_path).begin(described | {"algorithm": "PPO"})
+    with pytest.raises(ValueError, match="`run` must have a checkpoint"):
+        film(tmp_path, tmp_path / "best.gif", stride=20, seed=0)
     (tmp_path / "checkpoints" / "1").mkdir(parents=True)
     with pytest.raises(ValueError, match=r"of an algorithm of this package, .* is of PPO"):
         play(tmp_path, seed=0)

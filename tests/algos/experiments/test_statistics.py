@@ -40,9 +40,8 @@ def mean(tasks):
 
 
 class TestInterquartileMean:
-    @pytest.mark.parametrize(
-        ("scores", "expected"),
-        [
+    def test_by_hand(self):
+        for scores, expected in [
             ([1, 2, 3, 4, 5, 6, 7, 8], 4.5),  # of 8, 2 go at either end: (3 + 4 + 5 + 6) / 4
             ([100, 0, 1, 3, 2], 2.0),  # of 5, 1.25 rounded down: (1 + 2 + 3) / 3
             ([7, 1], 4.0),  # of 2, none
@@ -52,10 +51,8 @@ class TestInterquartileMean:
             (np.array([[1, 10], [2, 20], [3, 30], [4, 40]]), 9.25),
             ([[1, 2, 3, 4], [10, 20, 30, 40]], 9.25),
             ([[1, 2], (6, 5, 4, 3)], 3.5),  # of 6, 1 goes: (2 + 3 + 4 + 5) / 4
-        ],
-    )
-    def test_by_hand(self, scores, expected):
-        assert interquartile_mean(scores) == expected
+        ]:
+            assert interquartile_mean(scores) == expected
 
     @given(TASKS)
     def test_is_the_trimmed_mean_of_all_runs(self, tasks):
@@ -70,19 +67,14 @@ class TestInterquartileMean:
 
 
 class TestStratifiedBootstrap:
-    def test_two_runs_by_hand(self):
+    def test_by_hand(self):
         # Of 0 and 1, a quarter of the resamples is 0 and 0, a quarter 1 and 1.
         assert stratified_bootstrap([0, 1], mean) == Interval(0.5, 0.0, 1.0)
-
-    def test_skewed_runs_by_hand(self):
         # Each of 4 draws is 1 with probability 1 / 4. Of the resamples 32 % have no 1, 95 % at
         # most 2 and 99.6 % at most 3: the percentiles are 0 / 4 and 3 / 4.
         assert stratified_bootstrap([0, 0, 0, 1], mean) == Interval(0.25, 0.0, 0.75)
-
-    def test_resamples_within_each_task(self):
-        # Whatever runs are drawn, one task's mean is 0 and the other's 1.
-        scores = [[0, 0, 0], [1, 1]]
-        assert stratified_bootstrap(scores, mean) == Interval(0.5, 0.5, 0.5)
+        # Whatever runs are drawn within each task, one's mean is 0 and the other's 1.
+        assert stratified_bootstrap([[0, 0, 0], [1, 1]], mean) == Interval(0.5, 0.5, 0.5)
 
     def test_every_resample_is_as_likely_as_another(self):
         # The mean of all 2^2 * 3^3 resamples of two tasks, and where 2.5 % and 97.5 % of them lie.
@@ -113,12 +105,8 @@ class TestStratifiedBootstrap:
         np.random.seed(2)  # noqa: NPY002
         assert stratified_bootstrap(scores, interquartile_mean, seed=3) == one
         assert stratified_bootstrap(scores, interquartile_mean, seed=4) != one
-
-    def test_a_generator_goes_on(self):
-        scores = np.random.default_rng(0).normal(size=12)
-        rng = np.random.default_rng(3)
-        one = stratified_bootstrap(scores, interquartile_mean, seed=rng)
-        assert one == stratified_bootstrap(scores, interquartile_mean, seed=3)
+        rng = np.random.default_rng(3)  # a generator goes on
+        assert stratified_bootstrap(scores, interquartile_mean, seed=rng) == one
         assert stratified_bootstrap(scores, interquartile_mean, seed=rng) != one
 
     def test_is_narrower_with_more_runs(self):
@@ -140,15 +128,13 @@ class TestStratifiedBootstrap:
             assert math.isnan(found.low)
             assert math.isnan(found.high)
 
-    @pytest.mark.parametrize("aggregate", [lambda tasks: 1.0, lambda tasks: tasks[0]])
-    def test_an_aggregate_of_another_shape_is_refused(self, aggregate):
-        with pytest.raises(ValueError, match="`aggregate` must reduce the last axis alone"):
-            stratified_bootstrap([1, 2, 3], aggregate)
-
-    @pytest.mark.parametrize("seed", [None, -1, 0.5, "0"])
-    def test_other_seeds_are_refused(self, seed):
-        with pytest.raises(ValueError, match="`seed` must be"):
-            stratified_bootstrap([1, 2, 3], mean, seed=seed)
+    def test_aggregates_of_another_shape_and_other_seeds_are_refused(self):
+        for aggregate in (lambda tasks: 1.0, lambda tasks: tasks[0]):
+            with pytest.raises(ValueError, match="`aggregate` must reduce the last axis alone"):
+                stratified_bootstrap([1, 2, 3], aggregate)
+        for seed in (None, -1, 0.5, "0"):
+            with pytest.raises(ValueError, match="`seed` must be"):
+                stratified_bootstrap([1, 2, 3], mean, seed=seed)
 
 
 class TestPerformanceProfile:
@@ -289,21 +275,17 @@ class TestSurvival:
             found = survival([2, late], 10)
             np.testing.assert_array_equal(found.curve.x, [0, 2, 10])
             np.testing.assert_array_equal(found.curve.estimate, [1, 0.5, 0.5])
-
-    def test_nan_is_never_as_in_tables(self):
         expected = survival([5, None], 10).curve.estimate
         np.testing.assert_array_equal(survival([5.0, NAN], 10).curve.estimate, expected)
         np.testing.assert_array_equal(survival(np.array([5.0, NAN]), 10).curve.estimate, expected)
 
-    @pytest.mark.parametrize("first", [[], [0], [-1, 2], ["soon"], [[1, 2]]])
-    def test_other_times_are_refused(self, first):
-        with pytest.raises(ValueError, match="`first_rewards` must hold"):
-            survival(first, 10)
-
-    @pytest.mark.parametrize("budgets", [0, NAN, math.inf, [10], [10, -1], "long"])
-    def test_other_budgets_are_refused(self, budgets):
-        with pytest.raises(ValueError, match="`budgets` must"):
-            survival([1, None], budgets)
+    def test_other_times_and_budgets_are_refused(self):
+        for first in ([], [0], [-1, 2], ["soon"], [[1, 2]]):
+            with pytest.raises(ValueError, match="`first_rewards` must hold"):
+                survival(first, 10)
+        for budgets in (0, NAN, math.inf, [10], [10, -1], "long"):
+            with pytest.raises(ValueError, match="`budgets` must"):
+                survival([1, None], budgets)
 
 
 def height(x, values, time):
@@ -352,7 +334,7 @@ class TestCurves:
 
     def test_interval_over_runs_by_hand(self):
         # At 3 the runs stand at 0.2 and 0.6, with mean 0.4; at 4 at 0.8 and 0.6.
-        runs = [([1, 4], [0.2, 0.8]), ([3], [0.6])]
+        runs = [([1, 4], [0.2, 0.8]), ([3, 4], [0.6, 0.6])]
         curve = curve_interval(runs, [0, 3, 4])
         np.testing.assert_array_equal(curve.x, [0, 3, 4])
         np.testing.assert_allclose(curve.estimate, [0, 0.4, 0.7])
@@ -361,26 +343,39 @@ class TestCurves:
 
     def test_each_point_has_the_interval_of_its_heights(self):
         rng = np.random.default_rng(0)
-        runs = [(np.sort(rng.random(n)), rng.random(n)) for n in (4, 9, 6, 7, 5)]
+        ends = [np.append(np.sort(rng.random(n)), 1.0) for n in (4, 9, 6, 7, 5)]
+        runs = [(x, rng.random(len(x))) for x in ends]
         grid = np.linspace(0, 1, 5)
         curve = curve_interval(runs, grid, seed=2)
         heights = np.array([step_values(*run, grid) for run in runs])
         for i in range(len(grid)):
             expected = stratified_bootstrap(heights[:, i], interquartile_mean, seed=2)
             assert Interval(curve.estimate[i], curve.low[i], curve.high[i]) == expected
-
-    def test_a_single_run_has_no_interval(self):
-        curve = curve_interval([([1], [0.5])], [0, 2])
+        # A single run has no interval.
+        curve = curve_interval([([1, 2], [0.5, 0.5])], [0, 2])
         np.testing.assert_array_equal(curve.estimate, [0, 0.5])
         assert np.isnan([curve.low, curve.high]).all()
 
-    def test_there_is_a_run(self):
+    def test_a_mean_is_over_the_same_runs_at_every_point(self):
+        # The second run has ended at 3: nobody knows where it would be at 4.
+        runs = [([1, 10], [0.2, 0.8]), ([2, 3], [0.1, 0.6])]
+        curve = curve_interval(runs, [0, 3, 4, 10])
+        np.testing.assert_array_equal(curve.x, [0, 3])
+        np.testing.assert_allclose(curve.estimate, [0, 0.4])
+        whole = curve_interval(runs)
+        assert (len(whole.x), whole.x[0], whole.x[-1]) == (statistics.N_POINTS, 0, 3)
+        assert whole.estimate[-1] == pytest.approx(0.4)
+
+    def test_there_is_a_run_and_a_point_before_its_end(self):
         with pytest.raises(ValueError, match="`curves` must hold at least one run"):
             curve_interval([], [0, 1])
+        with pytest.raises(
+            ValueError, match="`grid` must begin before the shortest run ends, at 3"
+        ):
+            curve_interval([([3], [0.5])], [4, 5])
 
-    @pytest.mark.parametrize(
-        ("x", "values", "budget", "message"),
-        [
+    def test_other_curves_and_grids_are_refused(self):
+        for x, values, budget, message in [
             ([], [], 1, "`x` must hold finite numbers, at least one"),
             ([1, NAN], [0, 1], 1, "`x` must hold finite numbers"),
             ([2, 1], [0, 1], 1, "`x` must ascend from at least 0"),
@@ -391,16 +386,12 @@ class TestCurves:
             ([1, 2], [0, 1.1], 1, "`values` must be shares"),
             ([1, 2], [-0.1, 1], 1, "`values` must be shares"),
             ([1, 2], [0, 1], 0, "`budget` must be finite and above 0"),
-        ],
-    )
-    def test_other_curves_are_refused(self, x, values, budget, message):
-        with pytest.raises(ValueError, match=message):
-            area_under_curve(x, values, budget)
-
-    @pytest.mark.parametrize("grid", [[], [NAN], [[0, 1]], 3])
-    def test_other_grids_are_refused(self, grid):
-        with pytest.raises(ValueError, match="`grid` must"):
-            step_values([1], [1], grid)
+        ]:
+            with pytest.raises(ValueError, match=message):
+                area_under_curve(x, values, budget)
+        for grid in ([], [NAN], [[0, 1]], 3):
+            with pytest.raises(ValueError, match="`grid` must"):
+                step_values([1], [1], grid)
 
 
 BAD_SCORES = [
@@ -416,16 +407,11 @@ BAD_SCORES = [
 ]
 
 
-@pytest.mark.parametrize(("scores", "message"), BAD_SCORES)
-def test_other_scores_are_refused(scores, message):
-    with pytest.raises(ValueError, match=f"`scores` must .*{message}"):
-        interquartile_mean(scores)
-    with pytest.raises(ValueError, match=f"`scores` must .*{message}"):
-        performance_profile(scores, [0])
-    with pytest.raises(ValueError, match=f"`scores_y` must .*{message}"):
-        probability_of_improvement([1, 2], scores)
-
-
-def test_a_run_of_a_task_has_one_score():
+def test_other_scores_are_refused():
+    for scores, message in BAD_SCORES:
+        with pytest.raises(ValueError, match=f"`scores` must .*{message}"):
+            interquartile_mean(scores)
+        with pytest.raises(ValueError, match=f"`scores_y` must .*{message}"):
+            probability_of_improvement([1, 2], scores)
     with pytest.raises(ValueError, match="`scores` must have one dimension, got shape"):
-        stratified_bootstrap([[[1, 2], [3, 4]]], mean)
+        stratified_bootstrap([[[1, 2], [3, 4]]], mean)  # a run of a task has one

@@ -1,16 +1,15 @@
 """Curves of any runs."""
 
-import pathlib
-
+import gymnasium as gym
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from curiosity_algos import NSLC, MAPElites
-from curiosity_algos.experiments import load_progress, load_runs
+from curiosity_algos import NSLC, CanonicalES, MAPElites
+from curiosity_algos.experiments import SaveRun, load_progress, load_runs
 from curiosity_algos.experiments.figures.comparison import compare
-from curiosity_algos.experiments.figures.curves import best_return
 from curiosity_algos.experiments.labels import COLORS, FURTHER
+from curiosity_algos.experiments.measures import best_return
 from curiosity_algos.experiments.run_folder import RunFolder
 
 
@@ -35,14 +34,18 @@ def labels(figure):
 
 def test_coverage_of_each_environment(runs, lost, has_ink):
     figure = compare([*runs, *lost])
-    (ax,) = figure.axes
-    assert (ax.get_title(), ax.get_xlabel()) == ("US", "timesteps (millions)")
-    assert ax.get_ylabel() == "coverage (%)"
+    ax, other = figure.axes
+    assert (ax.get_title(), ax.get_xlabel()) == ("US, goal_radius 91.5", "timesteps (millions)")
+    assert (other.get_title(), ax.get_ylabel()) == ("US, goal_radius 2.0", "coverage (%)")
     assert labels(figure) == ["MAPElites (3 runs)", "NSLC (2 runs)"]
-    colors = [to_hex(line.get_color()).upper() for line in thick(ax)]
+    colors = [to_hex(line.get_color()).upper() for line in [*thick(ax), *thick(other)]]
     assert colors == [COLORS["MAPElites"], COLORS["NSLC"]]
-    last = [100.0 * load_progress(run)["coverage/reachable"].iloc[-1] for run in runs]
-    assert thick(ax)[0].get_ydata()[-1] == pytest.approx(np.mean(last))  # of 3 none is left out
+    end = thick(ax)[0].get_xdata()[-1] * 1e6
+    logs = [load_progress(run) for run in runs]
+    assert end == pytest.approx(min(log["time/total_timesteps"].iloc[-1] for log in logs))
+    at_end = [log[log["time/total_timesteps"] <= end + 0.5]["coverage/reachable"] for log in logs]
+    expected = np.mean([100.0 * shares.iloc[-1] for shares in at_end])  # of 3 none is left out
+    assert thick(ax)[0].get_ydata()[-1] == pytest.approx(expected)
     assert has_ink(figure, ax)
 
 
@@ -57,7 +60,7 @@ def test_settings_that_differ_are_lines_of_their_own(runs, make_runs):
 
 def test_survival_keeps_the_runs_that_found_nothing(runs, lost):
     figure = compare([*runs, *lost], y="survival")
-    found, never = thick(figure.axes[0])
+    (found,), (never,) = map(thick, figure.axes)
     firsts = sorted(load_runs(run)["first_success_timesteps"].item() for run in runs)
     assert found.get_xdata().tolist() == [0.0, *np.unique(firsts) / 1e6]
     assert found.get_ydata()[0] == 100.0
@@ -65,7 +68,16 @@ def test_survival_keeps_the_runs_that_found_nothing(runs, lost):
     assert set(never.get_ydata()) == {100.0}
     ends = [load_runs(run)["timesteps"].item() for run in lost]
     assert never.get_xdata()[-1] == max(ends) / 1e6
-    assert figure.axes[0].get_ylabel() == "runs without reward (%)"
+    assert figure.axes[0].get_ylabel() == "runs without success (%)"
+
+
+def test_a_task_without_success_has_no_survival(tmp_path):
+    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [2]}}
+    env = gym.make("CartPole-v1", max_episode_steps=20)
+    CanonicalES(env, seed=0, **settings).learn(100, SaveRun(tmp_path))
+    (ax,) = compare([tmp_path], y="survival").axes
+    assert not thick(ax)
+    assert [text.get_text() for text in ax.texts] == ["none"]
 
 
 def test_curves_over_seconds(runs):
@@ -77,11 +89,6 @@ def test_curves_over_seconds(runs):
     figure = compare(runs[:1], y="survival", x="seconds")
     first = thick(figure.axes[0])[0].get_xdata()[-1]
     assert 0.0 < first <= progress["time/seconds"].max()
-
-
-def test_a_run_counts_once(runs, monkeypatch):
-    monkeypatch.chdir(runs[0].parent)
-    assert labels(compare([runs[0], pathlib.Path(runs[0].name)])) == ["MAPElites (1 run)"]
 
 
 def test_runs_must_be_there(tmp_path, runs):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from curiosity_algos.experiments.figures import paper
-from curiosity_algos.experiments.figures.curves import best_return
 from curiosity_algos.experiments.figures.plan import BUDGETS, COMPARED, MAZES, Plan
+from curiosity_algos.experiments.measures import best_return
 from curiosity_algos.experiments.run_folder import RunFolder
 
 

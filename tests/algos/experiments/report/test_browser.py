@@ -13,8 +13,6 @@ pytestmark = [
     pytest.mark.skipif(BROWSER is None or DRIVER is None, reason="chromium is not installed"),
 ]
 
-WIDTHS = [400, 1600]
-SCHEMES = ["light", "dark"]
 VISIBLE_TEXTS = """
 const found = [];
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
@@ -35,10 +33,10 @@ while (walker.nextNode()) {
 return found;
 """
 DRAWN_CELLS = """
-const figure = [...document.querySelectorAll(arguments[0])].find((each) => !each.hidden);
-const plot = figure.querySelector(".plot");
-return plot.data[0].z.flat().filter((value) => value !== null && value !== undefined).length;
+const [{z}] = document.querySelector("figure .plot")._fullData;
+return z.map((row) => Array.from(row)).flat().filter(Number.isFinite).length;
 """
+PATH = "return document.querySelector('.beside .plot')._fullData[1].x.length"
 
 
 @pytest.fixture(scope="module")
@@ -84,25 +82,19 @@ def show(driver, page):
 def wait(driver, condition):
     from selenium.webdriver.support.ui import WebDriverWait
 
-    return WebDriverWait(driver, 60, poll_frequency=0.1).until(condition)
+    return WebDriverWait(driver, 20, poll_frequency=0.1).until(condition)
 
 
 def is_drawn(driver):
     """Whether every plot that can be seen is there."""
     return driver.execute_script(
         "return [...document.querySelectorAll('.plot')].every("
-        "(plot) => plot.offsetParent === null || plot.querySelector('.main-svg'))"
+        "(plot) => !plot.checkVisibility() || plot.querySelector('.main-svg'))"
     )
 
 
 def find(driver, selector):
     return driver.find_element("css selector", selector)
-
-
-def choose(driver, selector, value):
-    from selenium.webdriver.support.ui import Select
-
-    Select(find(driver, selector)).select_by_value(value)
 
 
 def press(driver, *keys):
@@ -131,67 +123,38 @@ def test_contrast():
     assert contrast("rgb(119, 119, 119)", "rgb(255, 255, 255)") == pytest.approx(4.48, abs=0.01)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("width", WIDTHS)
-def test_text_is_readable(show, width, scheme):
+@pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1600, "light")])
+def test_a_page_is_readable_and_fits(show, width, scheme):
     driver = show(width, scheme)
+    background = driver.execute_script("return getComputedStyle(document.body).backgroundColor")
+    assert (luminance(background) < 0.05) == (scheme == "dark")
     texts = driver.execute_script(VISIBLE_TEXTS)
-    assert len(texts) > 200
+    assert len(texts) > 150
     assert not [text for text, size, *_ in texts if size < 12.0]
     faint = [(text, color) for text, _, color, behind in texts if contrast(color, behind) < 4.5]
     assert not faint
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_nothing_is_wider_than_the_page(show, width):
-    driver = show(width)
     assert driver.execute_script("return document.documentElement.scrollWidth") <= width
     wide = driver.execute_script(
-        "return [...document.querySelectorAll('.plot')].filter((plot) => plot.offsetParent &&"
+        "return [...document.querySelectorAll('.plot')].filter((plot) => plot.checkVisibility() &&"
         " plot.querySelector('.main-svg').getBoundingClientRect().right > innerWidth).length"
     )
     assert wide == 0
-
-
-def test_mazes_are_drawn_to_scale(show):
-    driver = show(400)
-    size = find(driver, ".states .nsewdrag").size
-    assert size["width"] > 250
+    size = find(driver, "figure .nsewdrag").size  # of a square maze
+    assert size["width"] > 180
     assert size["width"] == pytest.approx(size["height"], abs=1)
 
 
 def test_the_slider_moves_the_picture(show):
     driver = show()
-    choose(driver, "select.map-seed", "0")
-    figure, slider = find(driver, ".states .plot"), find(driver, ".maps input")
-    wait(driver, lambda driver: drawn_states(driver) == 30)
-    before, n_before = figure.screenshot_as_png, driver.execute_script(DRAWN_CELLS, ".states")
-    move(driver, slider, 1)
-    wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") < n_before)
+    figure, slider = find(driver, "figure .plot"), find(driver, ".player input")
+    before, n_before = figure.screenshot_as_png, driver.execute_script(DRAWN_CELLS)
+    move(driver, slider, 60)
+    wait(driver, lambda driver: 0 < driver.execute_script(DRAWN_CELLS) < n_before)
     assert figure.screenshot_as_png != before
-    assert find(driver, ".states .muted").text.startswith("Generation 1 ")
-    move(driver, slider, 5)
-    wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") == n_before)
+    assert find(driver, ".player output").text == "300 of 1,500 timesteps"
+    move(driver, slider, 300)
+    wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS) == n_before)
     assert figure.screenshot_as_png == before
-
-
-def drawn_states(driver):
-    """Final states of the first map, by the text that is shown over each place."""
-    return driver.execute_script(
-        "const {z} = document.querySelector('.states .plot').data[0];"
-        "return Math.round(z.flat().reduce((sum, v) => sum + (v === null ? 0 : 10 ** v), 0))"
-    )
-
-
-def test_a_map_is_of_one_seed_or_of_all(show):
-    driver = show()
-    assert find(driver, ".states .muted").text == "2 runs \N{MIDDLE DOT} 60 final states"
-    assert drawn_states(driver) == 60
-    choose(driver, "select.map-seed", "1")
-    wait(driver, lambda driver: drawn_states(driver) == 30)
-    captions = [each.text for each in driver.find_elements("css selector", ".states .muted")]
-    assert captions[0] == "Generation 5 \N{MIDDLE DOT} 30 final states"
-    assert captions[2] == "No run with seed 1."
 
 
 def move(driver, slider, value):
@@ -203,55 +166,45 @@ def move(driver, slider, value):
     )
 
 
-def test_cells_of_final_states_are_another_picture(show):
+def test_a_path_plays_and_pauses(show):
     driver = show()
-    n_states = driver.execute_script(DRAWN_CELLS, ".states")
-    choose(driver, "select.picture", "cells")
-    assert find(driver, ".maps .key-high").text == "at the end of a run"
-    wait(driver, lambda driver: "cells of final states" in find(driver, ".states .muted").text)
-    n_cells = int(find(driver, ".states .muted").text.split()[-5])
-    wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS, ".states") == n_cells)
-    assert n_cells < n_states
-
-
-def test_curves_are_drawn_over_timesteps_or_seconds(show):
-    driver = show()
-    last = "return Math.max(...document.querySelector('.curve .plot').data.at(-1).x)"
-    timesteps = driver.execute_script(last)
-    choose(driver, "select.over", "seconds")
-    wait(driver, lambda driver: driver.execute_script(last) != timesteps)
-    assert find(driver, ".curve .xtitle").text == "seconds of training"
-
-
-def test_a_label_can_be_hidden(show):
-    driver = show()
-    names = "return [...document.querySelectorAll('.curve .plot')].map((p) => p.data.length)"
-    before = driver.execute_script(names)
-    find(driver, ".legend button").click()
-    wait(driver, lambda driver: driver.execute_script(names)[0] < before[0])
-    assert find(driver, ".legend button").get_attribute("aria-pressed") == "false"
-    assert not find(driver, ".states").is_displayed()
-
-
-def test_a_replay_plays_and_pauses(show):
-    driver = show()
-    button, slider = find(driver, ".replays button"), find(driver, ".replays input")
-    points = "return document.querySelector('.replay .plot').data[1].x.length"
-    assert driver.execute_script(points) == 51
+    player = driver.find_elements("css selector", ".player")[1]
+    button, output = (player.find_element("css selector", tag) for tag in ("button", "output"))
+    assert driver.execute_script(PATH) == 51
     button.click()
     assert button.text == "Pause"
-    wait(driver, lambda driver: 1 < driver.execute_script(points) < 51)
+    wait(driver, lambda driver: 1 < driver.execute_script(PATH) < 51)
     button.click()
     assert button.text == "Play"
-    stopped = int(slider.get_property("value"))
-    wait(driver, lambda driver: driver.execute_script(points) == stopped + 1)
+    step = int(output.text.split()[0])
+    wait(driver, lambda driver: driver.execute_script(PATH) in (step, step + 1))
+
+
+def test_a_label_is_hidden_in_all_curves(show):
+    driver = show()
+    lines = "return document.querySelectorAll('#figure-2 .scatterlayer path.js-line').length"
+    before = driver.execute_script(lines)
+    find(driver, "#figure-2 .legendtoggle").click()
+    wait(driver, lambda driver: driver.execute_script(lines) < before)
+    shown = "return document.querySelector('#figure-2')._fullData.filter((t) => t.visible === true)"
+    names = driver.execute_script(f"{shown}.map((trace) => trace.name)")
+    assert set(names) == {"NSES"}
+
+
+def test_seconds_are_drawn_once_they_are_asked_for(show):
+    driver = show()
+    folded = find(driver, "#figure-3")
+    assert not folded.is_displayed()
+    find(driver, "section:nth-of-type(2) summary").click()
+    wait(driver, is_drawn)
+    assert find(driver, "#figure-3 .xtitle").text == "seconds of training"
 
 
 def test_all_can_be_done_with_the_keyboard(show):
     from selenium.webdriver.common.keys import Keys
 
     driver = show()
-    slider = find(driver, ".maps input")
+    slider = find(driver, ".player input")
     press(driver, Keys.TAB)
     assert driver.switch_to.active_element.text == "Skip to the results"
     for _ in range(30):
@@ -261,16 +214,5 @@ def test_all_can_be_done_with_the_keyboard(show):
         style = "return getComputedStyle(document.activeElement).outlineStyle"
         assert driver.execute_script(style) != "none"
     press(driver, Keys.ARROW_LEFT, Keys.ARROW_LEFT)
-    assert slider.get_property("value") == "3"
-    assert slider.get_attribute("aria-valuetext") == "900 of 1.5k timesteps"
-    assert find(driver, ".states .muted").text.endswith(" 36 final states")
-
-
-def test_colors_are_those_of_the_system_until_one_asks_for_others(show):
-    driver = show(scheme="dark")
-    background = "return getComputedStyle(document.body).backgroundColor"
-    dark = driver.execute_script(background)
-    assert luminance(dark) < 0.05
-    find(driver, "#theme").click()
-    assert luminance(driver.execute_script(background)) > 0.8
-    assert find(driver, "#theme").text == "Dark colors"
+    assert slider.get_property("value") == "298"
+    assert slider.get_attribute("aria-valuetext") == "1,490 of 1,500 timesteps"

@@ -1,44 +1,79 @@
 import re
 
+import pandas as pd
+import pytest
+from html_tables import first_table
+
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.report.tables import COLUMNS, summary_table, table
+from curiosity_algos.experiments.measures import load_compared
+from curiosity_algos.experiments.report.tables import configurations, percent, summary
+
+NOTHING = "\N{EN DASH}"
 
 
-def cells(text):
-    rows = re.findall("<tr>.*?</tr>", text)
-    return [re.findall("<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
+@pytest.fixture
+def runs(runs_folder):
+    runs = load_compared([runs_folder])
+    return runs[runs["has_begun"]]
 
 
-def summary(environment):
-    return summary_table(environment, color_labels(environment.labels))
+@pytest.fixture
+def maze(runs):
+    return runs[runs["env"] == "CuriosityMaze-Hard-v0"]
+
+
+@pytest.fixture
+def mountain(runs):
+    return runs[runs["env"].str.startswith("Mountain")]
+
+
+def rows_of(runs):
+    """By label the texts of its row."""
+    _, *rows = first_table(summary(runs, color_labels(runs["label"])))
+    return {label: row for label, *row in rows}
 
 
 def test_a_row_for_each_label(maze):
-    head, *rows = cells(summary(maze))
-    assert head == list(COLUMNS)
-    assert [row[0].rpartition(">")[2] for row in rows] == maze.labels
-    assert [row[1] for row in rows] == ["2", "2", "1"]
-
-
-def test_numbers_of_a_row(maze):
-    for run, first, best in zip(maze.of("NSES"), [600, None], [0.5, 0.0], strict=True):
-        run.result["first_success_timesteps"] = first
-        run.result["best_return"] = best
-    _, _, (_, *row), _ = cells(summary(maze))
-    assert row[:5] == ["2", "1.5k", "1 of 2", "600", "0.250 (0.000 to 0.500)"]
-    assert re.fullmatch(r"\d\.\d\s% \(\d\.\d\s% to \d\.\d\s%\)", row[5])
+    found = maze["algorithm"] == "NSES"
+    maze.loc[found, "first_success_timesteps"] = [600.0, float("nan")]
+    maze.loc[found, "best_return"] = [0.5, 0.0]
+    rows = rows_of(maze)
+    assert [*rows] == ["MAPElites", "NSES"]
+    row = rows["NSES"]
+    assert row[:5] == ["2", "1,500", "1 of 2", "600", "0.250 (0.000 to 0.500)"]
+    for text in row[5:]:
+        assert re.fullmatch(r"[\d.]+\s% \([\d.]+\s% to [\d.]+\s%\)", text)
+    assert rows["MAPElites"][2:4] == ["0 of 1", NOTHING]
 
 
 def test_what_is_not_known_is_a_dash(mountain):
-    (run,) = mountain.runs
-    run.result["coverage"] = {}
-    run.log["coverage"] = run.log["coverage"] * float("nan")
-    _, row = cells(summary(mountain))
-    assert row[4:] == ["\N{EN DASH}", f"{run.best_return:.3f}", "\N{EN DASH}", "\N{EN DASH}"]
+    mountain["coverage.reachable"] = float("nan")
+    (row,) = rows_of(mountain).values()
+    best = mountain["best_return"].item()
+    assert row[2:] == [NOTHING, NOTHING, f"{best:.3f}", NOTHING, NOTHING]
 
 
-def test_headings_say_what_they_are_of():
-    text = table("A & B", ["x", "y"], [["1", "2"]])
-    assert "<caption>A &amp; B</caption>" in text
-    assert '<th scope="col">x</th>' in text
-    assert '<th scope="row">1</th><td>2</td>' in text
+def test_shares_are_told_in_three_digits():
+    shares = {0.1234: "12.3", 1.0: "100", 0.0: "0", 0.005: "0.5", 0.000123: "0.0123"}
+    for share, text in shares.items():
+        assert percent(share) == f"{text}\N{NO-BREAK SPACE}%"
+
+
+def test_settings_that_differ_are_listed_by_label(maze):
+    text = configurations(maze.assign(**{"settings.sigma": [0.1, 0.2, 0.3]}))
+    # Of k, where they have it, it is the same.
+    assert first_table(text) == [
+        ["", "MAPElites", "NSES"],
+        ["settings.sigma", "0.1", "0.2; 0.3"],
+    ]
+    assert text.count("<pre") == len(maze)
+    assert "&quot;algorithm&quot;: &quot;NSES&quot;" in text
+
+
+def test_what_a_description_says_is_text_and_how_far_a_run_is_told(mountain):
+    assert "All runs have the same settings." in configurations(mountain)
+    other = mountain.assign(label="<b>", total_timesteps=3000, **{"settings.sigma": "<i>"})
+    text = configurations(pd.concat([mountain, other]))
+    assert "<b>" not in text
+    assert "<i>" not in text
+    assert f"1,500 timesteps in 0 s, {percent(0.5)} done" in text

@@ -1,8 +1,8 @@
-"""What Optuna may try for each algorithm, in rl-zoo3's form: `examples/rl_zoo3_train.py` adds it.
+"""Ranges that Optuna tries for each algorithm, in rl-zoo3's form: `rl_zoo3_train.py` adds them.
 
 rl-zoo3 asks for two functions of an algorithm: one that samples keywords in a trial, and one that
 makes keywords of what a trial has sampled. Ranges are around the defaults, wide enough for other
-environments than the mazes.
+environments than the mazes; change them to your own.
 """
 
 from __future__ import annotations

@@ -1,0 +1,162 @@
+"""Runs side by side, and their curves, read from their folders for the figures and the report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from curiosity_algos.experiments.labels import label_runs
+from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs_of
+from curiosity_algos.experiments.run_folder import TIMESTEPS, RunFolder
+from curiosity_algos.experiments.statistics import Survival, survival
+
+Float64 = npt.NDArray[np.float64]
+Points: TypeAlias = tuple[Float64, Float64]
+"""Timesteps or seconds (n,), and the value from then on (n,)."""
+Folder: TypeAlias = str | os.PathLike[str]
+Measure: TypeAlias = Callable[[Folder], Points]
+"""Reads a run's curve from its folder."""
+
+EPISODES = 56
+"""That count as a generation where an algorithm has none; as many as the paper's have."""
+
+
+# -- runs side by side ----------------------------------------------------------------------------
+
+
+def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
+    """`load_runs` of several folders, named for comparison.
+
+    Returns:
+        A row for each run. `env` has the keywords that tell environments of one name apart,
+        `label` the settings that tell runs of one algorithm apart, `has_begun` says whether an
+        episode has ended by the last checkpoint.
+
+    Raises:
+        FileNotFoundError: If there is no run in one of the folders.
+        ValueError: If a run is of another format, or damaged.
+    """
+    runs = load_runs_of(folders)
+    runs["env"] = _titles(runs)
+    has_begun = runs["n_episodes"] > 0 if "n_episodes" in runs else False
+    return runs.assign(label=label_runs(runs), has_begun=has_begun)
+
+
+def _titles(runs: pd.DataFrame) -> pd.Series:
+    names = runs["env"].fillna(runs.get("env_class", "unknown"))
+    keywords = runs.filter(regex=r"^(env_kwargs|wrappers)\.")
+    texts = keywords.astype(object).where(keywords.notna(), "none").astype(str)
+    titles = names.copy()
+    for _, rows in texts.groupby(names):
+        for column in rows.columns[rows.nunique() > 1]:
+            titles[rows.index] += f", {column.split('.', 1)[1]} " + rows[column]
+    return titles
+
+
+def reports_success(runs: pd.DataFrame) -> bool:
+    """Whether runs on one environment show that its episodes can be a success.
+
+    They do not where returns differ from 0 and no episode of any run was a success: such a task
+    has no `info["is_success"]`, and nothing can be said of first successes.
+    """
+    found_none = runs["first_success_timesteps"].isna().all()
+    return not (found_none and runs["best_return"].fillna(0.0).any())
+
+
+def times_to_success(runs: pd.DataFrame, x: str = "timesteps") -> Survival:
+    """Kaplan-Meier estimate of how long runs go without a success, in "timesteps" or "seconds"."""
+    times = runs[["first_success_timesteps", "timesteps"]].to_numpy(dtype=np.float64)
+    if x == "seconds":
+        times = np.array([in_seconds(*each) for each in zip(runs["run"], times, strict=True)])
+    return survival(times[:, 0], times[:, 1])
+
+
+def read_curves(runs: pd.DataFrame, measure: Measure, x: str = "timesteps") -> list[Points]:
+    """The curve of each run over its "timesteps" or "seconds"."""
+    points = [(run, *measure(run)) for run in runs["run"]]
+    if x == "seconds":
+        return [(in_seconds(run, timesteps), values) for run, timesteps, values in points]
+    return [(timesteps, values) for _, timesteps, values in points]
+
+
+# -- curves of a run ------------------------------------------------------------------------------
+
+
+def coverage(run: Folder) -> Points:
+    """Share of the reachable cells in which episodes have ended; none before timestep 0.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If it is damaged, or of an environment without cells to count.
+    """
+    return _from_zero(*_logged(run, "coverage/reachable"))
+
+
+def best_return(run: Folder) -> Points:
+    """Highest return of an episode so far; before the first it is 0, or the first if that is less.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If it is damaged.
+    """
+    states = load_final_states(run)
+    timesteps, returns = _highest(states, states.get("timesteps"))
+    return _from_zero(timesteps, np.maximum.accumulate(returns), begin=min([0.0, *returns[:1]]))
+
+
+def generation_return(run: Folder) -> Points:
+    """Highest return of each generation; of 56 episodes where the algorithm trains one policy.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If it is damaged.
+    """
+    states = load_final_states(run)
+    generation = states.get("generation")
+    if generation is not None and not generation.any():
+        generation = np.arange(len(generation)) // EPISODES
+    timesteps, returns = _highest(states, generation)
+    return _from_zero(timesteps, returns, begin=min([0.0, *returns[:1]]))
+
+
+def _highest(
+    states: dict[str, npt.NDArray[np.generic]], group: npt.NDArray[np.generic] | None
+) -> Points:
+    """Timesteps at the end of each group of episodes in a row, and its highest return."""
+    if group is None:
+        return np.empty(0), np.empty(0)
+    first = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
+    last = np.r_[first[1:], len(group)] - 1
+    return states["timesteps"][last], np.maximum.reduceat(states["return"], first)
+
+
+def _logged(run: Folder, column: str) -> Points:
+    """Timesteps and values of the rows of the log that have both."""
+    progress = load_progress(run)
+    if len(progress) and column not in progress:
+        raise ValueError(
+            f"`runs` must be of environments with a coverage, {run} is not."
+            if column.startswith("coverage")
+            else f"`runs` must have {column} in progress.csv, {run} has not."
+        )
+    rows = progress.reindex(columns=[TIMESTEPS, column]).apply(pd.to_numeric, errors="coerce")
+    timesteps, values = rows.dropna().to_numpy(dtype=np.float64).T
+    return timesteps, values
+
+
+def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike, begin: float = 0.0) -> Points:
+    return np.r_[0.0, timesteps], np.r_[begin, values]
+
+
+def in_seconds(run: Folder, timesteps: npt.ArrayLike) -> Float64:
+    """Seconds of training after which a run was at `timesteps` (n,), by its log and its result."""
+    known, seconds = _from_zero(*_logged(run, "time/seconds"))
+    result = RunFolder(run).result()
+    if "seconds" in result and result["timesteps"] > known[-1]:
+        known, seconds = np.r_[known, result["timesteps"]], np.r_[seconds, result["seconds"]]
+    return np.interp(np.asarray(timesteps, dtype=np.float64), known, seconds)

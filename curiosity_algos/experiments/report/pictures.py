@@ -1,0 +1,307 @@
+"""The pictures of a report, as figures of plotly: curves, maps and paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from curiosity_algos.experiments.loading import load_final_states
+from curiosity_algos.experiments.measures import (
+    Float64,
+    Points,
+    best_return,
+    coverage,
+    read_curves,
+    reports_success,
+    times_to_success,
+)
+from curiosity_algos.experiments.report.tables import has_coverage
+from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.statistics import Curve, curve_interval
+from curiosity_gym.layouts import MazeLayout
+from curiosity_gym.maze.maze_env import MazeEnv
+
+Figure: TypeAlias = dict[str, Any]
+"""`data` and `layout`."""
+
+MOST_ROWS = 200
+"""Points of the curve of a single run, evenly spaced."""
+MOST_POINTS = 2_000
+"""Points of a path, evenly spaced over its steps."""
+N_CELLS = 50
+"""Along either side of a map: in mazes those that coverage counts."""
+SCALE = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151")
+"""Viridis, without the end that is not seen on a light floor."""
+FLOOR, WALL, START, GOAL = "#faf9f6", "#3a4254", "#c93b37", "#1f8f5f"
+LAYOUT: Figure = {
+    "template": "none",
+    "paper_bgcolor": "rgba(0,0,0,0)",
+    "plot_bgcolor": "rgba(0,0,0,0)",
+    "font": {"family": "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif", "size": 13},
+    "margin": {"l": 8, "r": 12, "t": 8, "b": 8},
+    "dragmode": False,
+}
+GRID = "rgba(136,136,136,0.35)"
+AXIS: Figure = {"automargin": True, "gridcolor": GRID, "zerolinecolor": GRID}
+
+
+# -- curves ---------------------------------------------------------------------------------------
+
+
+def draw_curves(runs: pd.DataFrame, colors: dict[str, str], x: str) -> Figure:
+    """Coverage, best return and share of runs without a success, one above the other.
+
+    Those that an environment does not tell are left out.
+
+    Args:
+        runs: On one environment, as `load_compared` gives them.
+        colors: Colors of labels.
+        x: "timesteps" or "seconds".
+    """
+    panels = [("best return so far", "~g", best_return)]
+    if has_coverage(runs):
+        panels.insert(0, ("coverage", "~%", coverage))
+    axes = [(title, ticks) for title, ticks, _ in panels]
+    has_successes = reports_success(runs)
+    traces = []
+    for label, here in runs.groupby("label"):
+        style = {"name": label, "legendgroup": label}, colors[str(label)]
+        for i, (_, _, measure) in enumerate(panels):
+            curves = read_curves(here, measure, x)
+            traces.append(_runs(curves, *style, i))
+            traces += _band_and_mean(curve_interval(curves), *style, i)
+        if has_successes:
+            traces += _band_and_mean(_survival(here, x), *style, len(panels), "hv")
+    if has_successes:
+        axes.append(("runs without success", "~%"))
+    return {"data": traces, "layout": _panels(axes, x)}
+
+
+def _survival(runs: pd.DataFrame, x: str) -> Curve:
+    """The curve of survival, of a single run without an interval: it would be everything."""
+    curve = times_to_success(runs, x).curve
+    known = np.nan if len(runs) == 1 else 1.0
+    return replace(curve, low=known * curve.low, high=known * curve.high)
+
+
+def _panels(axes: list[tuple[str, str]], x: str) -> Figure:
+    """One axis for x, and above it an axis for y of each title, with the format of its ticks."""
+    title = {"timesteps": "timesteps", "seconds": "seconds of training"}[x]
+    layout = LAYOUT | {
+        "xaxis": AXIS | {"title": title, "tickformat": "~s", "anchor": f"y{len(axes)}"},
+        "height": 90 + 240 * len(axes),
+        "hovermode": "x",
+        "dragmode": "zoom",
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0.0},
+    }
+    height = 1.0 / len(axes)
+    for i, (name, ticks) in enumerate(axes):
+        domain = [1.0 - (i + 1) * height + (i < len(axes) - 1) * 0.06, 1.0 - i * height]
+        layout[f"yaxis{i + 1}"] = AXIS | {
+            "title": name,
+            "tickformat": ticks,
+            "domain": domain,
+            "rangemode": "tozero",
+            "fixedrange": True,
+        }
+    return layout
+
+
+def _runs(curves: list[Points], named: Figure, color: str, panel: int) -> Figure:
+    """The curves of all runs as one trace, with a gap after each."""
+    thinned = [(x[rows], y[rows]) for x, y in curves for rows in [evenly(len(x), MOST_ROWS)]]
+    x, y = (np.concatenate([np.r_[run[axis], np.nan] for run in thinned]) for axis in (0, 1))
+    line = {"color": color, "width": 1, "shape": "hv"}
+    return _line(x, y, panel, line=line, opacity=0.45, hoverinfo="skip", **named)
+
+
+def _band_and_mean(
+    curve: Curve, named: Figure, color: str, panel: int, shape: str = "linear"
+) -> Iterator[Figure]:
+    edge = {"line": {"width": 0, "shape": shape}, "hoverinfo": "skip", **named}
+    if not np.isnan(curve.low).all():
+        yield _line(curve.x, curve.low, panel, **edge)
+        fill = {"fill": "tonexty", "fillcolor": _faint(color)}
+        yield _line(curve.x, curve.high, panel, **edge, **fill)
+    line = {"color": color, "width": 2.5, "shape": shape}
+    yield _line(curve.x, curve.estimate, panel, line=line, **named | {"showlegend": panel == 0})
+
+
+def _faint(color: str) -> str:
+    red, green, blue = bytes.fromhex(color[1:])
+    return f"rgba({red},{green},{blue},0.2)"
+
+
+def _line(x: npt.ArrayLike, y: npt.ArrayLike, panel: int = 0, **style: Any) -> Figure:
+    points = {name: np.asarray(each, dtype=np.float32) for name, each in {"x": x, "y": y}.items()}
+    drawn = {"type": "scatter", "mode": "lines", "showlegend": False, **points, **style}
+    return drawn | {"yaxis": f"y{panel + 1}"}
+
+
+def evenly(n: int, most: int) -> npt.NDArray[np.int64]:
+    """Indices of at most `most` of n entries, evenly spaced, the first and the last among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
+
+
+# -- maps and paths -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A rectangle of the first two entries of the behavior.
+
+    Attributes:
+        low: (2,) its lower left corner.
+        high: (2,) its upper right corner.
+        maze: The environment, where the entries are a robot's position in it.
+    """
+
+    low: Float64
+    high: Float64
+    maze: MazeEnv | None = None
+
+    def cells(self, points: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+        """Flat indices (n,) of points (n, 2), row by row from below; of those outside the next."""
+        shares = (points - self.low) / (self.high - self.low)
+        columns, rows = np.clip(shares * N_CELLS, 0, N_CELLS - 1).astype(np.int64).T
+        flat: npt.NDArray[np.int64] = rows * N_CELLS + columns
+        return flat
+
+
+def plane_of(runs: pd.DataFrame) -> Plane | None:
+    """The plane of final states; None where behaviors have fewer than two entries."""
+    maze = _maze_of(RunFolder(runs["run"].iloc[0]).describe())
+    if maze is not None:
+        return Plane(np.zeros(2), np.array([maze.layout.width, maze.layout.height]), maze)
+    points = [_ends(run)[0] for run in runs["run"]]
+    if any(each.shape[1] < 2 for each in points) or not sum(map(len, points)):
+        return None
+    # One final state far away would leave all others in a corner.
+    low, high = np.percentile(np.concatenate(points), [0.5, 99.5], axis=0)
+    return Plane(low, np.where(high > low, high, low + 1.0))
+
+
+def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
+    """The maze of a run; None if it is none, or none that is known here."""
+    if described["env"] not in gym.registry or described.get("wrappers"):
+        return None
+    try:
+        env = gym.make(described["env"], **described.get("env_kwargs", {})).unwrapped
+    except (gym.error.Error, ImportError, TypeError, ValueError):
+        return None
+    return env if isinstance(env, MazeEnv) else None
+
+
+def _ends(run: str) -> tuple[Float64, Float64]:
+    """Final states (n, 2 or fewer) of a run, as far as they are finite, and their timesteps (n,).
+
+    Raises:
+        ValueError: If they are missing.
+    """
+    states = load_final_states(run)
+    if not {"behavior", "timesteps"} <= states.keys():
+        raise ValueError(f"`folder` must be that of a run, final states of {run} are missing.")
+    points = states["behavior"][:, :2].astype(np.float64)
+    is_finite = np.isfinite(points).all(axis=1)
+    return points[is_finite], states["timesteps"][is_finite].astype(np.float64)
+
+
+def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
+    """Each cell in which an episode of any of the runs ended, colored by when one first did.
+
+    Args:
+        runs: Runs of one label.
+        plane: Plane that they are drawn in.
+        longest: Timesteps of the last color.
+    """
+    first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
+    for points, timesteps in map(_ends, runs["run"]):
+        np.fmin.at(first, plane.cells(points), timesteps)
+    width, height = ((plane.high - plane.low) / N_CELLS).tolist()
+    cells = {
+        "type": "heatmap",
+        "z": first.reshape(N_CELLS, N_CELLS),
+        **{"x0": plane.low[0] + width / 2, "dx": width},
+        **{"y0": plane.low[1] + height / 2, "dy": height},
+        **{"zmin": 0.0, "zmax": longest, "colorscale": SCALE, "showscale": False},
+        "hoverongaps": False,
+        "hovertemplate": "first after %{z:,.0f} timesteps<br>%{x:.3~g}, %{y:.3~g}<extra></extra>",
+    }
+    return {"data": [cells, *_start(plane)], "layout": _plane_layout(plane)}
+
+
+def draw_paths(runs: pd.DataFrame, plane: Plane, colors: dict[str, str]) -> Figure:
+    """The path of each of `best_runs`, and where it is."""
+    traces = _start(plane)
+    for run in runs.to_dict("records"):
+        path = RunFolder(run["run"]).trajectory()["behaviors"]
+        x, y = path[evenly(len(path), MOST_POINTS), :2].T
+        color, meta = colors[run["label"]], {"steps": len(path) - 1}
+        traces.append(_line(x, y, line={"color": color, "width": 2.5}, meta=meta))
+        traces[-1]["hovertemplate"] = f"{run['label']}<br>%{{x:.3~g}}, %{{y:.3~g}}<extra></extra>"
+        marker = {"color": color, "size": 12, "line": {"color": "white", "width": 2}}
+        traces.append(_line(x, y, mode="markers", marker=marker, meta=meta, hoverinfo="skip"))
+    layout = _plane_layout(plane, is_filled=False)
+    if plane.maze is None:  # axes that stay while the paths grow
+        for name in "xy":
+            ends = np.concatenate([trace[name] for trace in traces]).astype(np.float64)
+            margin = 0.05 * float(np.ptp(ends) or 1.0)
+            layout[f"{name}axis"]["range"] = [ends.min() - margin, ends.max() + margin]
+    return {"data": traces, "layout": layout}
+
+
+def best_runs(runs: pd.DataFrame) -> pd.DataFrame:
+    """The run of each label with the highest return among those that have a trajectory.
+
+    Their `return` is that of the trajectory, `steps` its length.
+    """
+    paths = {i: RunFolder(run).trajectory() for i, run in runs["run"].items()}
+    drawn = runs[[{"behaviors", "rewards"} <= paths[i].keys() for i in runs.index]]
+    best = drawn.loc[drawn.groupby("label")["best_return"].idxmax()]
+    rewards = [paths[i]["rewards"] for i in best.index]
+    return best.assign(**{"return": list(map(np.sum, rewards)), "steps": list(map(len, rewards))})
+
+
+def _start(plane: Plane) -> list[Figure]:
+    if plane.maze is None:
+        return []
+    marker = {"color": START, "size": 9, "line": {"color": "white", "width": 1}}
+    x, y = np.array(plane.maze.layout.start)[:, None]
+    return [_line(x, y, mode="markers", marker=marker, hovertemplate="start<extra></extra>")]
+
+
+def _plane_layout(plane: Plane, is_filled: bool = True) -> Figure:
+    layout = LAYOUT | {"plot_bgcolor": FLOOR}
+    if plane.maze is not None:
+        hidden = {"visible": False, "fixedrange": True}
+        x, y = ({"range": [0.0, side], **hidden} for side in plane.high.tolist())
+        shapes = _shapes(plane.maze, "above" if is_filled else "below")
+        margin = {"l": 1, "r": 1, "t": 1, "b": 1}
+        return layout | {"xaxis": x, "yaxis": y, "shapes": shapes, "margin": margin}
+    titles = ("first entry of the behavior", "second entry of the behavior")
+    x, y = (AXIS | {"title": title, "zeroline": False, "fixedrange": True} for title in titles)
+    return layout | {"xaxis": x, "yaxis": y}
+
+
+def _shapes(maze: MazeEnv, goal_layer: str) -> list[Figure]:
+    """Goal, walls and border."""
+    layout: MazeLayout = maze.layout
+    (x, y), r = layout.goal, maze.maze.goal_radius
+    walls = "".join(
+        f"M{x:.6g},{y:.6g}H{x + width:.6g}V{y + height:.6g}H{x:.6g}Z"
+        for x, y, width, height in layout.walls
+    )
+    goal = {"x0": x - r, "x1": x + r, "y0": y - r, "y1": y + r, "layer": goal_layer}
+    border = {"x0": 0, "x1": layout.width, "y0": 0, "y1": layout.height}
+    green = {"fillcolor": _faint(GOAL), "line": {"color": GOAL, "width": 2}}
+    return [
+        {"type": "circle", **goal, **green},
+        {"type": "path", "path": walls, "fillcolor": WALL, "line": {"width": 0}},
+        {"type": "rect", **border, "line": {"color": WALL, "width": 2}},
+    ]

@@ -1,0 +1,164 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from curiosity_algos.experiments import load_final_states
+from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.measures import load_compared
+from curiosity_algos.experiments.report import pictures
+from curiosity_algos.experiments.report.pictures import (
+    MOST_POINTS,
+    N_CELLS,
+    Plane,
+    best_runs,
+    draw_curves,
+    draw_map,
+    draw_paths,
+    evenly,
+    plane_of,
+)
+from curiosity_algos.experiments.run_folder import RunFolder
+
+SQUARE = Plane(np.zeros(2), np.ones(2))
+
+
+@pytest.fixture
+def runs(runs_folder):
+    runs = load_compared([runs_folder])
+    return runs[runs["has_begun"]]
+
+
+@pytest.fixture
+def maze(runs):
+    return runs[runs["env"] == "CuriosityMaze-Hard-v0"]
+
+
+@pytest.fixture
+def mountain(runs):
+    return runs[runs["env"].str.startswith("Mountain")]
+
+
+@pytest.fixture
+def write_run(tmp_path):
+    """Writes a run of one environment whose episodes ended in places (n, B) at timesteps (n,)."""
+
+    def write(places, timesteps, env="Unknown-v0", **described):
+        run = RunFolder(tmp_path / f"{len([*tmp_path.iterdir()])}")
+        run.begin({"algorithm": "A", "env": env, "seed": 0} | described)
+        columns = {"behavior": places, "timesteps": timesteps, "return": np.zeros(len(places))}
+        run.add_final_states(0, {name: np.array(each) for name, each in columns.items()})
+        return pd.DataFrame({"run": [str(run.path)], "label": ["A"]})
+
+    return write
+
+
+def traces_of(figure, panel):
+    return [trace for trace in figure["data"] if trace["yaxis"] == f"y{panel}"]
+
+
+def test_curves_are_those_of_the_runs(maze):
+    figure = draw_curves(maze, color_labels(maze["label"]), "timesteps")
+    axes = [figure["layout"][f"yaxis{i}"]["title"] for i in (1, 2, 3)]
+    assert axes == ["coverage", "best return so far", "runs without success"]
+    _, alone, thin, low, high, mean = traces_of(figure, 1)
+    assert [trace["name"] for trace in (alone, mean)] == ["MAPElites", "NSES"]
+    ends = maze[maze["label"] == "NSES"]["coverage.reachable"]
+    assert mean["y"][-1] == pytest.approx(ends.mean(), rel=1e-6)
+    assert np.isnan(thin["x"]).sum() == 2
+    assert (low["y"] <= mean["y"] + 1e-9).all()
+    assert (mean["y"] <= high["y"] + 1e-9).all()
+    survival = traces_of(figure, 3)
+    assert survival[0]["y"].tolist() == [1.0, 1.0]
+    figure = draw_curves(maze, color_labels(maze["label"]), "seconds")
+    assert figure["layout"]["xaxis"]["title"] == "seconds of training"
+    longest = maze["seconds"].max()
+    assert all(np.nanmax(trace["x"]) <= longest * 1.001 for trace in figure["data"])
+
+
+def test_indices_are_evenly_spaced():
+    assert evenly(3, 5).tolist() == [0, 1, 2]
+    assert evenly(101, 3).tolist() == [0, 50, 100]
+    assert evenly(0, 5).tolist() == []
+
+
+def test_a_maze_is_drawn_with_its_walls(maze):
+    plane = plane_of(maze)
+    figure = draw_map(maze, plane, 1500.0)
+    assert figure["layout"]["xaxis"]["range"] == [0.0, 200.0]
+    goal, walls, _ = figure["layout"]["shapes"]
+    assert goal["x1"] - goal["x0"] == 4.0
+    assert walls["path"].count("Z") == len(plane.maze.layout.walls)
+    assert (figure["data"][1]["x"], figure["data"][1]["y"]) == (195, 5)
+
+
+def test_cells_of_a_maze_are_those_of_coverage(maze):
+    grid = plane_of(maze).maze.coverage_grid
+    for i in maze.index:
+        cells = ~np.isnan(draw_map(maze.loc[[i]], plane_of(maze), 1.0)["data"][0]["z"].T)
+        share = (cells & grid.reachable).sum() / grid.reachable.sum()
+        assert share == pytest.approx(maze.loc[i, "coverage.reachable"])
+
+
+def test_a_cell_counts_from_the_first_episode_of_any_run_that_ended_in_it(write_run):
+    places = [[0.0, 0.0], [0.99, 0.0], [np.nan, 0.5], [0.0, 9.0]]
+    one, other = write_run(places, [10, 20, 30, 40]), write_run([[0.0, 0.0]], [5])
+    cells = draw_map(pd.concat([one, other]), SQUARE, 40.0)["data"][0]["z"]
+    assert (cells[0, 0], cells[0, -1], cells[-1, 0]) == (5, 20, 40)  # what is outside counts beside
+    assert np.isnan(cells).sum() == N_CELLS**2 - 3
+
+
+def test_another_environment_is_drawn_around_most_final_states(mountain, write_run):
+    plane = plane_of(mountain)
+    points = load_final_states(mountain["run"].item())["behavior"]
+    np.testing.assert_allclose(plane.low, points.min(axis=0), atol=0.1)
+    np.testing.assert_allclose(plane.high, points.max(axis=0), atol=0.1)
+    assert plane.maze is None
+    far = write_run([*np.random.default_rng(0).random((500, 2)), [1e9, 0.0]], np.arange(501))
+    assert (plane_of(far).high < 1.01).all()
+    same = plane_of(write_run([[0.1, 0.2]], [1]))
+    np.testing.assert_allclose(same.high, [1.1, 1.2])
+
+
+def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):
+    for env in ("CuriosityMaze-v0", "Unknown-v0", None):
+        assert plane_of(write_run([[0.1, 0.2]], [1], env)).maze is None
+    wrapped = {"env_kwargs": {}, "wrappers": {"BehaviorWrapper": None}}
+    assert plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **wrapped)).maze is None
+    # A folder from a stranger makes no environment, and imports no module, that is not known here.
+    monkeypatch.setattr(pictures.gym, "make", lambda *args, **kwargs: pytest.fail("made"))
+    assert plane_of(write_run([[0.1, 0.2]], [1], "my_module:Mine-v0")).maze is None
+
+
+def test_behaviors_of_fewer_than_two_entries_have_no_plane(write_run):
+    for places in ([[0.1]], [[]], [[np.nan, 1.0]]):
+        assert plane_of(write_run(places, [1])) is None
+
+
+def test_the_path_of_the_best_run_is_where_the_robot_was(maze):
+    best = best_runs(maze)
+    assert best["label"].tolist() == ["MAPElites", "NSES"]
+    assert best["steps"].tolist() == [50, 50]
+    figure = draw_paths(best, plane_of(maze), color_labels(maze["label"]))
+    _, line, marker, *_ = figure["data"]
+    path = RunFolder(best["run"].iloc[0]).trajectory()["behaviors"]
+    np.testing.assert_allclose(np.column_stack([line["x"], line["y"]]), path[:, :2], rtol=1e-6)
+    assert marker["mode"] == "markers"
+    assert line["meta"] == {"steps": 50}
+
+
+def test_only_runs_with_a_trajectory_have_a_path(write_run):
+    runs = pd.concat([write_run([[0.0, 0.0]], [1]) for _ in range(3)], ignore_index=True)
+    runs["best_return"] = [0.9, 0.5, 0.2]
+    assert best_runs(runs).empty
+    for i, n in [(1, 9001), (2, 3)]:
+        path = np.linspace([0.0, 0.0], [200.0, 100.0], n)
+        np.savez(
+            RunFolder(runs["run"][i]).best_trajectory, behaviors=path, rewards=np.full(n - 1, 0.5)
+        )
+    best = best_runs(runs)
+    assert (best["run"].item(), best["return"].item()) == (runs["run"][1], 4500.0)
+    figure = draw_paths(best, SQUARE, {"A": "#000000"})
+    assert figure["layout"]["xaxis"]["range"] == [-10.0, 210.0]  # which holds all of the path
+    line, _ = figure["data"]
+    assert len(line["x"]) == MOST_POINTS
+    assert (line["x"][-1], line["meta"]["steps"]) == (200.0, 9000)

@@ -1,0 +1,180 @@
+"""What the figures and the report read of runs."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from curiosity_algos import MAPElites
+from curiosity_algos.experiments import load_final_states, load_progress
+from curiosity_algos.experiments.measures import (
+    EPISODES,
+    best_return,
+    coverage,
+    generation_return,
+    in_seconds,
+    load_compared,
+    reports_success,
+    times_to_success,
+)
+from curiosity_algos.experiments.run_folder import RunFolder
+
+
+@pytest.fixture(scope="module")
+def runs(make_runs):
+    return make_runs(MAPElites)
+
+
+def change(folder, **changes):
+    path = folder / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+@pytest.fixture
+def copied(runs, tmp_path):
+    """Two runs, to be changed."""
+    for i, run in enumerate(runs):
+        shutil.copytree(run, tmp_path / f"{i}")
+    return [tmp_path / "0", tmp_path / "1"]
+
+
+def test_environments_of_one_name_are_told_apart_by_their_keywords(copied):
+    assert set(load_compared(copied)["env"]) == {"CuriosityMaze-US-v0"}
+    change(copied[0], env_kwargs={"layout": "us", "horizon": 100, "goal_radius": 91.5})
+    titles = [f"CuriosityMaze-US-v0, horizon {n}" for n in (100, 60)]
+    assert load_compared(copied)["env"].tolist() == titles
+
+
+def test_an_environment_without_an_id_goes_by_its_class(copied):
+    change(copied[0], env=None, env_class="Own")
+    assert load_compared(copied)["env"].tolist() == ["Own", "CuriosityMaze-US-v0"]
+
+
+def test_runs_are_named_by_the_settings_that_tell_them_apart(copied):
+    settings = json.loads((copied[0] / "run.json").read_text())["settings"]
+    change(copied[0], settings=settings | {"preset": "paper", "sigma": 9})
+    labels = load_compared(copied)["label"]
+    assert labels.tolist() == ["MAPElites, preset paper", "MAPElites, preset none"]
+
+
+def test_a_run_that_is_found_twice_counts_once(copied, monkeypatch):
+    monkeypatch.chdir(copied[0].parent)
+    assert len(load_compared([*copied, copied[0].parent, copied[0].name])) == 2
+
+
+def table(firsts, best):
+    return pd.DataFrame({"first_success_timesteps": firsts, "best_return": best})
+
+
+def test_a_task_shows_whether_it_reports_success():
+    nan = float("nan")
+    assert reports_success(table([5.0, nan], [1.0, 0.0]))
+    assert reports_success(table([nan, nan], [0.0, nan]))  # that is: none yet
+    assert not reports_success(table([nan, nan], [9.0, 10.0]))
+    assert not reports_success(table([nan], [-9.0]))
+
+
+def test_first_successes_in_timesteps_and_seconds(copied):
+    runs = load_compared(copied)
+    runs["first_success_timesteps"] = [600.0, np.nan]
+    for x, first in [("timesteps", 600.0), ("seconds", in_seconds(copied[0], 600.0))]:
+        curve = times_to_success(runs, x).curve
+        assert (curve.x[1], curve.estimate[1]) == (first, 0.5)
+        assert curve.estimate[-1] == 0.5
+
+
+def test_rows_that_lack_what_is_read_are_left_out(copied):
+    expected = coverage(copied[0]), in_seconds(copied[0], [700.0])
+    log = copied[0] / "progress.csv"
+    rows = pd.read_csv(log)
+    foreign = rows.assign(**{"coverage/reachable": np.nan, "eval/mean_reward": 1.0})
+    pd.concat([foreign, rows.assign(**{"time/seconds": np.nan})]).sort_values(
+        "time/total_timesteps", kind="stable"
+    ).to_csv(log, index=False)
+    found = coverage(copied[0]), in_seconds(copied[0], [700.0])
+    np.testing.assert_array_equal(found[0], expected[0])
+    np.testing.assert_allclose(found[1], expected[1])
+
+
+def test_seconds_are_known_to_the_end_without_a_log(copied):
+    result = RunFolder(copied[0]).result()
+    (copied[0] / "progress.csv").write_text("time/total_timesteps,time/seconds\n")
+    half = in_seconds(copied[0], [0.0, result["timesteps"] / 2, result["timesteps"]])
+    np.testing.assert_allclose(half, [0.0, result["seconds"] / 2, result["seconds"]])
+
+
+def test_returns_are_those_of_the_generations(runs):
+    states = load_final_states(runs[0])
+    assert states["return"].max() > 0.0
+    timesteps, best = generation_return(runs[0])
+    generations = np.unique(states["generation"])
+    assert len(timesteps) == len(best) == len(generations) + 1
+    assert (timesteps[0], best[0]) == (0.0, 0.0)
+    for i, generation in enumerate(generations, start=1):
+        members = states["generation"] == generation
+        assert timesteps[i] == states["timesteps"][members][0]
+        assert best[i] == states["return"][members].max()
+    so_far = best_return(runs[0])
+    np.testing.assert_array_equal(so_far[0], timesteps)
+    assert so_far[1].tolist() == [max(best[: i + 1]) for i in range(len(best))]
+    assert (np.diff(best) < 0.0).any()  # else the two could not be told apart
+
+
+def test_coverage_is_the_logs(runs):
+    timesteps, shares = coverage(runs[0])
+    progress = load_progress(runs[0])
+    assert timesteps.tolist() == [0.0, *progress["time/total_timesteps"]]
+    assert shares.tolist() == [0.0, *progress["coverage/reachable"]]
+    seconds = in_seconds(runs[0], timesteps)
+    assert seconds.tolist() == [0.0, *progress["time/seconds"]]
+
+
+def write_run(folder, **columns):
+    run = RunFolder(folder)
+    run.begin({"algorithm": "TD3ICM", "env": "CuriosityMaze-US-v0", "seed": 0})
+    if columns:
+        run.add_final_states(0, columns)
+    return folder
+
+
+def test_an_algorithm_without_generations_counts_56_episodes_as_one(tmp_path):
+    n = 2 * EPISODES + 3
+    returns = np.random.default_rng(0).random(n)
+    run = write_run(
+        tmp_path,
+        generation=np.zeros(n, dtype=int),
+        timesteps=10 * np.arange(1, n + 1),
+        **{"return": returns},
+    )
+    timesteps, best = generation_return(run)
+    assert timesteps.tolist() == [0, 560, 1120, 1150]
+    assert best.tolist() == [0.0, *(max(returns[i : i + 56]) for i in (0, 56, 112))]
+    timesteps, best = best_return(run)  # of every episode
+    assert timesteps.tolist() == list(range(0, 1151, 10))
+    assert best[7] == returns[:7].max()
+
+
+def test_returns_below_0_have_never_been_0(tmp_path):
+    ones = np.ones(3, dtype=int)
+    returns = np.array([-7.0, -9.0, -2.0])
+    run = write_run(
+        tmp_path, generation=np.cumsum(ones), timesteps=10 * np.cumsum(ones), **{"return": returns}
+    )
+    assert best_return(run)[1].tolist() == [-7.0, -7.0, -7.0, -2.0]
+    assert generation_return(run)[1].tolist() == [-7.0, -7.0, -9.0, -2.0]
+
+
+def test_a_run_that_has_just_begun_is_at_0(tmp_path):
+    run = write_run(tmp_path)
+    for measure in (best_return, generation_return, coverage):
+        assert [values.tolist() for values in measure(run)] == [[0.0], [0.0]]
+    assert in_seconds(run, [0.0]).tolist() == [0.0]
+
+
+def test_an_environment_without_cells_has_no_coverage(tmp_path):
+    run = write_run(tmp_path)
+    (run / "progress.csv").write_text("time/total_timesteps,rollout/ep_rew_mean\n10,0.0\n")
+    with pytest.raises(ValueError, match="`runs` must be of environments with a coverage"):
+        coverage(run)

@@ -350,7 +350,7 @@ class TestRemeasure:
             make_full(n_batches=1, target_size=30),
         )
         moved = np.random.default_rng(1).normal(size=(len(archive), 2))
-        archive.remeasure(moved)
+        archive.set_measures(moved)
         np.testing.assert_array_equal(archive.data("measures"), moved)
         for name in ("solution", "objective", "seed", "states", "index"):
             np.testing.assert_array_equal(archive.data(name), twin.data(name))
@@ -363,7 +363,7 @@ class TestRemeasure:
         archive = make_full(n_batches=n_batches, target_size=target_size)
         n, before = len(archive), archive.data()
         places = np.random.default_rng(number).normal(size=(n, 2))
-        archive.remeasure(places)
+        archive.set_measures(places)
         assert min(n, target_size) <= len(archive) <= 1.1 * target_size
         assert_fields_belong_together(archive)
         assert_stats_fit(archive)
@@ -378,7 +378,7 @@ class TestRemeasure:
 
     def test_what_is_new_is_told_in_the_new_measures(self):
         archive = make_full(target_size=4)
-        archive.remeasure(1000.0 * archive.data("measures"))
+        archive.set_measures(1000.0 * archive.data("measures"))
         assert archive.threshold > 100.0
         best = archive.best_elite
         info = archive.add(**make_batch(1) | {"measures": best["measures"][None] + 1.0})
@@ -386,7 +386,7 @@ class TestRemeasure:
 
     def test_measures_that_fall_together(self):
         archive = make_full(target_size=8)
-        archive.remeasure(np.zeros((len(archive), 2)))
+        archive.set_measures(np.zeros((len(archive), 2)))
         assert archive.threshold == 0.0
         archive.add(**make_batch(3, 50))
         assert 8 <= len(archive) <= 8.8

@@ -130,6 +130,22 @@ def test_an_object_gives_each_transition_one_score():
         make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("device", 3.5), ("device", "nope"), ("normalize", "no"), ("seed", "a"), ("hidden", 0)],
+)
+@pytest.mark.parametrize("bonus", BONUSES)
+def test_arguments_are_named(bonus, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        BONUSES[bonus](*SPACES, **{"device": "cpu", name: value})
+
+
+@pytest.mark.parametrize("bonus_kwargs", [3, "beta", ["beta"], {"beta": 0.1, 3: 4}, {"widths": 3}])
+def test_keywords_are_those_of_the_bonus(bonus_kwargs):
+    with pytest.raises(ValueError, match="`bonus_kwargs` must be"):
+        check_bonus_choice("icm", bonus_kwargs)
+
+
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
     with pytest.raises(ValueError, match="`bonus` must be one of apt, icm, rnd"):

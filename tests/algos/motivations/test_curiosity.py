@@ -69,8 +69,7 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
 
 
 class TestScore:
-    @pytest.mark.parametrize("n_states", [1, 3, 7, 8, 40, 49])
-    @pytest.mark.parametrize("n_together", [1, 2, 8])
+    @pytest.mark.parametrize(("n_states", "n_together"), [(1, 8), (3, 1), (8, 2), (49, 8)])
     def test_some_states_are_enough(self, n_states, n_together, monkeypatch):
         monkeypatch.setattr("curiosity_algos.motivations.curiosity.N_TOGETHER", n_together)
 
@@ -92,7 +91,7 @@ class TestScore:
             highest = values[-max(1, n_states // 4) :]
             assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
 
-    @pytest.mark.parametrize("gamma", [0.0, 0.5, 0.99, 1.0])
+    @pytest.mark.parametrize("gamma", [0.0, 0.99, 1.0])
     def test_equals_the_papers_sum(self, gamma):
         rollouts = make_rollouts()
         motivation = make_motivation(gamma=gamma)

@@ -21,7 +21,7 @@ SPACES = {
 
 CASES = [
     *[(name, "flat-box") for name in BONUSES],
-    *[("icm", kind) for kind in SPACES if kind != "flat-box"],
+    ("icm", "flat-discrete"),
     ("apt", "images-last"),
     ("rnd", "images-first"),
 ]

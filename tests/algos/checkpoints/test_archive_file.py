@@ -255,8 +255,6 @@ class TestWrongFiles:
         [
             None,
             "no JSON",
-            "[1, 2]",
-            '"text"',
             "{}",
             '{"format": "curiosity archive 1"}',
             '{"format": "curiosity archive 0", "archive": "SparseGridArchive", "settings": {}}',

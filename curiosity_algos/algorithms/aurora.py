@@ -148,7 +148,7 @@ class AURORA(QualityDiversity):
         elites = self.archive.data("states")
         self._encoder.train(np.concatenate([elites, states]))
         if len(elites):
-            self.archive.remeasure(self._encoder.encode(elites))
+            self.archive.set_measures(self._encoder.encode(elites))
 
     def _fields(self, rollouts: Rollouts) -> Fields:
         return {**super()._fields(rollouts), "states": self._encoder.states(rollouts)}

@@ -17,11 +17,11 @@ from curiosity_algos.archives.base import (
     IMPROVED,
     NEW,
     NOT_ADDED,
-    Batch,
     EliteArchive,
     Float64Array,
     Int64Array,
 )
+from curiosity_algos.archives.fields import Batch
 
 _EPSILON = 1e-6
 """pyribs' allowance for behaviors that rounding left just below a cell's edge."""
@@ -136,14 +136,14 @@ class SparseGridArchive(EliteArchive):
         slots = self._slots_of(cells)
         is_taken = slots >= 0
         before = np.full(len(cells), -np.inf)
-        before[is_taken] = self._store.get("objective", slots[is_taken])
+        before[is_taken] = self._elites.get("objective", slots[is_taken])
         is_better = objective > before
         status = np.where(is_better, np.where(is_taken, IMPROVED, NEW), NOT_ADDED).astype(np.int32)
         value = objective - np.where(is_taken, before, 0.0)
         winners = _first_best(cells, objective, np.flatnonzero(is_better))
         if len(winners):
             slots = np.array([self._slot(int(cell)) for cell in cells[winners]])
-            self._write(slots, {name: array[winners] for name, array in data.items()})
+            self._elites.write(slots, {name: array[winners] for name, array in data.items()})
         return {"status": status, "value": value}
 
     def _slots_of(self, cells: Int64Array) -> Int64Array:

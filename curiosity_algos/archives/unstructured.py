@@ -17,13 +17,12 @@ from curiosity_algos.archives.base import (
     IMPROVED,
     NEW,
     NOT_ADDED,
-    Batch,
     EliteArchive,
     Float64Array,
     Int64Array,
-    is_finite,
 )
-from curiosity_gym.validation import check_at_least_one
+from curiosity_algos.archives.fields import Batch
+from curiosity_gym.validation import check_at_least_one, check_not_negative
 
 SLACK = 0.1
 """Share of the target size by which the archive grows before it is thinned out."""
@@ -44,7 +43,7 @@ class UnstructuredArchive(EliteArchive):
         target_size: Elites held, within 10 % once there are so many.
         k_neighbors: Neighbors that count for `novelty` and `local_competition`; None: `add` tells
             neither.
-        threshold: Of the first elites; 0 after `clear`, and after `remeasure` while there are
+        threshold: Of the first elites; 0 after `clear`, and after `set_measures` while there are
             fewer than `target_size`.
         qd_score_offset: See `EliteArchive`.
         seed: See `EliteArchive`.
@@ -76,7 +75,7 @@ class UnstructuredArchive(EliteArchive):
         check_at_least_one(target_size=target_size)
         if k_neighbors is not None:
             check_at_least_one(k_neighbors=k_neighbors)
-        _check_threshold(threshold)
+        check_not_negative(threshold=threshold)
         self.target_size = target_size
         self.k_neighbors = k_neighbors
         self.threshold = threshold
@@ -115,7 +114,7 @@ class UnstructuredArchive(EliteArchive):
         novelty = np.take_along_axis(distances, neighbors, axis=1).mean(axis=1)
         return novelty, np.sum(all_objectives[neighbors] < objective[:, None], axis=1)
 
-    def remeasure(self, measures: Float64Array) -> None:
+    def set_measures(self, measures: Float64Array) -> None:
         """Move the elites to new measures (n, measure_dim), as when an encoder has learned."""
         self._put({**self.data(), "measures": measures})
         self._thin_out()
@@ -137,19 +136,19 @@ class UnstructuredArchive(EliteArchive):
         return {"status": status, "value": value, **told}
 
     def _insert_one(self, one: Batch) -> tuple[int, float]:
-        """Take in a batch of one; its status, and its objective or improvement."""
+        """Take a batch of one in: its status, and its objective or improvement."""
         objective = float(one["objective"][0])
         if self.empty:
-            self._write(np.array([0]), one)
+            self._elites.write(np.array([0]), one)
             return NEW, objective
         distances = cdist(one["measures"], self.data("measures"))[0]
         nearest = int(np.argmin(distances))
         if distances[nearest] > self.threshold:
-            self._write(np.array([len(self)]), one)
+            self._elites.write(np.array([len(self)]), one)
             return NEW, objective
         improvement = objective - float(self.data("objective")[nearest])
         if improvement > 0.0:
-            self._write(np.array([nearest]), one)
+            self._elites.write(np.array([nearest]), one)
             return IMPROVED, improvement
         return NOT_ADDED, improvement
 
@@ -198,14 +197,9 @@ class UnstructuredArchive(EliteArchive):
         Raises:
             ValueError: See `EliteArchive.load_state_dict`.
         """
-        _check_threshold(state["threshold"])
+        check_not_negative(threshold=state["threshold"])
         super().load_state_dict(state)
         self.threshold = state["threshold"]
-
-
-def _check_threshold(threshold: Any) -> None:
-    if not is_finite(threshold) or threshold < 0.0:
-        raise ValueError(f"`threshold` must be finite and at least 0, got {threshold!r}.")
 
 
 def _drop_closest(distances: Float64Array, objective: Float64Array, n_kept: int) -> Int64Array:

@@ -85,7 +85,8 @@ def verify(archive: Archive, env: AnyEnv, n_threads: int | None = None) -> Verif
     elites = archive.data()
     n = len(archive)
     objective, behaviors = np.empty(n), np.empty_like(archive.behaviors)
-    for chunk in _chunks(elites, n):
+    seeds = elites.get("seed", np.zeros(n)) if getattr(evaluator, "draws", True) else np.zeros(n)
+    for chunk in _chunks(seeds):
         rollouts = _play(evaluator, elites, chunk)
         objective[chunk], behaviors[chunk] = rollouts.returns, rollouts.behaviors
     is_same = (objective == elites["objective"]) & (behaviors == archive.behaviors).all(axis=1)
@@ -93,9 +94,8 @@ def verify(archive: Archive, env: AnyEnv, n_threads: int | None = None) -> Verif
     return Verification(share, np.flatnonzero(~is_same), objective, behaviors)
 
 
-def _chunks(elites: dict[str, npt.NDArray[Any]], n: int) -> list[npt.NDArray[np.int64]]:
-    """Positions of elites that share a seed, at most `CHUNK` at a time."""
-    seeds = elites.get("seed", np.zeros(n))
+def _chunks(seeds: npt.NDArray[Any]) -> list[npt.NDArray[np.int64]]:
+    """Positions of elites whose episodes begin alike, at most `CHUNK` at a time."""
     groups = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
     return [group[i : i + CHUNK] for group in groups for i in range(0, len(group), CHUNK)]
 

@@ -19,19 +19,11 @@ from gymnasium import spaces
 from torch.nn import functional
 
 from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
-from curiosity_algos.bonuses.contrast import InfoNCE, info_nce
+from curiosity_algos.bonuses.contrast import InfoNCE
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.memory import FeatureMemory
-from curiosity_algos.bonuses.perceptron import (
-    Layers,
-    Pass,
-    backward,
-    forward,
-    set_gradients,
-    single_blas_thread,
-)
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_seed
 
 N_QUERIES = 64
 """Observations whose distances to the whole memory are computed at once: more leave the cache."""
@@ -50,8 +42,8 @@ class APT(NetworkBonus):
     those that follow other states: the nearer two states are in time, the nearer are their
     features. What foretells nothing, such as noise, is left out. The bonus of a transition is the
     mean distance of the state that it leads to from the nearest of those in a memory, a uniform
-    sample of all states that were observed. The memory keeps observations, not features, as the
-    encoder learns on.
+    sample of all states that were observed; the paper takes the logarithm of that mean. The memory
+    keeps observations, not features, as the encoder learns on.
 
     Args:
         observation_space: As of `ICM`.
@@ -94,12 +86,14 @@ class APT(NetworkBonus):
             memory_size = MEMORY_SIZE if self.images is None else N_IMAGES
         check_at_least_one(horizon=horizon, n_neighbors=n_neighbors, memory_size=memory_size)
         check_at_least_one(n_features=n_features, hidden=hidden)
+        check_seed(seed)
         self.horizon = horizon
         self.n_neighbors = n_neighbors
         self.encoder = make_encoder(
             observation_space, hidden, hidden, n_features, generator=torch_generator(seed)
         )
         self.statistics = copy.deepcopy(self.normalizer)
+        self._has_observed = False  # since the normalizer last had the statistics
         self._begin(learning_rate, device)
         dtype = np.float32 if self.images is None else np.uint8
         self.memory = FeatureMemory(
@@ -114,36 +108,20 @@ class APT(NetworkBonus):
         # Torch has no hints there.
         return {"loss": InfoNCE.apply(*both.chunk(2))}  # type: ignore[no-untyped-call]
 
-    def differentiate(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, float]:
-        """The loss of a batch, and its gradient: by autograd, or a compiled encoder."""
-        encoder = Layers.of(self.encoder) if type(self) is APT else None
-        if encoder is None:
-            return super().differentiate(observations, actions, next_observations)
-        states = self.inputs(th.cat([observations, next_observations])).detach().numpy()
-        states = np.ascontiguousarray(states)
-        held = Pass.of(encoder, len(states))
-        by_parameters = np.empty(encoder.n_parameters, dtype=np.float32)
-        with single_blas_thread():
-            forward(encoder, states, held.outputs)
-            loss, *slopes = info_nce(*th.from_numpy(held.outputs[-1]).chunk(2))
-            th.cat(slopes, out=th.from_numpy(held.slopes[-1]))
-            backward(encoder, states, held, by_parameters, states[:0])
-        set_gradients([self.encoder], by_parameters)
-        return {"loss": loss.item()}
-
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) into the memory, and into the statistics from `update` on."""
         self._count(observations, self.statistics)
+        self._has_observed = True
         self.memory.add(observations.cpu().numpy())
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, float]:
         """One step of Adam on a batch; the loss before it."""
-        # Until then what is asked and what is remembered are standardized alike.
-        self.normalizer.load_state_dict(self.statistics.state_dict())
+        if self._has_observed:
+            # Until then what is asked and what is remembered are standardized alike.
+            self.normalizer.load_state_dict(self.statistics.state_dict())
+            self._has_observed = False
         self.memory.outdate()
         return super().update(observations, actions, next_observations)
 
@@ -191,6 +169,7 @@ class APT(NetworkBonus):
             raise RuntimeError("`bonus` must be made as the one that was saved.") from error
         super().load_state_dict(state, *args, **kwargs)
         self.memory.load_state_dict(state["memory"])
+        self._has_observed = True  # the state may be from between the two
 
 
 def lowest(values: th.Tensor, n: int) -> th.Tensor:

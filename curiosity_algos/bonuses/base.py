@@ -13,12 +13,11 @@ import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.utils import get_device
 
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_gym.compiled import ThreadPool
-from curiosity_gym.validation import check_positive
+from curiosity_gym.validation import check_bool, check_positive
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -93,6 +92,7 @@ class NetworkBonus(th.nn.Module):
 
     def __init__(self, observation_space: spaces.Space[Any], *, normalize: bool) -> None:
         super().__init__()
+        check_bool(normalize=normalize)
         self.images = ImageInputs.of(observation_space)
         self.shape = tuple(observation_space.shape or ())
         n_entries = math.prod(self.shape)
@@ -102,7 +102,7 @@ class NetworkBonus(th.nn.Module):
     def _begin(self, learning_rate: float, device: th.device | str) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
         check_positive(learning_rate=learning_rate)
-        self.device = get_device(device)
+        self.device = torch_device(device)
         self.to(self.device)
         trained = [each for each in self.parameters() if each.requires_grad]
         self.optimizer = th.optim.Adam(trained, lr=learning_rate, fused=True)

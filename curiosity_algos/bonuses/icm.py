@@ -17,10 +17,10 @@ from torch.nn import functional
 from curiosity_algos.bonuses import compiled_icm
 from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
-from curiosity_algos.bonuses.perceptron import Layers, set_gradients
+from curiosity_algos.bonuses.perceptron import set_gradients
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one, check_share
+from curiosity_gym.validation import check_at_least_one, check_seed, check_share
 
 
 class ICM(NetworkBonus):
@@ -29,8 +29,9 @@ class ICM(NetworkBonus):
     The loss is `(1 - beta) L_I + beta L_F` (section 2.3): the inverse model keeps in the features
     what the agent can influence, the forward model's error is the curiosity.
 
-    Of flat observations on the CPU the equations are compiled. A subclass, or networks of another
-    kind, frozen or with hooks, are computed by torch, from the methods below.
+    Of flat observations and continuous actions, on the CPU, the gradient is compiled. That of a
+    subclass, or of networks of another kind, frozen or with hooks, is torch's, from the methods
+    below.
 
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
@@ -67,6 +68,7 @@ class ICM(NetworkBonus):
     ) -> None:
         check_share(beta=beta)
         check_at_least_one(n_features=n_features, hidden=hidden)
+        check_seed(seed)
         super().__init__(observation_space, normalize=normalize)
         self.beta = beta
         self.encode_actions = ActionEncoder(action_space)
@@ -120,7 +122,6 @@ class ICM(NetworkBonus):
             self.inputs(states).detach().numpy(),
             self.encode_actions(actions).detach().numpy(),
             beta=self.beta,
-            is_discrete=self.encode_actions.is_discrete,
             pool=self.pool,
         )
         set_gradients(self._models, slopes)
@@ -134,12 +135,9 @@ class ICM(NetworkBonus):
 
     def _compiled(self) -> compiled_icm.Networks | None:
         """The networks for compiled equations; None: they do not serve, or may be overridden."""
-        if type(self) is not ICM or self.device.type != "cpu":
+        if type(self) is not ICM or self.device.type != "cpu" or self.encode_actions.is_discrete:
             return None
-        encoder, forward_model, inverse_model = map(Layers.of, self._models)
-        if encoder is None or forward_model is None or inverse_model is None:
-            return None
-        return compiled_icm.Networks(encoder, forward_model, inverse_model)
+        return compiled_icm.Networks.of(self._models)
 
     @th.no_grad()
     def score(
@@ -165,9 +163,6 @@ class ICM(NetworkBonus):
         """Curiosity of transitions that begin at every observation, or every second, (n,)."""
         states = self.inputs(self.tensor(observations))
         encoded = self.encode_actions(self.tensor(actions))
-        networks = self._compiled()
-        if networks is not None:
-            return compiled_icm.prediction_errors(networks, states.numpy(), encoded.numpy(), stride)
         features = self.encoder(states)
         error = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
         errors: FloatArray = error.cpu().numpy()

@@ -29,6 +29,8 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
     Raises:
         ValueError: If it is neither a name nor a `Bonus`, or takes no such keyword.
     """
+    if not isinstance(bonus_kwargs, Mapping):
+        raise ValueError(f"`bonus_kwargs` must be a dictionary, got {bonus_kwargs!r}.")
     if not isinstance(bonus, str):
         if isinstance(bonus, type) or not isinstance(bonus, Bonus):
             known = ", ".join(BONUSES)

@@ -15,7 +15,7 @@ from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_seed
 
 
 class RND(NetworkBonus):
@@ -56,6 +56,7 @@ class RND(NetworkBonus):
         device: th.device | str = "auto",
     ) -> None:
         check_at_least_one(n_features=n_features, hidden=hidden)
+        check_seed(seed)
         super().__init__(observation_space, normalize=normalize)
         made = {"generator": torch_generator(seed)}
         self.target = make_encoder(observation_space, hidden, hidden, n_features, **made)

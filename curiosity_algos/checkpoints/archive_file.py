@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,9 @@ from curiosity_algos.checkpoints.atomic_file import atomic_file
 
 FORMAT = "curiosity archive 1"
 FIELDS = {"solution", "objective", "measures", "index"}
-"""What every archive keeps of its elites."""
+"""Kept of every elite."""
+SMALL, PACKED = 2**26, 20
+"""Bytes that any file may unpack to, and how many times its own size."""
 
 
 def archive_path(path: str | os.PathLike[str]) -> Path:
@@ -62,6 +65,7 @@ def read_archive(
     if not path.is_file():
         raise FileNotFoundError(f"`path` must be a saved archive, there is no file {path}.")
     try:
+        _check_size(path)
         with np.load(path) as file:
             data = dict(file)
         about = json.loads(str(data.pop("about")))
@@ -74,3 +78,11 @@ def read_archive(
         what = "not a whole file of this package" if found is None else f"one of {found}"
         raise ValueError(f"`path` must be a saved {kind}, {path} is {what}.")
     return about["settings"], data
+
+
+def _check_size(path: Path) -> None:
+    """Raise ValueError where members would unpack to far more than numbers can be packed."""
+    with zipfile.ZipFile(path) as file:
+        n_bytes = sum(member.file_size for member in file.infolist())
+    if n_bytes > SMALL + PACKED * path.stat().st_size:
+        raise ValueError

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 
 import torch as th
+from stable_baselines3.common.utils import get_device
 
 N_OBSERVED = 65_536
 """Feature vectors in float64 at once: all that large populations saw would be gigabytes."""
@@ -25,6 +26,24 @@ def single_torch_thread() -> Iterator[None]:
         yield
     finally:
         th.set_num_threads(n_threads)
+
+
+def torch_device(device: th.device | str) -> th.device:
+    """The device of that name; of "auto" the GPU where there is one.
+
+    Raises:
+        ValueError: If there is none.
+    """
+    try:
+        if not isinstance(device, str | th.device):
+            raise TypeError
+        found = get_device(device)
+        th.empty(0, device=found)  # fails where there is no such hardware
+    except (AssertionError, NotImplementedError, RuntimeError, TypeError) as error:
+        raise ValueError(
+            f'`device` must be "auto", "cpu" or another that torch finds, got {device!r}.'
+        ) from error
+    return found
 
 
 def mlp(*sizes: int, generator: th.Generator) -> th.nn.Sequential:
@@ -69,6 +88,8 @@ class RunningNormalizer(th.nn.Module):
     @th.no_grad()
     def observe(self, features: th.Tensor) -> None:
         """Merge observed features (n, n_features) into the statistics (Chan et al. 1983)."""
+        if not len(features):
+            return  # their mean would be NaN
         for batch in th.split(features, N_OBSERVED):
             self._merge(batch.to(th.float64))
 

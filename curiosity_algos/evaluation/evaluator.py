@@ -40,7 +40,8 @@ class Evaluator(Protocol):
     """Plays one episode with each policy of a population.
 
     One that has a `block_size`, a whole number, is given no more policies at once by algorithms
-    that can do without whole trajectories.
+    that can do without whole trajectories. One whose `draws` is False begins all episodes alike,
+    whatever the seed.
 
     Attributes:
         n_parameters: Length of a policy's parameter vector.

@@ -97,6 +97,8 @@ class MazeEvaluator:
         max_steps: Steps after which an episode ends; None: the maze's horizon.
     """
 
+    draws = False
+
     def __init__(
         self,
         maze: Maze,

@@ -113,6 +113,7 @@ class SimulationEvaluator:
         self.horizon = horizon
         self.n_parameters = mlp.n_parameters
         self.block_size = MAX_SIMULATIONS
+        self.draws = task.draws
         self._n_threads = n_threads
         self._simulation: Simulation | None = None
 

@@ -14,7 +14,6 @@ from gymnasium import spaces
 from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus, stored_action_size
-from curiosity_algos.bonuses.perceptron import single_blas_thread
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.bonuses.transitions import EvenlySpaced, draw_transitions, flat
 from curiosity_algos.common.networks import single_torch_thread
@@ -73,7 +72,7 @@ def on_threads(pool: ThreadPool, task: Callable[[int], None], n_tasks: int) -> N
         for number in range(begin, end):
             task(number)
 
-    with single_torch_thread(), single_blas_thread():
+    with single_torch_thread():
         pool.run(do, n_tasks, n_tasks)
 
 
@@ -171,7 +170,7 @@ class CuriosityMotivation:
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
-        with single_torch_thread(), single_blas_thread():
+        with single_torch_thread():
             self._remember(rollouts)
             return train(
                 self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
@@ -245,7 +244,7 @@ def make_motivation(
     Raises:
         ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
-    check_bonus_choice(bonus, bonus_kwargs or {})
+    check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
     check_how_to_score(n_states, gamma)
     check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
     check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)

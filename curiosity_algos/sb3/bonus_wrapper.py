@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.utils import get_device
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
@@ -22,7 +21,7 @@ from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus, stored_action_size
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.checkpoints.plain_files import plain
-from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.scale import BonusScale
@@ -37,7 +36,13 @@ from curiosity_algos.sb3.wrapper_file import (
     sound,
     write_wrapper,
 )
-from curiosity_gym.validation import check_at_least_one, check_positive, check_seed, check_share
+from curiosity_gym.validation import (
+    check_at_least_one,
+    check_bool,
+    check_positive,
+    check_seed,
+    check_share,
+)
 
 DEFAULTS = {"icm": {"learning_rate": 1e-4}}
 """Keywords of bonuses where users give none: faster, the module outruns a policy on its own."""
@@ -103,12 +108,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         device: th.device | str = "auto",
     ) -> None:
         _check_venv(venv)
-        check_bonus_choice(bonus, bonus_kwargs or {})
+        check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
         check_positive(weight=weight)
         _check_discount(gamma)
         check_at_least_one(train_interval=train_interval, n_updates=n_updates)
         check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
         check_seed(seed)
+        check_bool(extrinsic=extrinsic)
         super().__init__(venv)
         self.weight = float(weight)
         self.extrinsic = bool(extrinsic)
@@ -333,7 +339,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             ValueError: If it is damaged, foreign, or does not fit `venv` or `bonus`.
         """
         _check_venv(venv)
-        device = get_device(device)
+        device = torch_device(device)
         saved = read_wrapper(path)
         check_fits(saved, path, venv, bonus)
         settings = saved["settings"] | ({} if bonus is None else {"bonus": bonus})

@@ -37,8 +37,8 @@ class BonusScale:
         self, bonus: npt.NDArray[np.float64], *, is_learning: bool
     ) -> npt.NDArray[np.float64]:
         """The bonus (n_envs,) over the scale, which learns of it first, if it is to; bounded."""
-        self._sums = self.gamma * self._sums + bonus
         if is_learning:
+            self._sums = self.gamma * self._sums + bonus
             self._statistics.update(self._sums)
             self._statistics.count = min(self._statistics.count, MEMORY)
         scaled = bonus / np.sqrt(self._statistics.var + EPSILON)

@@ -7,6 +7,7 @@ from curiosity_algos.archives import verify as verify_module
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.evaluation.evaluator import make_evaluator
+from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_gym import BehaviorWrapper
 
 SEEDS = (3, 14, 15)
@@ -232,6 +233,24 @@ class TestBehaviors:
 
 
 class TestSeeds:
+    @pytest.mark.parametrize(("n", "n_calls"), [(201, 4), (56, 1)])
+    def test_where_nothing_is_drawn_they_do_not_matter(self, make_maze, monkeypatch, n, n_calls):
+        evaluator = make_evaluator(make_maze(horizon=20))
+        policies = random_policies(evaluator, n)
+        rollouts = evaluator.evaluate(policies)
+        archive = make_archive(
+            evaluator, ranges=[(0, n)], extra_fields={"seed": ((), int), "behavior": (4, float)}
+        )
+        places, seeds = np.arange(n)[:, None] + 0.5, np.arange(n)
+        kept = {"seed": seeds, "behavior": rollouts.behaviors}
+        archive.add(policies, rollouts.returns, places, **kept)
+        calls, evaluate = [], MazeEvaluator.evaluate
+        monkeypatch.setattr(
+            MazeEvaluator, "evaluate", lambda *given: calls.append(given) or evaluate(*given)
+        )
+        assert verify(archive, make_maze(horizon=20)).share == 1.0
+        assert len(calls) == n_calls
+
     @pytest.mark.parametrize("make_env", [make_cart_pole, make_pendulum])
     def test_episodes_begin_as_they_did(self, make_env):
         archive = fill_drawn(make_env())

@@ -19,10 +19,15 @@ SPACES = {
     "images-last": (CHANNELS_LAST, spaces.Box(-1, 1, (2,))),
 }
 
-pytestmark = [
-    pytest.mark.parametrize("name", BONUSES),
-    pytest.mark.parametrize("kind", SPACES),
+CASES = [
+    *[(name, "flat-box") for name in BONUSES],
+    ("icm", "flat-discrete"),
+    ("apt", "images-last"),
+    ("rnd", "images-first"),
 ]
+"""Each bonus, and each kind of spaces; all of both only where a test says so."""
+
+pytestmark = pytest.mark.parametrize(("name", "kind"), CASES)
 
 
 def make_bonus(name, kind, **changes):

@@ -106,7 +106,7 @@ class TestTinyMdp:
         assert not {state.tobytes() for state in np.concatenate([before[30:], after[30:]])} & seen
 
     @pytest.mark.parametrize("bonus", BONUSES)
-    @pytest.mark.parametrize("seed", range(3))
+    @pytest.mark.parametrize("seed", [0])
     def test_our_bonuses_fall_where_they_were_trained_alone(self, bonus, seed):
         learned = check_bonus(maker(BONUSES[bonus]), seed)
         assert learned.seen[-1] < 0.03 * learned.unseen[-1]

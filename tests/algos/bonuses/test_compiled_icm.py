@@ -6,30 +6,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from curiosity_algos.bonuses.base import NetworkBonus
-from curiosity_algos.bonuses.compiled_icm import N_ROWS, cross_entropies, norms
+from curiosity_algos.bonuses.compiled_icm import N_ROWS, norms
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_gym.compiled import ThreadPool
 
-BOX, DISCRETE = spaces.Box(-2, 2, (3,)), spaces.Discrete(3)
-SPACES = pytest.mark.parametrize("action_space", [BOX, DISCRETE], ids=["box", "discrete"])
-
-
-class Subclass(ICM):
-    """With the same equations, by torch: who subclasses may have overridden any."""
+BOX = spaces.Box(-2, 2, (3,))
 
 
 def make_icm(cls=ICM, action_space=BOX, n_entries=5, **changes):
     given = {"n_features": 4, "hidden": 8, "seed": 0, "device": "cpu"} | changes
     icm = cls(spaces.Box(-1, 1, (n_entries,)), action_space, **given)
-    icm.observe(make_batch(action_space, 50, n_entries)[0])
+    icm.observe(make_batch(50, n_entries)[0])
     return icm
 
 
-def make_batch(action_space, n, n_entries=5, seed=0):
+def make_batch(n, n_entries=5, seed=0):
     rng = th.Generator().manual_seed(seed)
     actions = th.rand(n, 3, generator=rng) * 4 - 2
-    if action_space is DISCRETE:
-        actions = th.randint(3, (n, 1), generator=rng).float()
     before, after = th.randn(2, n, n_entries, generator=rng)
     return before, actions, after
 
@@ -41,27 +34,25 @@ def gradients(icm):
 
 @settings(deadline=None, max_examples=60)
 @given(
-    action_space=st.sampled_from([BOX, DISCRETE]),
     n=st.integers(1, 3 * N_ROWS),
     sizes=st.tuples(*[st.integers(1, 20)] * 3),
     beta=st.sampled_from([0.0, 0.2, 1.0]),
     seed=st.integers(0, 1000),
 )
-def test_losses_and_slopes_are_those_of_autograd(action_space, n, sizes, beta, seed):
+def test_losses_and_slopes_are_those_of_autograd(n, sizes, beta, seed):
     n_entries, n_features, hidden = sizes
     made = {"n_features": n_features, "hidden": hidden, "beta": beta, "seed": seed}
-    icm = make_icm(action_space=action_space, n_entries=n_entries, **made)
-    batch = make_batch(action_space, n, n_entries, seed)
+    icm = make_icm(n_entries=n_entries, **made)
+    batch = make_batch(n, n_entries, seed)
     expected = NetworkBonus.differentiate(icm, *batch)
     slopes = gradients(icm)
     assert icm.differentiate(*batch) == pytest.approx(expected, rel=1e-5, abs=1e-6)
     np.testing.assert_allclose(gradients(icm), slopes, rtol=1e-4, atol=1e-5)
 
 
-@SPACES
 @pytest.mark.parametrize("n", [1, N_ROWS, N_ROWS + 1, 5 * N_ROWS - 7])
-def test_bits_do_not_depend_on_the_number_of_threads(action_space, n):
-    icm, batch = make_icm(action_space=action_space), make_batch(action_space, n)
+def test_bits_do_not_depend_on_the_number_of_threads(n):
+    icm, batch = make_icm(), make_batch(n)
     seen = []
     for n_threads in (1, 2, 3, 8):
         icm.pool = ThreadPool(n_threads)
@@ -71,36 +62,10 @@ def test_bits_do_not_depend_on_the_number_of_threads(action_space, n):
         np.testing.assert_array_equal(slopes, seen[0][1])
 
 
-@SPACES
-@pytest.mark.parametrize("n", [1, N_ROWS - 1, 2 * N_ROWS + 3])
-def test_scores_are_those_of_torch(action_space, n):
-    icm, torch_icm = (make_icm(cls, action_space) for cls in (ICM, Subclass))
-    before, actions, after = (each.numpy() for each in make_batch(action_space, n))
-    expected = torch_icm.score(before, actions, after)
-    np.testing.assert_allclose(icm.score(before, actions, after), expected, rtol=1e-4, atol=1e-6)
-    seen = np.concatenate([before, after[-1:]])
-    expected = torch_icm.score_trajectory(seen, actions)
-    np.testing.assert_allclose(icm.score_trajectory(seen, actions), expected, rtol=1e-4, atol=1e-6)
-
-
-def test_no_transitions_have_no_scores():
-    before, actions, after = (each.numpy() for each in make_batch(BOX, 0))
-    assert make_icm().score(before, actions, after).shape == (0,)
-
-
 def test_where_a_norm_is_zero_so_are_its_slopes():
     same, slopes = np.ones((2, 3), np.float32), np.full((2, 3), np.nan, np.float32)
     assert norms(same, same, 1.0, slopes) == 0.0
     np.testing.assert_array_equal(slopes, 0.0)
-
-
-def test_large_logits_do_not_overflow():
-    logits = np.array([[1000.0, -1000.0, 999.0]], np.float32)
-    taken, slopes = np.eye(3, dtype=np.float32)[:1], np.empty((1, 3), np.float32)
-    expected = np.log1p(np.exp(-1.0))
-    assert cross_entropies(logits, taken, 1.0, slopes) == pytest.approx(expected, rel=1e-6)
-    p = np.exp(-expected)
-    np.testing.assert_allclose(slopes, [[p - 1.0, 0.0, 1.0 - p]], rtol=1e-5, atol=1e-7)
 
 
 def test_equations_of_a_subclass_are_its_own():
@@ -108,7 +73,7 @@ def test_equations_of_a_subclass_are_its_own():
         def action_error(self, *args):
             return 2.0 * super().action_error(*args)
 
-    batch = make_batch(BOX, 20)
+    batch = make_batch(20)
     plain, doubled = (make_icm(cls).differentiate(*batch) for cls in (ICM, Doubled))
     assert doubled["inverse_loss"] == pytest.approx(2.0 * plain["inverse_loss"], rel=1e-5)
 
@@ -117,43 +82,26 @@ def test_what_a_user_freezes_stays():
     icm = make_icm()
     icm.encoder.requires_grad_(False)
     before = icm.encoder[0].weight.clone()
-    icm.update(*make_batch(BOX, 20))
+    icm.update(*make_batch(20))
     assert th.equal(icm.encoder[0].weight, before)
-
-
-def test_a_network_of_a_users_own_is_used():
-    icm = make_icm()
-    icm.forward_model = th.nn.Sequential(th.nn.Linear(7, 4), th.nn.Tanh())
-    before, actions, after = make_batch(BOX, 20)
-    errors = icm.score(before.numpy(), actions.numpy(), after.numpy())
-    features, target = icm.encoder(icm.inputs(before)), icm.encoder(icm.inputs(after))
-    predicted = icm.forward_model(th.cat([features, actions / 2.0], dim=1))
-    expected = th.linalg.vector_norm(predicted - target, dim=1).detach().numpy()
-    np.testing.assert_allclose(errors, expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("n", "n_actions"), [(10, 7), (7, 10)])
 def test_as_many_actions_as_transitions_are_asked_for(n, n_actions):
-    icm, (before, _, after) = make_icm(), make_batch(BOX, n)
-    actions = make_batch(BOX, n_actions)[1]
+    icm, (before, _, after) = make_icm(), make_batch(n)
+    actions = make_batch(n_actions)[1]
     with pytest.raises(ValueError, match="`actions` must be as many"):
         icm.update(before, actions, after)
-    with pytest.raises(ValueError, match="`actions` must be as many"):
-        icm.score(before.numpy(), actions.numpy(), after.numpy())
-    with pytest.raises(ValueError, match="`actions` must be as many"):
-        icm.score_trajectory(before.numpy(), actions.numpy())
 
 
 def test_the_order_of_an_array_in_memory_does_not_matter():
-    icm, batch = make_icm(normalize=False), make_batch(BOX, 20)
+    icm, batch = make_icm(normalize=False), make_batch(20)
     other = [each.T.contiguous().T for each in batch]
     assert icm.differentiate(*batch) == icm.differentiate(*other)
-    scores = icm.score(*(each.numpy() for each in batch))
-    np.testing.assert_array_equal(scores, icm.score(*(each.numpy() for each in other)))
 
 
 def test_an_optimizer_of_a_users_own_gets_the_gradients():
-    icm, batch = make_icm(), make_batch(BOX, 20)
+    icm, batch = make_icm(), make_batch(20)
     NetworkBonus.differentiate(icm, *batch)
     expected = [each.grad.clone() for each in icm.parameters()]
     groups = [{"params": list(model.parameters())} for model in reversed(icm._models)]
@@ -161,3 +109,9 @@ def test_an_optimizer_of_a_users_own_gets_the_gradients():
     icm.differentiate(*batch)
     for parameter, slopes in zip(icm.parameters(), expected, strict=True):
         np.testing.assert_allclose(parameter.grad, slopes, rtol=1e-4, atol=1e-6)
+
+
+def test_what_is_compiled():
+    assert make_icm()._compiled() is not None
+    assert make_icm(type("Subclass", (ICM,), {}))._compiled() is None
+    assert make_icm(action_space=spaces.Discrete(3))._compiled() is None

@@ -52,7 +52,6 @@ def test_weights_are_the_generators():
     ("space", "message"),
     [
         (spaces.Discrete(3), "one-dimensional Box, or one of images"),
-        (spaces.Box(-1, 1, (3, 3)), "one-dimensional Box, or one of images"),
         (spaces.Box(0, 1, (3, 84, 84), np.float32), "one-dimensional Box, or one of images"),
         (spaces.Box(-1, 1, (0,)), "at least one entry"),
         (images(3, 35, 84), "images of 36 by 36 at least"),

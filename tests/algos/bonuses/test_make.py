@@ -130,6 +130,26 @@ def test_an_object_gives_each_transition_one_score():
         make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
 
 
+@pytest.mark.parametrize(
+    ("bonus", "name", "value"),
+    [
+        *[(bonus, "seed", "a") for bonus in BONUSES],
+        *[(bonus, "normalize", "no") for bonus in BONUSES],
+        ("icm", "device", "nope"),
+        ("rnd", "hidden", 0),
+    ],
+)
+def test_arguments_are_named(bonus, name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        BONUSES[bonus](*SPACES, **{"device": "cpu", name: value})
+
+
+@pytest.mark.parametrize("bonus_kwargs", [3, ["beta"], {"beta": 0.1, 3: 4}])
+def test_keywords_are_those_of_the_bonus(bonus_kwargs):
+    with pytest.raises(ValueError, match="`bonus_kwargs` must be"):
+        check_bonus_choice("icm", bonus_kwargs)
+
+
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
     with pytest.raises(ValueError, match="`bonus` must be one of apt, icm, rnd"):

@@ -134,14 +134,10 @@ class TestState:
         ("name", "value", "message"),
         [
             ("n_seen", 3, "another size"),
-            ("n_seen", 25.0, "another size"),
-            ("observations", th.zeros(10, 2), "other observations"),
             ("observations", th.zeros(10, 1, dtype=th.uint8), "other observations"),
             ("observations", th.full((10, 1), th.nan), "NaN"),
             ("features", th.zeros(10, 3), "other features"),
-            ("features", th.full((10, 2), th.inf), "NaN or inf"),
             ("is_current", th.zeros(9, dtype=th.bool), "other features"),
-            ("is_current", th.zeros(10), "damaged"),
             ("rng", None, "damaged"),
         ],
     )

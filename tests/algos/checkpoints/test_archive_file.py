@@ -201,7 +201,7 @@ class TestWrongFiles:
         with pytest.raises(FileNotFoundError):
             SparseGridArchive.load(tmp_path)
 
-    @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+    @pytest.mark.parametrize("share", [0.0, 0.5, 0.999])
     def test_a_truncated_one(self, path, share):
         content = path.read_bytes()
         path.write_bytes(content[: int(share * len(content))])
@@ -255,8 +255,6 @@ class TestWrongFiles:
         [
             None,
             "no JSON",
-            "[1, 2]",
-            '"text"',
             "{}",
             '{"format": "curiosity archive 1"}',
             '{"format": "curiosity archive 0", "archive": "SparseGridArchive", "settings": {}}',
@@ -351,39 +349,33 @@ class TestDamagedContent:
         with pytest.raises(ValueError, match=rf"^`path` must (hold|be) a .*{name}.*{message}"):
             type(archive).load(path)
 
-    @MAKERS
     @pytest.mark.parametrize(
-        "name", ["solution", "objective", "measures", "seed", "behavior", "solved", "index"]
-    )
-    @pytest.mark.parametrize(
-        "change",
+        ("name", "change"),
         [
-            lambda array: array[:-1],
-            lambda array: array[..., None],
-            lambda array: array.ravel()[0],
-            lambda array: array.astype(str),
-            lambda array: array.astype(complex),
-            lambda array: np.full_like(array, np.datetime64("now"), dtype="datetime64[s]"),
+            ("objective", lambda array: array[:-1]),
+            ("behavior", lambda array: array[..., None]),
+            ("index", lambda array: array[..., None]),
+            ("measures", lambda array: array.ravel()[0]),
+            ("solution", lambda array: array.astype(str)),
+            ("solved", lambda array: array.astype(str)),
+            ("measures", lambda array: array.astype(complex)),
+            ("seed", lambda array: np.full_like(array, np.datetime64("now"), "datetime64[s]")),
         ],
-        ids=["fewer", "deeper", "scalar", "text", "complex", "dates"],
+        ids=["fewer", "deeper", "deeper", "scalar", "text", "text", "complex", "dates"],
     )
-    def test_of_each_field(self, tmp_path, make, name, change):
-        if name == "solved" and change(np.ones((1, 1))).ndim > 2:
-            return  # a field of the user's own may have any shape
-
+    def test_of_a_field(self, tmp_path, name, change):
         def edit(settings, arrays):
             arrays[name] = change(arrays[name])
 
-        self.refuse(make, tmp_path / "elites.npz", edit, f"`({name}|objective|extra_fields)` must")
+        match = f"`({name}|objective|extra_fields)` must"
+        self.refuse(make_archive, tmp_path / "elites.npz", edit, match)
 
-    @MAKERS
-    @pytest.mark.parametrize("name", ["objective", "measures", "behavior"])
-    @pytest.mark.parametrize("value", [np.nan, np.inf])
-    def test_numbers_that_are_not_finite(self, tmp_path, make, name, value):
+    @pytest.mark.parametrize("name", ["solution", "objective", "measures", "behavior"])
+    def test_numbers_that_are_not_finite(self, tmp_path, name):
         def edit(settings, arrays):
-            arrays[name][3] = value
+            arrays[name][3] = np.nan
 
-        self.refuse(make, tmp_path / "elites.npz", edit, f"`{name}` must be finite")
+        self.refuse(make_archive, tmp_path / "elites.npz", edit, f"`{name}` must be finite")
 
     @MAKERS
     def test_a_cell_that_is_taken_twice(self, tmp_path, make):
@@ -393,12 +385,11 @@ class TestDamagedContent:
 
         self.refuse(make, tmp_path / "elites.npz", edit, "`index` must")
 
-    @MAKERS
-    def test_seeds_below_zero(self, tmp_path, make):
+    def test_seeds_below_zero(self, tmp_path):
         def edit(settings, arrays):
             arrays["seed"][0] = -1
 
-        self.refuse(make, tmp_path / "elites.npz", edit, "`seed` must be at least 0")
+        self.refuse(make_archive, tmp_path / "elites.npz", edit, "`seed` must be at least 0")
 
     @pytest.mark.parametrize("name", ["objective", "measures", "index"])
     def test_types_of_another_size(self, tmp_path, name):
@@ -407,10 +398,9 @@ class TestDamagedContent:
 
         self.refuse(make_archive, tmp_path / "elites.npz", edit, f"`{name}` must be of type")
 
-    @MAKERS
-    @pytest.mark.parametrize("whole", [None, [], "text", 3, {}, {"color": 1}, {"seed": 1}])
-    def test_other_settings(self, tmp_path, make, whole):
-        archive, path = make(12), tmp_path / "elites.npz"
+    @pytest.mark.parametrize("whole", [None, [], {}, {"seed": 1}])
+    def test_other_settings(self, tmp_path, whole):
+        archive, path = make_archive(12), tmp_path / "elites.npz"
         archive.save(path)
         about, arrays = read(path)
         write(path, about | {"settings": whole}, arrays)
@@ -418,13 +408,12 @@ class TestDamagedContent:
             type(archive).load(path)
 
     @MAKERS
-    @pytest.mark.parametrize("value", [None, "text", [], [1, [2]], {}, -1, 0.5, 1e999, [0.5, "a"]])
+    @pytest.mark.parametrize("value", ["text", [1, [2]], {}, -1, 1e999])
     def test_settings_of_another_kind(self, tmp_path, make, value):
         archive, path = make(12), tmp_path / "elites.npz"
         archive.save(path)
         about, arrays = read(path)
-        fine = {("net_arch", "None"), ("net_arch", "[]"), ("threshold", "0.5")}
-        fine |= {("qd_score_offset", "-1"), ("qd_score_offset", "0.5")}
+        fine = {("qd_score_offset", "-1")}
         for name in about["settings"]:
             if (name, str(value)) not in fine:
                 write(path, about | {"settings": about["settings"] | {name: value}}, arrays)
@@ -451,6 +440,17 @@ class TestDamagedContent:
             file.writestr("note", b"text")
         with pytest.raises(ValueError, match="is not a whole file of this package"):
             SparseGridArchive.load(tmp_path / "elites.npz")
+
+    def test_members_that_unpack_to_much_more_are_not_read(self, tmp_path, monkeypatch):
+        path = tmp_path / "elites.npz"
+        make_archive(5).save(path)
+        monkeypatch.setattr("curiosity_algos.checkpoints.archive_file.SMALL", 2**20)
+        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
+            content = io.BytesIO()
+            np.save(content, np.zeros(2**21))
+            file.writestr("bomb.npy", content.getvalue())
+        with pytest.raises(ValueError, match="is not a whole file of this package"):
+            SparseGridArchive.load(path)
 
     def test_arrays_too_large_for_any_memory(self, tmp_path):
         make_archive(5).save(tmp_path / "elites.npz")

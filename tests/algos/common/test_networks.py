@@ -4,7 +4,12 @@ import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
+from curiosity_algos.common.networks import (
+    RunningNormalizer,
+    mlp,
+    single_torch_thread,
+    torch_device,
+)
 
 
 @settings(deadline=None)
@@ -42,6 +47,15 @@ def test_many_are_observed_in_parts(monkeypatch):
     np.testing.assert_allclose(normalizer.variance, seen.var(0), rtol=1e-12)
 
 
+def test_no_rows_change_nothing():
+    normalizer = RunningNormalizer(2)
+    normalizer.observe(th.zeros(0, 2))
+    normalizer.observe(th.tensor([[1.0, 5.0], [3.0, 9.0]]))
+    normalizer.observe(th.zeros(0, 2))
+    assert normalizer.mean.tolist() == [2.0, 7.0]
+    assert normalizer.variance.tolist() == [1.0, 4.0]
+
+
 def test_nothing_changes_before_anything_was_observed():
     features = th.tensor([[1e3, -2.0]])
     assert th.equal(RunningNormalizer(2)(features), features)
@@ -76,6 +90,13 @@ def test_layers_have_relu_between_them_alone():
     kinds = [type(layer).__name__ for layer in network]
     assert kinds == ["Linear", "ReLU", "Linear"]
     assert (network(th.randn(50, 3)) < 0).any()
+
+
+@pytest.mark.parametrize("device", [3.5, "nope", None, th.float32])
+def test_a_device_is_one_of_torchs(device):
+    assert torch_device("cpu") == torch_device(th.device("cpu")) == th.device("cpu")
+    with pytest.raises(ValueError, match="`device` must be"):
+        torch_device(device)
 
 
 class TestSingleTorchThread:

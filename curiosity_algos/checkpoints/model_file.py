@@ -11,7 +11,7 @@ import pickle
 import zipfile
 from collections.abc import Iterable, Mapping, Set
 from inspect import isroutine
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 import cloudpickle
@@ -24,7 +24,7 @@ from stable_baselines3.common.utils import get_device, get_system_info
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
-from curiosity_algos.checkpoints.plain_files import check_plain, is_plain
+from curiosity_algos.checkpoints.plain_files import check_plain, is_plain, is_whole_zip
 from curiosity_algos.checkpoints.plain_json import decode, encode
 
 TRANSITIONS = {"buffer", "replay_buffer"}
@@ -44,6 +44,15 @@ _KINDS: dict[str, Any] = {
     "env": VecEnv | None,
 }
 """What SB3 takes attributes for before anything checks them; only those of None may be missing."""
+_PROGRESS: dict[str, Any] = {
+    "generation": Integral,
+    "_best_return": Real,
+    "_has_reward": bool,
+    "first_success_timesteps": Integral | None,
+    "_user_parts": dict,
+    "_lacks_transitions": bool,
+}
+"""What population algorithms go on from; those of Stable-Baselines3 have less of it."""
 
 
 def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
@@ -77,7 +86,9 @@ def save_model(
         ValueError: If the state of a part could not be read back; an older file is then as it was.
     """
     exclude, include = set(exclude or ()), set(include or ())
-    parameters = _parameters(model, exclude)
+    parameters = _parameters(model)
+    if exclude & TRANSITIONS and _drop_transitions(parameters):
+        extra["_lacks_transitions"] = True
     parts = {name.partition(".")[0] for name in parameters}
     left_out = (exclude | set(model._excluded_save_params()) | parts) - include
     data = {key: value for key, value in model.__dict__.items() if key not in left_out}
@@ -92,17 +103,21 @@ def save_model(
         save_to_zip_file(file, data=data, params=parameters)
 
 
-def _parameters(model: BaseAlgorithm, exclude: Set[str]) -> dict[str, Any]:
+def _parameters(model: BaseAlgorithm) -> dict[str, Any]:
     """The states of the model's parts, as the file holds them."""
     parameters = model.get_parameters()
     for name, state in parameters.items():
         check_plain(state, _owner(model, name, state))
-    if exclude & TRANSITIONS:
-        for state in parameters.values():
-            # A user's bonus may have a tensor of that name.
-            if isinstance(state.get("buffer"), dict):
-                del state["buffer"]
     return parameters
+
+
+def _drop_transitions(parameters: Mapping[str, Any]) -> bool:
+    """Leave out what parts have collected; whether there was any."""
+    # A user's bonus may have a tensor of that name.
+    holders = [each for each in parameters.values() if isinstance(each.get("buffer"), dict)]
+    for state in holders:
+        del state["buffer"]
+    return bool(holders)
 
 
 def _owner(model: BaseAlgorithm, name: str, state: Any) -> str:
@@ -130,21 +145,27 @@ def read_attributes(
     algorithm: str,
     given: Mapping[str, Any],
     *,
+    fixed: Set[str],
     allow_pickle: bool,
 ) -> dict[str, Any]:
-    """What a file says about a model's attributes, read without running code.
+    """A model's attributes in a file, read without running code.
 
     Args:
         file: What `check_is_checkpoint` gave.
         algorithm: As `check_is_checkpoint` was given it.
         given: Attributes to take in place of those in the file.
+        fixed: Names that may be given only where the file cannot be read without running code.
         allow_pickle: Leave out what only cloudpickle can read, in place of an error.
 
     Raises:
-        ValueError: If the file needs cloudpickle, or its attributes are damaged.
+        ValueError: If the file needs cloudpickle, or its attributes are damaged; if a fixed one is
+            given.
     """
     data = _read_data(file)
-    pickled = _pickled_names(data) - given.keys()
+    pickled = {name for name, value in data.items() if _is_pickled(value)}
+    for name in sorted(fixed & given.keys() - pickled):
+        raise ValueError(f"`{name}` must be left as it was saved: make a new {algorithm}.")
+    pickled -= given.keys()
     if pickled and not allow_pickle:
         names = " and ".join(f"`{_argument(name)}`" for name in sorted(pickled))
         raise ValueError(
@@ -158,13 +179,8 @@ def read_attributes(
     return {**read, **{name: value for name, value in given.items() if name in data}}
 
 
-def pickled_attributes(file: pathlib.Path | io.BufferedIOBase) -> set[str]:
-    """Names of the attributes that only cloudpickle can read."""
-    return _pickled_names(_read_data(file))
-
-
-def _pickled_names(data: Mapping[str, Any]) -> set[str]:
-    return {name for name, value in data.items() if isinstance(value, dict) and _PICKLED in value}
+def _is_pickled(value: Any) -> bool:
+    return isinstance(value, dict) and _PICKLED in value
 
 
 def _argument(attribute: str) -> str:
@@ -217,7 +233,9 @@ def read_model(
 def _is_sound(data: Mapping[str, Any]) -> bool:
     """Whether a model can be made of these attributes, and none hides a method."""
     is_hidden = any(isroutine(getattr(BaseAlgorithm, name, None)) for name in data)
-    return not is_hidden and all(isinstance(data.get(name), _KINDS[name]) for name in _KINDS)
+    known = [(data.get(name), kind) for name, kind in _KINDS.items()]
+    known += [(data[name], kind) for name, kind in _PROGRESS.items() if name in data]
+    return not is_hidden and all(isinstance(value, kind) for value, kind in known)
 
 
 def check_is_checkpoint(
@@ -252,9 +270,8 @@ def check_is_checkpoint(
 def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
     """Name of the class that the file holds, or None where it is damaged or foreign."""
     try:
-        with zipfile.ZipFile(file) as archive:
-            if archive.testzip() is not None:
-                return None
+        if not is_whole_zip(file):
+            return None
         name = _read_data(file).get(_ALGORITHM)
     except Exception:  # whatever zipfile and json raise of what is damaged
         return None

@@ -1,14 +1,20 @@
-"""Which attributes of a model a resumed run needs: they are found, so that none is forgotten."""
+"""The parts of a model: found, so that a file forgets none, and put into a model made anew."""
 
 from __future__ import annotations
 
 import inspect
+from typing import Any, TypeVar
 
 import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.type_aliases import TensorDict
+from stable_baselines3.common.utils import check_for_correct_spaces
+
+_Model = TypeVar("_Model", bound=BaseAlgorithm)
 
 _NO_PARTS = ("env", "evaluator", "_evaluator_choice")
-"""What no file holds, even where it has a state."""
+"""Attributes that no file holds, even where they have a state."""
 
 
 def stateful_parts(model: BaseAlgorithm) -> list[str]:
@@ -19,10 +25,16 @@ def stateful_parts(model: BaseAlgorithm) -> list[str]:
     state of that part has the argument's.
     """
     parts = {name: part for name, part in vars(model).items() if _is_part(model, name)}
-    arguments = inspect.signature(type(model)).parameters
+    arguments = _arguments(type(model))
     own = [part for name, part in parts.items() if name not in arguments]
     held = {id(each) for part in own for each in (part, *getattr(part, "__dict__", {}).values())}
     return [name for name, part in parts.items() if name not in arguments or id(part) not in held]
+
+
+def _arguments(cls: type) -> set[str]:
+    """Names that the constructor takes, or passes on to those of its bases."""
+    constructors = [vars(each)["__init__"] for each in cls.__mro__ if "__init__" in vars(each)]
+    return {name for each in constructors for name in inspect.signature(each).parameters}
 
 
 def _is_part(model: BaseAlgorithm, name: str) -> bool:
@@ -33,3 +45,67 @@ def _is_part(model: BaseAlgorithm, name: str) -> bool:
     if is_network and part in set(model.policy.modules()):
         return False
     return all(hasattr(part, method) for method in ("state_dict", "load_state_dict"))
+
+
+def read_parts(
+    model: BaseAlgorithm, source: str | TensorDict, exact_match: bool, device: th.device | str
+) -> TensorDict:
+    """States for `set_parameters`, in a dictionary or a file, whose names the model knows.
+
+    Raises:
+        ValueError: If the model has no part of a name, or, with `exact_match`, one is missing.
+    """
+    if isinstance(source, dict):
+        parameters: TensorDict = source
+    else:
+        parameters = load_from_zip_file(source, device=device, load_data=False)[1]
+    given, expected = set(parameters), set(model._get_torch_save_params()[0])
+    wrong = {"missing": expected - given if exact_match else set(), "unknown": given - expected}
+    if any(wrong.values()):
+        found = "; ".join(
+            f"{kind}: {' and '.join(f'`{name}`' for name in sorted(names))}"
+            for kind, names in wrong.items()
+            if names
+        )
+        raise ValueError(f"Names of parameters do not match the model's parts, {found}.")
+    return parameters
+
+
+def build_model(
+    cls: type[_Model],
+    data: dict[str, Any],
+    parameters: TensorDict,
+    env: Any,
+    device: th.device | str,
+    force_reset: bool,
+) -> _Model:
+    """Make the model that `read_model` read, as SB3's `load` does.
+
+    Args:
+        cls: The model's class.
+        data: Its attributes; those of the env are replaced.
+        parameters: The states of its parts.
+        env: The environment to learn in, or None.
+        device: As in the constructor.
+        force_reset: As in SB3.
+
+    Raises:
+        ValueError: If the env has other spaces, or the states do not fit the model.
+        RuntimeError: If those of networks do not fit.
+    """
+    if env is not None:
+        env = cls._wrap_env(env, data["verbose"])
+        check_for_correct_spaces(env, data["observation_space"], data["action_space"])
+        data["n_envs"] = env.num_envs
+        data |= {"_last_obs": None} if force_reset else {}
+    else:
+        env = data.get("env")  # a user may have included it
+    later: dict[str, Any] = {"_init_setup_model": False}  # which SB3's base does not declare
+    model = cls(policy=data["policy_class"], env=env, device=device, **later)
+    vars(model).update(data)
+    model._setup_model()
+    try:
+        model.set_parameters(parameters, exact_match=True, device=device)
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        raise ValueError(f"`path` must be a saved {cls.__name__}: {error}") from error
+    return model

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pickle
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import torch as th
@@ -85,12 +86,33 @@ def read_plain(path: str | os.PathLike[str], kind: str, *, what: str) -> dict[st
     """
     if not Path(path).is_file():
         raise FileNotFoundError(f"`path` must be a saved {what}, there is no file {path}.")
-    try:
-        with zipfile.ZipFile(path) as file:  # torch's unpickler may fail at anything else
-            is_whole = file.testzip() is None
+    try:  # torch's unpickler may fail at anything that is no whole zip
+        is_whole = is_whole_zip(path)
         saved = th.load(path, map_location="cpu", weights_only=True) if is_whole else None
     except (zipfile.BadZipFile, OSError, RuntimeError, pickle.UnpicklingError):
         saved = None
     if not isinstance(saved, dict) or saved.get("format") != kind:
         raise ValueError(f"`path` must be a saved {what}, {path} is not a whole one.")
     return saved
+
+
+def is_whole_zip(file: str | os.PathLike[str] | IO[bytes] | io.BufferedIOBase) -> bool:
+    """Whether a zip, and each file of tensors in it, has all that it says, and no more than it is.
+
+    Members are stored as they are: what unpacks to more than the file's own size is refused before
+    it is read.
+
+    Raises:
+        zipfile.BadZipFile: If it is no zip at all.
+    """
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        assert archive.fp is not None
+        size = archive.fp.seek(0, io.SEEK_END)
+        is_stored = all(member.compress_type == zipfile.ZIP_STORED for member in members)
+        if not is_stored or sum(member.file_size for member in members) > size:
+            return False
+        if archive.testzip() is not None:
+            return False
+        inner = [archive.open(name) for name in archive.namelist() if name.endswith(".pth")]
+        return all(map(is_whole_zip, filter(zipfile.is_zipfile, inner)))

@@ -15,6 +15,8 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.common.sole_learner import sole_learner
+
 _NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType, type)
 """What a part may refer to, but whose generators are not its own."""
 _GLOBAL: tuple[object, ...] = (np.random.random.__self__, random.random.__self__)  # type: ignore[attr-defined]
@@ -138,7 +140,8 @@ class GlobalGenerators:
     """torch's and numpy's global generators, as one run of Stable-Baselines3 sees them.
 
     A run that draws within `lent` goes on from where it left them, whatever others drew from them
-    in the meantime, and leaves them as it found them. Two at once in threads would mix their draws.
+    in the meantime, and leaves them as it found them. Threads would mix their draws: they are lent
+    to one alone.
 
     Args:
         seed: Where the run's draws begin.
@@ -165,16 +168,21 @@ class GlobalGenerators:
 
     @contextmanager
     def lent(self) -> Iterator[None]:
-        """Bring the global generators to the run's states until the block ends."""
-        outside = self._capture()
-        self._restore(self._own)
-        self._is_lent = True
-        try:
-            yield
-        finally:
-            self._own = self._capture()
-            self._is_lent = False
-            self._restore(outside)
+        """Bring the global generators to the run's states until the block ends.
+
+        Raises:
+            RuntimeError: If a model learns in another thread.
+        """
+        with sole_learner():
+            outside = self._capture()
+            self._restore(self._own)
+            self._is_lent = True
+            try:
+                yield
+            finally:
+                self._own = self._capture()
+                self._is_lent = False
+                self._restore(outside)
 
     def state_dict(self) -> dict[str, Any]:
         """The states that the run's next draw begins from."""

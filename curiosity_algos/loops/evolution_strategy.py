@@ -169,7 +169,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
                 f"of shape {np.shape(search.center)}."
             )
         check_plain(search.state_dict(), "search")
-        self._check_given("search", [] if self.search is None else [type(search).__name__])
+        self._check_user_parts("search", [] if self.search is None else [type(search).__name__])
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "search"]  # passed again

@@ -2,45 +2,32 @@
 
 from __future__ import annotations
 
-import io
-import os
 import time
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorDict
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.model_file import (
-    check_is_checkpoint,
-    pickled_attributes,
-    read_attributes,
-    read_model,
-    save_model,
-)
-from curiosity_algos.checkpoints.parts import stateful_parts
-from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_parameters
 from curiosity_algos.common.interrupt import deferred_interrupt
-from curiosity_algos.common.randomness import AnyGenerator, EpisodeSeeds, reseed
+from curiosity_algos.common.randomness import EpisodeSeeds
 from curiosity_algos.evaluation.arguments import (
     check_common,
     check_learning,
     check_order,
     open_env,
     use_python_numbers,
-    wrap_env,
 )
 from curiosity_algos.evaluation.blocks import play
-from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
+from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
@@ -52,11 +39,9 @@ from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
 from curiosity_algos.loops.generation import as_step
+from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
-from curiosity_gym.validation import check_at_least_one, check_choice, check_seed
-
-_BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivation"}
-"""Names of parts that do not say where a search stands."""
+from curiosity_gym.validation import check_at_least_one, check_choice
 
 
 class AlgorithmKeywords(TypedDict, total=False):
@@ -72,7 +57,7 @@ class AlgorithmKeywords(TypedDict, total=False):
     _init_setup_model: bool
 
 
-class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
+class EvolutionaryAlgorithm(FromPreset, PopulationModel):
     """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
 
     A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is
@@ -112,8 +97,6 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
     """
 
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": MlpPolicy}
-    policy: MlpPolicy
-    evaluator: Evaluator | None
 
     def __init__(
         self,
@@ -148,15 +131,14 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
             seed=seed,
         )
         self._evaluator_choice = evaluator
-        self._given: dict[str, list[str]] = {}
+        self._user_parts: dict[str, list[str]] = {}
         self.n_threads = n_threads
         self.generation = 0
         self._best_return: float
         self.first_success_timesteps: int | None
         self._best_parameters: Float32Array | None
         self._forget_best()
-        self._coverage_grid = None if self.env is None else coverage_grid(self.env)
-        self._behavior_space = None if self.env is None else behavior_space(self.env)
+        self._see_env(self.env)
         if _init_setup_model:
             self._setup_model()
 
@@ -185,14 +167,6 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         """
         return None
 
-    def _begin_at(self, parameters: Float32Array) -> None:
-        """Search on from these parameters, shape (n_parameters,), where an algorithm can.
-
-        Raises:
-            ValueError: If it cannot; nothing has changed then.
-        """
-        raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
-
     # -- the model ------------------------------------------------------------------------------
 
     def _check_settings(self) -> None:
@@ -215,31 +189,14 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         self._make_search(search_seed)
         self.evaluator = None
         if self.env is not None:
-            self.evaluator = self._choose_evaluator(self.env, self._evaluator_choice)
+            choice = self._evaluator_choice
+            self._take_evaluator(choice, self._choose_evaluator(self.env, choice))
         self._show_best()
-
-    def _check_given(self, name: str, kinds: list[str]) -> None:
-        """Check parts of the user's own, which no file holds: `load` is to be given them again.
-
-        Args:
-            name: Of the argument.
-            kinds: What tells such parts apart; empty: none was given.
-
-        Raises:
-            ValueError: If the model that was saved had others.
-        """
-        expected = self._given.setdefault(name, kinds)
-        if kinds != expected:
-            raise ValueError(
-                f"`{name}` must be passed to `load` as it was to the saved model: "
-                f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
-            )
 
     def _choose_evaluator(self, env: VecEnv, choice: Evaluator | str) -> Evaluator:
         """The evaluator of populations on `env`: the user's own, or the fastest that fits."""
         if isinstance(choice, str):
             check_choice(("auto", "ray"), evaluator=choice)
-            self._given["evaluator"] = []
             if choice == "ray":
                 from curiosity_algos.evaluation.ray import RayEvaluator  # few have it
 
@@ -251,33 +208,11 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
                 '`evaluator` must be "auto", "ray" or an Evaluator of the policy\'s '
                 f"{wanted} parameters, got {choice!r} of {own}."
             )
-        self._given["evaluator"] = [type(choice).__name__]
         return choice
 
-    def set_random_seed(self, seed: int | None = None) -> None:
-        """Begin every random draw of the run anew: search, motivation, archive and episodes.
-
-        Unlike in SB3 the global generators of the process stay as they are.
-
-        Args:
-            seed: None: nothing is seeded.
-
-        Raises:
-            ValueError: If it is no whole number of at least 0.
-        """
-        check_seed(seed)
-        if seed is None:
-            return
-        parts = [getattr(self, name) for name in self._get_torch_save_params()[0]]
-        parts += [each for each in vars(self).values() if isinstance(each, AnyGenerator)]
-        reseed(parts, np.random.SeedSequence(seed))
-        self.action_space.seed(int(seed))
-        if self.env is not None:
-            self.env.seed(int(seed))
-
-    @staticmethod
-    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        return wrap_env(env, verbose, monitor_wrapper)
+    def _take_evaluator(self, choice: Evaluator | str, chosen: Evaluator) -> None:
+        self._evaluator_choice, self.evaluator = choice, chosen
+        self._user_parts["evaluator"] = [] if isinstance(choice, str) else [type(choice).__name__]
 
     def set_env(
         self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None
@@ -308,23 +243,20 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         chosen = self._choose_evaluator(wrapped, choice)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
-        self._evaluator_choice, self.evaluator = choice, chosen
-        self._match_env(wrapped)
-
-    def _counts_others(self, env: VecEnv) -> bool:
-        """Whether behaviors in `env`, or the cells that coverage counts, are others than here."""
-        grid, space = coverage_grid(env), behavior_space(env)
-        return grid != self._coverage_grid or space != self._behavior_space
+        self._take_evaluator(choice, chosen)
 
     def _match_env(self, env: VecEnv) -> None:
-        """Count in the grid of `env`; in another one, forget what was found before."""
         self._check_behaviors(behavior_space(env))
-        if self._counts_others(env):
-            self._coverage_grid, self._behavior_space = coverage_grid(env), behavior_space(env)
-            self._coverage = Coverage(self._coverage_grid)
-            self._forget_best()
-            self._forget_behaviors()
-            self._show_best()
+        super()._match_env(env)
+
+    def _counted(self) -> Coverage:
+        return self._coverage
+
+    def _forget_found(self) -> None:
+        self._coverage = Coverage(self._coverage_grid)
+        self._forget_best()
+        self._forget_behaviors()
+        self._show_best()
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         """Raise ValueError where the algorithm has no use for such behaviors of an env."""
@@ -337,19 +269,6 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         self.first_success_timesteps = None
         self._best_parameters = None
         self._has_reward = False
-
-    @property
-    def coverage(self) -> float | None:
-        """Share of the reachable cells in which episodes ended; None: nothing to count.
-
-        `coverage_shares["visited"]` is that of the cells in which any step ended.
-        """
-        return self._coverage.reachable
-
-    @property
-    def coverage_shares(self) -> dict[str, float]:
-        """Every share that is logged under `coverage/`, by its name there."""
-        return self._coverage.shares
 
     @property
     def best_return(self) -> float:
@@ -393,22 +312,24 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         Raises:
             ValueError: If the budget is negative or not finite, `log_interval` is below 1,
                 `callback` is none, or no env is set.
+            RuntimeError: If a model learns in another thread.
         """
         check_learning(self.env, total_timesteps, log_interval, callback)
         name = tb_log_name or type(self).__name__
-        total, callback = self._setup_learn(
-            int(total_timesteps), callback, reset_num_timesteps, name, progress_bar=False
-        )
-        if progress_bar:
-            callback = CallbackList([callback, ProgressBar()])
-            callback.init_callback(self)
-        arguments = {"log_interval": log_interval, "tb_log_name": name}
-        callback.on_training_start({"self": self, "total_timesteps": total, **arguments}, {})
-        goes_on = self.num_timesteps < total
-        while goes_on:
-            with deferred_interrupt("the generation"):
-                goes_on = self._learn_generation(callback, total, log_interval)
-        callback.on_training_end()
+        with self._learning():
+            total, callback = self._setup_learn(
+                int(total_timesteps), callback, reset_num_timesteps, name, progress_bar=False
+            )
+            if progress_bar:
+                callback = CallbackList([callback, ProgressBar()])
+                callback.init_callback(self)
+            arguments = {"log_interval": log_interval, "tb_log_name": name}
+            callback.on_training_start({"self": self, "total_timesteps": total, **arguments}, {})
+            goes_on = self.num_timesteps < total
+            while goes_on:
+                with deferred_interrupt("the generation"):
+                    goes_on = self._learn_generation(callback, total, log_interval)
+            callback.on_training_end()
         return self
 
     def _learn_generation(
@@ -507,180 +428,3 @@ class EvolutionaryAlgorithm(FromPreset, BaseAlgorithm):
         for key, value in values.items():
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)
-
-    def set_parameters(
-        self,
-        load_path_or_dict: str | TensorDict,
-        exact_match: bool = True,
-        device: th.device | str = "auto",
-    ) -> None:
-        """Take over parameters, the state of the search with them.
-
-        Given a policy without the state of a search, with `exact_match=False`, the search goes on
-        from that policy: an evolution strategy's center moves there, an archive that is still empty
-        is filled from there. The best policy found so far is kept.
-
-        Args:
-            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
-            exact_match: Whether all parts must be there.
-            device: As in SB3.
-
-        Raises:
-            ValueError: If parts are missing, or unknown; if the policy has another number of
-                parameters, or they are not finite; if it is given without a search that has no use
-                for it: archives have parents of their own once they hold elites. Nothing has
-                changed then.
-        """
-        parameters = read_parameters(load_path_or_dict, device)
-        check_names(parameters, self._get_torch_save_params()[0], exact_match=exact_match)
-        if "policy" in parameters:
-            flat = self._checked(parameters["policy"])
-            if parameters.keys() <= _BESIDE_THE_SEARCH and not exact_match:
-                self._begin_at(flat)
-        super().set_parameters(parameters, exact_match, device)
-
-    def _checked(self, state: Any) -> Float32Array:
-        """The parameters in the state of a policy, shape (n_parameters,).
-
-        Raises:
-            ValueError: If there are others, or they are NaN or infinite.
-        """
-        flat, n_parameters = state.get("flat"), self.policy.mlp.n_parameters
-        if np.shape(flat) != (n_parameters,):  # None has a shape, ()
-            raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")
-        checked = th.as_tensor(flat).cpu().numpy().astype(np.float32)  # a copy
-        if not np.isfinite(checked).all():
-            raise ValueError("`policy` must have finite parameters.")
-        return checked
-
-    # -- save and load --------------------------------------------------------------------------
-
-    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        # What is not named here, `load` would leave as it was made anew.
-        return ["policy", *stateful_parts(self)], []
-
-    def _excluded_save_params(self) -> list[str]:
-        # A generation begins episodes and log anew: what was seen last is of no use.
-        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts"]
-        seen += ["_generation_values", "_intrinsic"]
-        return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
-
-    def save(
-        self,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        exclude: Iterable[str] | None = None,
-        include: Iterable[str] | None = None,
-    ) -> None:
-        """Save everything that a run needs to go on bit for bit.
-
-        The file takes the place of an older one only once it is wholly on disk. Settings are JSON
-        and arrays; objects of your own, such as a policy's class, are written with cloudpickle.
-
-        Args:
-            path: Of the file; `.zip` is added where it has no suffix.
-            exclude: Names to leave out; "buffer" leaves out the bonus' transitions.
-            include: Names to save although they are left out by default.
-
-        Raises:
-            OSError: If it cannot be written; an older file is then as it was.
-        """
-        aliases = {policy: name for name, policy in self.policy_aliases.items()}
-        policy = aliases.get(self.policy_class, self.policy_class)
-        save_model(self, path, exclude, include, plain=True, policy_class=policy)
-
-    @classmethod
-    def load(
-        cls,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        env: AnyEnv | None = None,
-        device: th.device | str = "auto",
-        custom_objects: dict[str, Any] | None = None,
-        print_system_info: bool = False,
-        force_reset: bool = True,
-        *,
-        allow_pickle: bool = False,
-        **kwargs: Any,
-    ) -> Self:
-        """Load a model, without running code that the file holds.
-
-        Args:
-            path: Of the file; `.zip` may be left out.
-            env: As in the constructor; None: the model can predict, and learn after `set_env`.
-            device: As in the constructor.
-            custom_objects: By name, what to take in place of the attributes in the file.
-            print_system_info: As in SB3.
-            force_reset: As in SB3.
-            allow_pickle: Also read objects of classes that are not of this package, which can run
-                any code: only for files that you trust.
-            **kwargs: Other names replace the model's attributes, objects that the file could only
-                hold with cloudpickle among them (`policy=MyPolicy`, `bonus=my_bonus`), and
-                `evaluator`, which no file holds. `seed` begins every random draw anew, see
-                `set_random_seed`; without it they go on.
-
-        Raises:
-            FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if it holds objects
-                that are not given here; if a keyword would replace a setting that what is in the
-                file was made with.
-            RuntimeError: If a `bonus` given here is made in another way than the one saved.
-        """
-        name = cls.__name__
-        file = check_is_checkpoint(path, name)
-        env = open_env(env)
-        # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
-        custom = {k: v for k, v in (custom_objects or {}).items() if k != "learning_rate"}
-        if "policy" in kwargs:
-            custom["policy_class"] = kwargs.pop("policy")
-        if "evaluator" in kwargs:
-            kwargs["_evaluator_choice"] = kwargs.pop("evaluator")
-        given = custom | kwargs
-        check_seed(given.get("seed"))
-        for fixed in sorted(cls._fixed_settings() & given.keys() - pickled_attributes(file)):
-            raise ValueError(f"`{fixed}` must be left as it was saved: make a new {name}.")
-        attributes = read_attributes(file, name, given, allow_pickle=allow_pickle)
-        if isinstance(attributes.get("policy_class"), str):
-            attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
-        data, parameters = read_model(file, name, device, attributes, print_system_info)
-        data |= kwargs
-        given_parts = data.get("_given")
-        if not isinstance(given_parts, dict):
-            raise ValueError(f"`path` must be a saved {name}, {file} is damaged.")
-        if env is not None and given_parts.get("evaluator") and "_evaluator_choice" not in data:
-            raise ValueError(
-                '`evaluator` must be given to `load`, or "auto": the saved model had one, '
-                f"{given_parts['evaluator'][0]}."
-            )
-        model = build_model(cls, data, parameters, env, device, force_reset)
-        model._go_on(data)
-        model.set_random_seed(given.get("seed"))
-        return model
-
-    def _go_on(self, read: Mapping[str, Any]) -> None:
-        """Take over from what a file said what `_setup_model` has begun anew."""
-        self._put_back(read)
-        best = self._best_parameters
-        if best is not None and np.shape(best) != self.policy.vector.shape:
-            raise ValueError(f"`path` must be a saved {type(self).__name__}, it is damaged.")
-        if self.env is not None:
-            self._match_env(self.env)
-        self._show_best()
-
-    def _put_back(self, read: Mapping[str, Any]) -> None:
-        """Set the plain values that `_setup_model` has begun anew to those that were `read`."""
-        parts = {name.partition(".")[0] for name in self._get_torch_save_params()[0]}
-        for name in read.keys() - parts - set(self._excluded_save_params()):
-            current, value = vars(self).get(name), read[name]
-            if isinstance(current, np.random.Generator) and isinstance(value, np.random.Generator):
-                current.bit_generator.state = value.bit_generator.state  # parts may draw from it
-            else:
-                vars(self)[name] = value
-
-    @classmethod
-    def _policy_of(cls, alias: str) -> type[BasePolicy]:
-        check_choice(tuple(cls.policy_aliases), policy=alias)
-        return cls.policy_aliases[alias]
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        """Settings that `load` cannot replace."""
-        return {"preset"}

@@ -204,7 +204,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         start_seed, archive_seed, emitter_seed = seed.spawn(3)
         start = np.random.default_rng(start_seed)
         x0 = INITIAL_DEVIATION * start.standard_normal(self.policy.mlp.n_parameters)
-        self._check_given("archive", _kinds(self._own_archive))
+        self._check_user_parts("archive", _kinds(self._own_archive))
         if self._own_archive is None:
             self.archive = self._make_archive(archive_seed)
         else:
@@ -226,10 +226,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
     def _make_emitters(self, x0: Float32Array, seed: int) -> Emitters:
         """The algorithm's own emitter, or those of the user's function."""
         if self.emitters is None:
-            self._check_given("emitters", [])
+            self._check_user_parts("emitters", [])
             return Emitters([self._make_emitter(x0, seed)], self.archive, x0)
         emitters = Emitters(self.emitters(self.archive, x0, seed), self.archive, x0)
-        self._check_given("emitters", _kinds(*emitters.emitters))
+        self._check_user_parts("emitters", _kinds(*emitters.emitters))
         emitters.state_dict()  # raises where no checkpoint could hold them
         if self.population_size not in (POPULATION_SIZE, emitters.batch_size):
             raise ValueError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import io
-import math
 import os
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -13,7 +12,6 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 import torch as th
-from gymnasium import spaces
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
@@ -21,13 +19,10 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import (
-    GymEnv,
     MaybeCallback,
     RolloutReturn,
     Schedule,
-    TensorDict,
     TrainFreq,
-    TrainFrequencyUnit,
 )
 from stable_baselines3.common.utils import should_collect_more_steps
 from stable_baselines3.common.vec_env import VecEnv
@@ -38,63 +33,34 @@ from curiosity_algos.checkpoints.environment_state import (
     environment_states,
     load_environment_states,
 )
-from curiosity_algos.checkpoints.model_file import (
-    TRANSITIONS,
-    check_is_checkpoint,
-    read_model,
-    save_model,
-)
-from curiosity_algos.checkpoints.parts import stateful_parts
-from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_parameters
+from curiosity_algos.checkpoints.model_file import TRANSITIONS, save_model
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator, reseed
+from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
 from curiosity_algos.evaluation.arguments import (
     check_common,
     check_learning,
     check_order,
     open_env,
     use_python_numbers,
-    wrap_env,
 )
-from curiosity_algos.evaluation.coverage import coverage_grid
-from curiosity_algos.evaluation.environments import describe, step_limit
+from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.from_preset import FromPreset
-from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+from curiosity_algos.sb3.action_noise import GaussianActionNoise
+from curiosity_algos.sb3.resumable import Resumable
+from curiosity_algos.sb3.td3_envs import check_env, check_length, longest_episode
 from curiosity_gym.validation import (
     LARGEST_COUNT,
     check_at_least_one,
     check_not_negative,
-    check_seed,
     check_share,
     check_whole,
 )
 
-NOISE = 0.1
-"""Standard deviation of the action noise, in halves of the action space."""
 
-
-class GaussianActionNoise(ActionNoise):
-    """Independent normal noise from a generator of its own.
-
-    Args:
-        n_actions: Entries of an action.
-        seed: Of the draws.
-    """
-
-    def __init__(self, n_actions: int, seed: np.random.SeedSequence) -> None:
-        super().__init__()
-        self._n_actions = n_actions
-        self._rng = np.random.default_rng(seed)
-
-    def __call__(self) -> npt.NDArray[np.float32]:
-        """The noise of one step."""
-        return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)
-
-
-class ResumableTD3(FromPreset, TD3):
+class ResumableTD3(FromPreset, Resumable, TD3):
     """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
 
     A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout
@@ -162,7 +128,7 @@ class ResumableTD3(FromPreset, TD3):
         check_common(seed, device, verbose)
         env = open_env(env)
         if env is not None or _init_setup_model:
-            _check_env(env)
+            check_env(env)
         super().__init__(
             policy,
             env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
@@ -189,7 +155,7 @@ class ResumableTD3(FromPreset, TD3):
         self._n_steps = self._n_episodes = 0  # of the rollout under way
         self._is_seen = False
         self._interrupted: dict[str, Any] | None = None
-        self._coverage_grid = None if self.env is None else coverage_grid(self.env)
+        self._see_env(self.env)
         if _init_setup_model:
             self._setup_model()
 
@@ -235,70 +201,26 @@ class ResumableTD3(FromPreset, TD3):
             check_at_least_one(gradient_steps=self.gradient_steps)
 
     def set_random_seed(self, seed: int | None = None) -> None:
-        """Seed the run's generators, those of noise, bonus and replay buffer, env and actions.
+        """Begin every random draw of the run anew, see `Resumable.set_random_seed`."""
+        super().set_random_seed(seed)
+        if seed is not None:
+            self._generators.seed(np.random.SeedSequence(seed))
 
-        Unlike in SB3 the global generators of the process stay as they are.
+    def _random_parts(self) -> list[object]:
+        # SB3 seeds before it makes a policy: the parts are new then.
+        return [self.action_noise, *super()._random_parts()] if hasattr(self, "policy") else []
 
-        Args:
-            seed: None: nothing is seeded.
+    @classmethod
+    def _open_env(cls, env: Any) -> Any:
+        env = super()._open_env(env)
+        check_env(env)
+        return env
 
-        Raises:
-            ValueError: If it is no whole number of at least 0.
-        """
-        check_seed(seed)
-        if seed is None:
-            return
-        self._generators.seed(np.random.SeedSequence(seed))
-        if hasattr(self, "policy"):  # SB3 calls this before it makes one: the parts are new then
-            names = [name.partition(".")[0] for name in self._get_torch_save_params()[0]]
-            parts = [self.action_noise, *(getattr(self, name) for name in names)]
-            reseed(parts, np.random.SeedSequence(seed))
-        self.action_space.seed(int(seed))
-        if self.env is not None:
-            self.env.seed(int(seed))
+    def _counted(self) -> Coverage:
+        return self._record.coverage
 
-    @staticmethod
-    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        return wrap_env(env, verbose, monitor_wrapper)
-
-    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
-        """Train on another environment with the same spaces.
-
-        Where coverage counts other cells than before, as in another maze, coverage, the best return
-        and the first success start anew; networks and replay buffer go on.
-
-        Args:
-            env: As in the constructor.
-            force_reset: As in SB3.
-
-        Raises:
-            ValueError: If the spaces are others, or the env is not supported.
-        """
-        env = open_env(env)
-        _check_env(env)
-        super().set_env(env, force_reset)
-        self._match_env()
-
-    def _match_env(self) -> None:
-        """Count in the grid of the env; in another one, forget what was found before."""
-        assert self.env is not None
-        grid = coverage_grid(self.env)
-        if grid != self._coverage_grid:
-            self._coverage_grid = grid
-            self._record = EpisodeRecord(grid)
-
-    @property
-    def coverage(self) -> float | None:
-        """Share of the reachable cells in which episodes ended; None: nothing to count.
-
-        `coverage_shares["visited"]` is that of the cells in which any step ended.
-        """
-        return self._record.coverage.reachable
-
-    @property
-    def coverage_shares(self) -> dict[str, float]:
-        """Every share that is logged under `coverage/`, by its name there."""
-        return self._record.coverage.shares
+    def _forget_found(self) -> None:
+        self._record = EpisodeRecord(self._coverage_grid)
 
     @property
     def best_return(self) -> float:
@@ -338,10 +260,11 @@ class ResumableTD3(FromPreset, TD3):
         Raises:
             ValueError: If the budget is negative or not finite, `log_interval` is below 1,
                 `callback` is none, or no env is set.
+            RuntimeError: If a model learns in another thread.
         """
         check_learning(self.env, total_timesteps, log_interval, callback)
         name = tb_log_name or type(self).__name__
-        with self._generators.lent(), single_torch_thread():
+        with self._learning(), self._generators.lent(), single_torch_thread():
             return super().learn(
                 int(total_timesteps),
                 callback,
@@ -388,14 +311,14 @@ class ResumableTD3(FromPreset, TD3):
         A rollout that was interrupted goes on, and counts as one.
 
         Raises:
-            ValueError: If rollouts are episodes and one does not end, see `_longest_episode`.
+            ValueError: If rollouts are episodes and one does not end, see `longest_episode`.
         """
         self.policy.set_training_mode(False)
         callback.on_rollout_start()
-        goes_on, limit = True, _longest_episode(env, train_freq)
+        goes_on, limit = True, longest_episode(env, train_freq)
         n_steps = 0  # of the episode, as far as seen here
         while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
-            _check_length(n_steps, limit)
+            check_length(n_steps, limit)
             with deferred_interrupt("the step"):
                 step = self._step(env, replay_buffer, action_noise, learning_starts)
                 callback.update_locals({**step, "train_freq": train_freq})
@@ -493,26 +416,6 @@ class ResumableTD3(FromPreset, TD3):
             return  # another environment, in which an episode has just begun
         self._last_obs = last_obs
 
-    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        # What is not named here, `load` would leave as it was made anew.
-        names, variables = super()._get_torch_save_params()
-        return [*names, *stateful_parts(self)], variables
-
-    def set_parameters(
-        self,
-        load_path_or_dict: str | TensorDict,
-        exact_match: bool = True,
-        device: th.device | str = "auto",
-    ) -> None:
-        """As in SB3, but names that do not match change nothing.
-
-        Raises:
-            ValueError: If parts are missing, or unknown.
-        """
-        parameters = read_parameters(load_path_or_dict, device)
-        check_names(parameters, self._get_torch_save_params()[0], exact_match=exact_match)
-        super().set_parameters(parameters, exact_match, device)
-
     def save(
         self,
         path: str | os.PathLike[str] | io.BufferedIOBase,
@@ -527,7 +430,8 @@ class ResumableTD3(FromPreset, TD3):
 
         Args:
             path: Of the file; `.zip` is added where it has no suffix.
-            exclude: Names to leave out; "buffer" leaves out the replay buffer's transitions.
+            exclude: Names to leave out; "buffer" leaves out the replay buffer's transitions, and a
+                run that goes on without them is another one: `learn` warns.
             include: Names to save although they are left out by default.
 
         Raises:
@@ -538,88 +442,3 @@ class ResumableTD3(FromPreset, TD3):
         if exclude & TRANSITIONS:  # none are left to train on
             extra |= {"_n_steps": 0, "_n_episodes": 0, "_is_seen": False}
         save_model(self, path, exclude, include, **extra)
-
-    @classmethod
-    def load(
-        cls,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        env: AnyEnv | None = None,
-        device: th.device | str = "auto",
-        custom_objects: dict[str, Any] | None = None,
-        print_system_info: bool = False,
-        force_reset: bool = True,
-        **kwargs: Any,
-    ) -> Self:
-        """Load a model of a file that you trust.
-
-        As in SB3, schedules, noise and spaces are read with cloudpickle, which runs whatever code
-        the file holds.
-
-        Args:
-            path: Of the file; `.zip` may be left out.
-            env: As in the constructor; None: the model can predict, and learn after `set_env`.
-            device: As in the constructor.
-            custom_objects: By name, what to take in place of the attributes in the file.
-            print_system_info: As in SB3.
-            force_reset: As in SB3.
-            **kwargs: Other names replace the model's attributes. `seed` begins every random draw
-                anew, see `set_random_seed`; without it they go on.
-
-        Raises:
-            FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` or
-                `preset` are others than those saved.
-            RuntimeError: If a `bonus` given here is made in another way than the one saved.
-        """
-        file = check_is_checkpoint(path, cls.__name__)
-        env = open_env(env)
-        if env is not None:
-            _check_env(env)
-        seed = kwargs.get("seed")
-        check_seed(seed)
-        data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
-        for name in kwargs.keys() & {"policy_kwargs", "preset"}:
-            if kwargs[name] != data.get(name):
-                raise ValueError(f"`{name}` must be as saved, {data.get(name)}.")
-        model = build_model(cls, data | kwargs, parameters, env, device, force_reset)
-        if model.env is not None:
-            model._match_env()
-        model.set_random_seed(seed)
-        return model
-
-
-def _longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
-    """Steps that an episode may have; rollouts of a number of steps end whatever episodes do."""
-    if train_freq.unit is TrainFrequencyUnit.STEP:
-        return math.inf
-    return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
-
-
-def _check_length(n_steps: int, limit: float) -> None:
-    if n_steps == limit:
-        raise ValueError(
-            f"`env` must end its episodes: one had not ended after {n_steps} steps. Give it a "
-            "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000). Or give `train_freq` a "
-            'number of steps, such as (1000, "step").'
-        )
-
-
-def _can_be_learned(actions: spaces.Box[Any]) -> bool:
-    """Whether each entry of an action can be scaled to [-1, 1], and there are some."""
-    is_float = np.issubdtype(actions.dtype, np.floating)
-    is_range = actions.is_bounded() and bool((actions.low < actions.high).all())
-    return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range
-
-
-def _check_env(env: object) -> None:
-    observation_space, action_space = describe(env)
-    if not isinstance(action_space, spaces.Box) or not _can_be_learned(action_space):
-        raise ValueError(
-            "`env` must have a bounded one-dimensional Box of actions, at least one entry, of "
-            f"floats, with `low` below `high`, got {action_space}."
-        )
-    if not isinstance(observation_space, spaces.Box):
-        raise ValueError(f"`env` must have a Box of observations, got {observation_space}.")
-    n_envs = getattr(env, "num_envs", 1)
-    if n_envs != 1:
-        raise ValueError(f"`env` must be one environment, got {n_envs}: rollouts are episodes.")

@@ -8,13 +8,14 @@ import signal
 import subprocess
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import NSES, TD3ICM, CuriosityES
+from curiosity_algos import NSES, TD3ICM, CuriosityES, MAPElites
 from curiosity_algos.checkpoints.model_file import check_is_checkpoint
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -97,17 +98,27 @@ class CtrlC(BaseCallback):
         return True
 
 
-@pytest.fixture(params=["maze", "CartPole-v1", "Pendulum-v1"])
-def make_env(request, make_easy_maze, make_classic):
-    if request.param == "maze":
-        return make_easy_maze
-    return lambda: make_classic(request.param, max_episode_steps=40)
+KINDS = [CuriosityES, MAPElites, TD3ICM]
+"""An algorithm of each kind, for what is written once for all of its kind."""
 
 
-def test_a_loaded_model_goes_on(algorithm, make_model, make_env, tmp_path, assert_same_run):
-    uninterrupted = make_model(algorithm, make_env()).learn(600)
+def test_a_loaded_model_goes_on(algorithm, make_model, make_easy_maze, tmp_path, assert_same_run):
+    uninterrupted = make_model(algorithm, make_easy_maze()).learn(600)
     uninterrupted.save(tmp_path / "model")
-    resumed = algorithm.load(tmp_path / "model", env=make_env())
+    resumed = algorithm.load(tmp_path / "model", env=make_easy_maze())
+    for model in (uninterrupted, resumed):
+        model.learn(900, reset_num_timesteps=False)
+    assert_same_run(uninterrupted, resumed)
+
+
+@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
+def test_other_environments_go_on(env_id, make_model, tmp_path, assert_same_run):
+    def make_env():
+        return gym.make(env_id, max_episode_steps=40)
+
+    uninterrupted = make_model(CuriosityES, make_env()).learn(600)
+    uninterrupted.save(tmp_path / "model")
+    resumed = CuriosityES.load(tmp_path / "model", env=make_env())
     for model in (uninterrupted, resumed):
         model.learn(900, reset_num_timesteps=False)
     assert_same_run(uninterrupted, resumed)
@@ -183,6 +194,7 @@ class TestSeeds:
             with pytest.raises(AssertionError):
                 assert_same(models[0].get_parameters(), other.get_parameters())
 
+    @pytest.mark.parametrize("any_algorithm", KINDS)
     def test_the_seed_of_load_decides_how_it_goes_on(
         self, any_algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
     ):
@@ -197,6 +209,7 @@ class TestSeeds:
         with pytest.raises(AssertionError):
             assert_same(one.get_parameters(), other.get_parameters())
 
+    @pytest.mark.parametrize("any_algorithm", KINDS)
     def test_global_generators_stay(self, any_algorithm, make_model, make_easy_maze, tmp_path):
         model = make_model(any_algorithm, make_easy_maze())
         model.save(tmp_path / "model")
@@ -209,15 +222,13 @@ class TestSeeds:
         assert th.equal(th.get_rng_state(), before[2])
 
     @pytest.mark.parametrize("seed", [-1, 0.5, "1"])
-    def test_seeds_are_whole_numbers(
-        self, any_algorithm, make_model, make_easy_maze, tmp_path, seed
-    ):
-        model = make_model(any_algorithm, make_easy_maze())
+    def test_seeds_are_whole_numbers(self, make_model, make_easy_maze, tmp_path, seed):
+        model = make_model(CuriosityES, make_easy_maze())
         model.save(tmp_path / "model")
         with pytest.raises(ValueError, match="`seed` must be None or a whole number"):
             model.set_random_seed(seed)
         with pytest.raises(ValueError, match="`seed` must be None or a whole number"):
-            any_algorithm.load(tmp_path / "model", seed=seed)
+            CuriosityES.load(tmp_path / "model", seed=seed)
 
 
 def logged(folder):
@@ -226,6 +237,7 @@ def logged(folder):
         return [{k: v for k, v in row.items() if k != "time/fps"} for row in csv.DictReader(file)]
 
 
+@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
 def test_the_log_of_two_halves_is_the_log_of_the_whole(
     algorithm, make_model, make_easy_maze, tmp_path
 ):
@@ -243,6 +255,7 @@ def test_the_log_of_two_halves_is_the_log_of_the_whole(
     assert len(rows) > 4
 
 
+@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
 def test_ctrl_c_leaves_a_model_that_resumes(
     algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
 ):

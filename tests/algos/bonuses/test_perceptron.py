@@ -148,3 +148,16 @@ def test_an_error_gives_the_threads_back():
     with pytest.raises(RuntimeError), single_blas_thread():
         raise RuntimeError
     assert blas_threads() == before
+
+
+@pytest.mark.usefixtures("_two_threads")
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_last_of_two_gives_the_threads_back(order):
+    before = blas_threads()
+    both = [single_blas_thread(), single_blas_thread()]
+    for each in both:
+        each.__enter__()
+    both[order[0]].__exit__(None, None, None)
+    assert set(blas_threads()) == {1}
+    both[order[1]].__exit__(None, None, None)
+    assert blas_threads() == before

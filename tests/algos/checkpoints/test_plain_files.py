@@ -1,3 +1,6 @@
+import io
+import zipfile
+
 import numpy as np
 import pytest
 import torch as th
@@ -6,6 +9,7 @@ from curiosity_algos.checkpoints.plain_files import (
     as_arrays,
     as_tensors,
     is_plain,
+    is_whole_zip,
     plain,
     read_plain,
     write_plain,
@@ -43,3 +47,49 @@ def test_another_kind_is_refused(tmp_path):
     write_plain(tmp_path / "file", {}, "kind 1")
     with pytest.raises(ValueError, match="`path` must be a saved thing"):
         read_plain(tmp_path / "file", "kind 2", what="thing")
+
+
+def zipped(members, compression=zipfile.ZIP_STORED, n_entries=1):
+    """A zip whose index names each member so many times."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+        archive.filelist *= n_entries
+    return file
+
+
+NOUGHTS = bytes(100_000)
+BOMB = zipped({"storage": NOUGHTS}, zipfile.ZIP_DEFLATED)
+
+
+@pytest.mark.parametrize(
+    ("file", "expected"),
+    [
+        (zipped({"data": b"{}", "policy.pth": zipped({"storage": NOUGHTS}).getvalue()}), True),
+        (BOMB, False),
+        (zipped({"policy.pth": BOMB.getvalue()}), False),
+        (zipped({"storage": NOUGHTS}, n_entries=99), False),
+    ],
+    ids=["stored", "compressed", "compressed within", "named often"],
+)
+def test_a_zip_is_no_larger_than_it_is(file, expected):
+    assert is_whole_zip(file) == expected
+
+
+def test_a_damaged_file_is_refused(tmp_path):
+    path = tmp_path / "file"
+    write_plain(path, {"a": th.zeros(9)}, "kind 1")
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(ValueError, match=r"`path` must be a saved thing, .* is not a whole one"):
+        read_plain(path, "kind 1", what="thing")
+
+
+def test_a_compressed_file_is_refused(tmp_path):
+    path = tmp_path / "file"
+    write_plain(path, {"a": th.zeros(9)}, "kind 1")
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    path.write_bytes(zipped(members, zipfile.ZIP_DEFLATED).getvalue())
+    with pytest.raises(ValueError, match="`path` must be a saved thing"):
+        read_plain(path, "kind 1", what="thing")

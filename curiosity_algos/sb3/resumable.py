@@ -1,0 +1,240 @@
+"""What every algorithm here has beside Stable-Baselines3's: any env, coverage, exact files."""
+
+from __future__ import annotations
+
+import io
+import os
+import pathlib
+import warnings
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Self
+
+import numpy as np
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.type_aliases import GymEnv, TensorDict
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_model
+from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_parts
+from curiosity_algos.common.randomness import AnyGenerator, reseed
+from curiosity_algos.common.sole_learner import sole_learner
+from curiosity_algos.evaluation.arguments import open_env, wrap_env
+from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
+from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_gym.core import CoverageGrid
+from curiosity_gym.validation import check_seed
+
+
+class Resumable(BaseAlgorithm):
+    """An algorithm whose environment, seed and files are handled alike, whatever it learns by.
+
+    A subclass calls `_see_env` once it has its env, and says what it counts (`_counted`) and how it
+    begins that anew (`_forget_found`).
+    """
+
+    _coverage_grid: CoverageGrid | None
+    _behavior_space: spaces.Box[Any] | None
+    _lacks_transitions = False
+    """Whether the file that the model was read from has left them out."""
+
+    @abstractmethod
+    def _counted(self) -> Coverage:
+        """The coverage so far."""
+
+    @abstractmethod
+    def _forget_found(self) -> None:
+        """Drop what was found in another environment, coverage first."""
+
+    @contextmanager
+    def _learning(self) -> Iterator[None]:
+        """Learn alone in the process; say so if what was collected before is lost.
+
+        Raises:
+            RuntimeError: If a model learns in another thread.
+        """
+        with sole_learner():
+            if self._lacks_transitions:
+                warnings.warn(
+                    "The file of this model was saved without its buffer, which begins empty: what "
+                    "is learned from here on is not what an uninterrupted run would have learned.",
+                    stacklevel=4,
+                )
+                self._lacks_transitions = False
+            yield
+
+    # -- the environment ------------------------------------------------------------------------
+
+    @classmethod
+    def _open_env(cls, env: Any) -> Any:
+        """The environment of an id; anything else as it is.
+
+        Raises:
+            ValueError: If the algorithm has no use for it.
+        """
+        return open_env(env)
+
+    @staticmethod
+    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        return wrap_env(env, verbose, monitor_wrapper)
+
+    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
+        """Train on another environment with the same spaces.
+
+        Where coverage counts other cells than before, as in another maze, coverage, the best return
+        and the first success start anew; what has been learned goes on.
+
+        Args:
+            env: As in the constructor.
+            force_reset: As in SB3.
+
+        Raises:
+            ValueError: If the spaces are others, or the env is not supported.
+        """
+        super().set_env(self._open_env(env), force_reset)
+        assert self.env is not None
+        self._match_env(self.env)
+
+    def _see_env(self, env: VecEnv | None) -> None:
+        """Remember the behaviors of an env, and the cells that coverage counts there."""
+        self._coverage_grid = None if env is None else coverage_grid(env)
+        self._behavior_space = None if env is None else behavior_space(env)
+
+    def _counts_others(self, env: VecEnv) -> bool:
+        """Whether behaviors in `env`, or the cells that coverage counts, are others than here."""
+        grid, space = coverage_grid(env), behavior_space(env)
+        return grid != self._coverage_grid or space != self._behavior_space
+
+    def _match_env(self, env: VecEnv) -> None:
+        """Count in the grid of `env`; in another one, forget what was found before."""
+        if self._counts_others(env):
+            self._see_env(env)
+            self._forget_found()
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the reachable cells in which episodes ended; None: nothing to count.
+
+        `coverage_shares["visited"]` is that of the cells in which any step ended.
+        """
+        return self._counted().reachable
+
+    @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self._counted().shares
+
+    # -- randomness -----------------------------------------------------------------------------
+
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """Begin every random draw of the run anew: those of its parts, of env and actions.
+
+        Unlike in SB3 the global generators of the process stay as they are.
+
+        Args:
+            seed: None: nothing is seeded.
+
+        Raises:
+            ValueError: If it is no whole number of at least 0.
+        """
+        check_seed(seed)
+        if seed is None:
+            return
+        reseed(self._random_parts(), np.random.SeedSequence(seed))
+        self.action_space.seed(int(seed))
+        if self.env is not None:
+            self.env.seed(int(seed))
+
+    def _random_parts(self) -> list[object]:
+        """What holds the generators of the run."""
+        names = [name.partition(".")[0] for name in self._get_torch_save_params()[0]]
+        parts = [getattr(self, name) for name in names]
+        return parts + [each for each in vars(self).values() if isinstance(each, AnyGenerator)]
+
+    # -- parameters and files -------------------------------------------------------------------
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        # What is not named here, `load` would leave as it was made anew.
+        names, variables = super()._get_torch_save_params()
+        return [*names, *stateful_parts(self)], variables
+
+    def set_parameters(
+        self,
+        load_path_or_dict: str | TensorDict,
+        exact_match: bool = True,
+        device: th.device | str = "auto",
+    ) -> None:
+        """As in SB3, but names that do not match change nothing.
+
+        Raises:
+            ValueError: If parts are missing, or unknown.
+        """
+        parameters = read_parts(self, load_path_or_dict, exact_match, device)
+        super().set_parameters(parameters, exact_match, device)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        env: AnyEnv | None = None,
+        device: th.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a model of a file that you trust.
+
+        As in SB3, schedules, noise and spaces are read with cloudpickle, which runs whatever code
+        the file holds.
+
+        Args:
+            path: Of the file; `.zip` may be left out.
+            env: As in the constructor; None: the model can predict, and learn after `set_env`.
+            device: As in the constructor.
+            custom_objects: By name, what to take in place of the attributes in the file.
+            print_system_info: As in SB3.
+            force_reset: As in SB3.
+            **kwargs: Other names replace the model's attributes. `seed` begins every random draw
+                anew, see `set_random_seed`; without it they go on.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` or
+                `preset` are others than those saved.
+            RuntimeError: If a `bonus` given here is made in another way than the one saved.
+        """
+        file = check_is_checkpoint(path, cls.__name__)
+        env = None if env is None else cls._open_env(env)
+        seed = ((custom_objects or {}) | kwargs).get("seed")
+        check_seed(seed)
+        data, parameters = cls._read(file, env, device, custom_objects, print_system_info, kwargs)
+        model = build_model(cls, data, parameters, env, device, force_reset)
+        model._go_on(data)
+        model.set_random_seed(seed)
+        return model
+
+    @classmethod
+    def _read(
+        cls,
+        file: pathlib.Path | io.BufferedIOBase,
+        env: Any,
+        device: th.device | str,
+        custom_objects: dict[str, Any] | None,
+        print_system_info: bool,
+        given: dict[str, Any],
+    ) -> tuple[dict[str, Any], TensorDict]:
+        """A model's attributes, those that were given among them, and the states of its parts."""
+        data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
+        for name in given.keys() & {"policy_kwargs", "preset"}:
+            if given[name] != data.get(name):
+                raise ValueError(f"`{name}` must be as saved, {data.get(name)}.")
+        return data | given, parameters
+
+    def _go_on(self, read: Mapping[str, Any]) -> None:
+        """Take over from what a file said what `_setup_model` has begun anew."""
+        if self.env is not None:
+            self._match_env(self.env)

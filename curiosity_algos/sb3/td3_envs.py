@@ -1,0 +1,53 @@
+"""Environments that Stable-Baselines3's TD3 can learn in, an episode at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_algos.evaluation.environments import describe, step_limit
+from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+
+
+def longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
+    """Steps that an episode may have; rollouts of a number of steps end whatever episodes do."""
+    if train_freq.unit is TrainFrequencyUnit.STEP:
+        return math.inf
+    return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
+
+
+def check_length(n_steps: int, limit: float) -> None:
+    """Raise ValueError if an episode has come to the limit of its steps."""
+    if n_steps == limit:
+        raise ValueError(
+            f"`env` must end its episodes: one had not ended after {n_steps} steps. Give it a "
+            "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000). Or give `train_freq` a "
+            'number of steps, such as (1000, "step").'
+        )
+
+
+def check_env(env: object) -> None:
+    """Raise ValueError unless `env` is one environment with Boxes of observations and actions."""
+    observation_space, action_space = describe(env)
+    if not isinstance(action_space, spaces.Box) or not _can_be_learned(action_space):
+        raise ValueError(
+            "`env` must have a bounded one-dimensional Box of actions, at least one entry, of "
+            f"floats, with `low` below `high`, got {action_space}."
+        )
+    if not isinstance(observation_space, spaces.Box):
+        raise ValueError(f"`env` must have a Box of observations, got {observation_space}.")
+    n_envs = getattr(env, "num_envs", 1)
+    if n_envs != 1:
+        raise ValueError(f"`env` must be one environment, got {n_envs}: rollouts are episodes.")
+
+
+def _can_be_learned(actions: spaces.Box[Any]) -> bool:
+    """Whether each entry of an action can be scaled to [-1, 1], and there are some."""
+    is_float = np.issubdtype(actions.dtype, np.floating)
+    is_range = actions.is_bounded() and bool((actions.low < actions.high).all())
+    return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range

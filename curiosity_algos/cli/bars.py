@@ -7,7 +7,7 @@ from typing import Self
 
 from tqdm import tqdm
 
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 
 
 class SweepBars:
@@ -35,7 +35,7 @@ class SweepBars:
         for bar in (*self._bars.values(), self._whole):
             bar.close()
 
-    def advance(self, run: Run, timesteps: int) -> None:
+    def advance(self, run: RunSpec, timesteps: int) -> None:
         """Show how far a run is."""
         name = f"{run}"
         if name not in self._bars:
@@ -43,7 +43,7 @@ class SweepBars:
         bar = self._bars[name]
         bar.update(min(timesteps, int(run.timesteps)) - bar.n)
 
-    def _begin(self, run: Run, timesteps: int) -> tqdm[None]:
+    def _begin(self, run: RunSpec, timesteps: int) -> tqdm[None]:
         taken = {abs(bar.pos) for bar in self._bars.values()}
         place = min(set(range(1, len(taken) + 2)) - taken)
         label = f"{run.algorithm} {run.env} {run.seed}"
@@ -52,7 +52,7 @@ class SweepBars:
             total=int(run.timesteps), initial=timesteps, position=place, disable=None, **shown
         )
 
-    def end(self, run: Run, line: str | None = None) -> None:
+    def end(self, run: RunSpec, line: str | None = None) -> None:
         """Count a run as ended, and print a line about it."""
         if f"{run}" in self._bars:
             self._bars.pop(f"{run}").close()

@@ -12,11 +12,11 @@ from curiosity_gym.validation import check_at_least_one, check_positive
 if TYPE_CHECKING:
     from curiosity_algos.experiments.sweep import Backend
     from curiosity_algos.experiments.tracking import Project
-    from curiosity_algos.experiments.training import Run
+    from curiosity_algos.experiments.training import RunSpec
 
 
 def train_all(
-    runs: Sequence[Run],
+    runs: Sequence[RunSpec],
     folder: Path,
     *,
     jobs: int | None = None,
@@ -47,7 +47,7 @@ def train_all(
     errors = []
     with SweepBars(len(runs)) as bars:
 
-        def report(run: Run, outcome: bool | BaseException) -> None:
+        def report(run: RunSpec, outcome: bool | BaseException) -> None:
             failed = isinstance(outcome, BaseException)
             if failed:
                 errors.append(f"{run.folder(folder)}: {outcome}")

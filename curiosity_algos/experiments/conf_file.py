@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 
 Table = Mapping[str, dict[str, Any]]
 
@@ -48,7 +48,7 @@ def _number(n_timesteps: Any) -> float:
         raise ValueError(f"`n_timesteps` must be a number, got {n_timesteps!r}.") from error
 
 
-def complete(run: Run, table: Table, timesteps: float | None) -> Run:
+def complete(run: RunSpec, table: Table, timesteps: float | None) -> RunSpec:
     """A run with what a file says of its environment; what the run has counts more.
 
     Args:

@@ -9,7 +9,7 @@ from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
 from curiosity_algos.experiments.sweep import SECONDS, Advance, Make, Report
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 from curiosity_gym.validation import check_positive
 
 MAX_RETRIES = 5
@@ -44,7 +44,7 @@ class RayBackend:
         self.num_cpus = num_cpus
         self.resources = check_resources(resources)
 
-    def __call__(self, runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
+    def __call__(self, runs: Sequence[RunSpec], make: Make, report: Report, advance: Advance) -> None:
         """Train the runs, and tell how far they are and how they ended."""
         connect(self.address, math.ceil(self.num_cpus), self.resources)
         messages = _queue()
@@ -75,7 +75,7 @@ def _queue() -> Any:
     return Queue(actor_options={"num_cpus": 0, "scheduling_strategy": here})
 
 
-def _in_a_task(make: Make, run: Run, number: int, messages: Any) -> bool:
+def _in_a_task(make: Make, run: RunSpec, number: int, messages: Any) -> bool:
     return make(run, partial(_send, messages.actor, number))
 
 

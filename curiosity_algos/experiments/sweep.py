@@ -21,15 +21,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.tracking import Project
-from curiosity_algos.experiments.training import Run, is_finished, train
+from curiosity_algos.experiments.training import RunSpec, is_finished, train
 
-Report: TypeAlias = Callable[[Run, bool | BaseException], None]
+Report: TypeAlias = Callable[[RunSpec, bool | BaseException], None]
 """Is told of a run as it ends whether there was anything to do, or its error."""
-Advance: TypeAlias = Callable[[Run, int], None]
+Advance: TypeAlias = Callable[[RunSpec, int], None]
 """Is told now and then of a run under way how many timesteps it has."""
-Make: TypeAlias = Callable[[Run, Callable[[int], None]], bool]
+Make: TypeAlias = Callable[[RunSpec, Callable[[int], None]], bool]
 """Trains a run that tells its timesteps: whether there was anything to do."""
-Backend: TypeAlias = Callable[[Sequence[Run], Make, Report, Advance], None]
+Backend: TypeAlias = Callable[[Sequence[RunSpec], Make, Report, Advance], None]
 """Trains runs, wherever that is."""
 SECONDS = 0.5
 """Between two messages of how far a run is."""
@@ -39,15 +39,15 @@ _messages: SimpleQueue[tuple[int, int]]
 
 def grid(
     algorithms: Sequence[str], envs: Sequence[str], seeds: Sequence[int], **common: Any
-) -> list[Run]:
-    """A run for each algorithm, environment and seed, none twice; keywords are those of `Run`."""
+) -> list[RunSpec]:
+    """A run for each algorithm, environment and seed, none twice; keywords are those of `RunSpec`."""
     names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
     places = product(names, dict.fromkeys(envs), dict.fromkeys(seeds))
-    return [Run(algorithm, env, seed, **common) for algorithm, env, seed in places]
+    return [RunSpec(algorithm, env, seed, **common) for algorithm, env, seed in places]
 
 
 def sweep(
-    runs: Sequence[Run],
+    runs: Sequence[RunSpec],
     folder: Path,
     *,
     backend: Backend,
@@ -92,7 +92,7 @@ class Processes:
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
 
-    def __call__(self, runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
+    def __call__(self, runs: Sequence[RunSpec], make: Make, report: Report, advance: Advance) -> None:
         """Train the runs, and tell how far they are and how they ended."""
         if self.jobs == 1:
             _train_here(runs, make, report, advance)
@@ -100,7 +100,7 @@ class Processes:
             _train_in_processes(runs, make, self.jobs, report, advance)
 
 
-def _train_here(runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
+def _train_here(runs: Sequence[RunSpec], make: Make, report: Report, advance: Advance) -> None:
     n_threads = th.get_num_threads()
     try:
         for run in runs:
@@ -114,7 +114,7 @@ def _train_here(runs: Sequence[Run], make: Make, report: Report, advance: Advanc
 
 
 def _train_in_processes(
-    runs: Sequence[Run], make: Make, jobs: int, report: Report, advance: Advance
+    runs: Sequence[RunSpec], make: Make, jobs: int, report: Report, advance: Advance
 ) -> None:
     context = get_context("spawn")
     messages: SimpleQueue[tuple[int, int]] = context.SimpleQueue()
@@ -183,7 +183,7 @@ class _Tell(BaseCallback):
 
 
 def _train_alone(
-    run: Run,
+    run: RunSpec,
     tell: Callable[[int], None],
     *,
     folder: Path,

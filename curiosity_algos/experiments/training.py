@@ -26,7 +26,7 @@ from curiosity_algos.experiments.values import check_value
 
 
 @dataclass(frozen=True)
-class Run:
+class RunSpec:
     """What is to be trained.
 
     Args:
@@ -99,7 +99,7 @@ class Run:
         return model
 
 
-def is_finished(run: Run, folder: Path) -> bool:
+def is_finished(run: RunSpec, folder: Path) -> bool:
     """Whether the budget of the run in a folder is spent; False where there is none.
 
     Raises:
@@ -114,7 +114,7 @@ def is_finished(run: Run, folder: Path) -> bool:
 
 
 def train(
-    run: Run,
+    run: RunSpec,
     folder: Path,
     *,
     interval: float = 60.0,

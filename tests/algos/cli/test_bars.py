@@ -2,7 +2,7 @@ import io
 import sys
 
 from curiosity_algos.cli.bars import SweepBars
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 
 
 class Screen(io.StringIO):
@@ -13,7 +13,7 @@ class Screen(io.StringIO):
 def test_each_run_has_a_bar_and_the_whole_has_one(monkeypatch, capsys):
     screen = Screen()
     monkeypatch.setattr(sys, "stderr", screen)
-    runs = [Run("NSES", "Maze-US-v0", seed, 1000) for seed in range(3)]
+    runs = [RunSpec("NSES", "Maze-US-v0", seed, 1000) for seed in range(3)]
     with SweepBars(3) as bars:
         for run in runs[:2]:
             bars.advance(run, 300)
@@ -33,7 +33,7 @@ def test_each_run_has_a_bar_and_the_whole_has_one(monkeypatch, capsys):
 
 
 def test_elsewhere_there_is_none(capsys):
-    run = Run("NSES", "Maze-US-v0", 0, 1000)
+    run = RunSpec("NSES", "Maze-US-v0", 0, 1000)
     with SweepBars(1) as bars:
         bars.advance(run, 300)
         bars.end(run, "done")

@@ -1,7 +1,7 @@
 import pytest
 
 from curiosity_algos.experiments.conf_file import complete, read_conf_file
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 
 FILE = """
 CuriosityMaze-US-v0:
@@ -25,7 +25,7 @@ def write(tmp_path):
 
 
 def run(env="CuriosityMaze-US-v0", **changes):
-    return Run("nses", env, 0, 1e7, **changes)
+    return RunSpec("nses", env, 0, 1e7, **changes)
 
 
 def test_a_file_completes_a_run(write):

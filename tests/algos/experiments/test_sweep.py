@@ -5,7 +5,7 @@ import torch as th
 
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.sweep import Processes, grid, sweep
-from curiosity_algos.experiments.training import Run, train
+from curiosity_algos.experiments.training import RunSpec, train
 
 SETTINGS = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
@@ -44,7 +44,7 @@ def test_it_tells_how_far_runs_are_and_how_they_ended(jobs, tmp_path):
 def make_run(seed, **settings):
     kwargs = {"horizon": 20}
     small = {"population_size": 4, **settings}
-    return Run("MAPElites", "CuriosityMaze-US-v0", seed, 100, kwargs, small)
+    return RunSpec("MAPElites", "CuriosityMaze-US-v0", seed, 100, kwargs, small)
 
 
 def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
@@ -70,5 +70,5 @@ def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("variant", ["", "phi=0.0"])
 def test_a_variant_has_a_folder_of_its_own(variant, tmp_path):
-    run = Run("nses", "CuriosityMaze-US-v0", 3, 100, variant=variant)
+    run = RunSpec("nses", "CuriosityMaze-US-v0", 3, 100, variant=variant)
     assert run.folder(tmp_path) == tmp_path / variant / "NSES" / "CuriosityMaze-US-v0" / "3"

@@ -18,7 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
-from curiosity_algos.experiments.names import check_known, find_algorithm
+from curiosity_algos.experiments.names import find_known, find_algorithm
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.experiments.tracking import Project, TrackRun
@@ -60,12 +60,12 @@ class RunSpec:
             ValueError: If a name, a keyword or a value is wrong.
         """
         if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
-            check_known("env", self.env, gym.registry, shown=self.env, choices=gym.registry)
+            find_known("env", self.env, gym.registry)
         cls = find_algorithm(self.algorithm)
         parameters = inspect.signature(cls).parameters
         known = [name for name in parameters if name not in {"env", "seed"}]
         for name in self.settings:
-            check_known("hyperparams", name, known, shown=name, choices=known)
+            find_known("hyperparams", name, known)
         if str(self.settings.get("device")).startswith("cuda") and not th.cuda.is_available():
             raise ValueError("`device` must be auto or cpu where there is no GPU, got cuda.")
         try:

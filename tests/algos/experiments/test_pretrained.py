@@ -20,12 +20,11 @@ def promised_return(algorithm, env_id):
         return float(file["return"])
 
 
-@pytest.mark.parametrize(("algorithm", "env_id"), PRETRAINED)
-def test_each_is_rewarded_as_it_was(algorithm, env_id):
-    assert promised_return(algorithm, env_id) > 0.0
-    assert round(play(Pretrained(algorithm, env_id), seed=0), 6) == promised_return(
-        algorithm, env_id
-    )
+@pytest.mark.extra("control")
+def test_each_is_rewarded_as_it_was():
+    for each in PRETRAINED:
+        assert promised_return(*each) > 0.0
+        assert round(play(Pretrained(*each), seed=0), 6) == promised_return(*each)
 
 
 def test_they_are_small():
@@ -49,7 +48,6 @@ def test_an_alias_of_an_environment_will_do():
 @pytest.mark.parametrize(
     ("algorithm", "env_id", "message"),
     [
-        ("curiosity_ee", ONE[1], "did you mean CuriosityES"),
         ("curiosity_es", "CuriosityMaze-Hrd-v0", "did you mean CuriosityMaze-Hard-v0"),
         ("td3icm", ONE[1], "`pretrained` TD3ICM is there for nothing, not for CuriosityMaze-Hard"),
         ("nses", "CuriosityMaze-v0", "`pretrained` NSES is there for CuriosityMaze-Hard-v0, "),

@@ -14,7 +14,7 @@ from stable_baselines3.common.policies import BasePolicy
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained
-from curiosity_algos.experiments.replay import episode
+from curiosity_algos.experiments.played import episode
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice

@@ -20,7 +20,7 @@ class Reservoir:
 
     Args:
         size: Policies kept, at most.
-        seed: Of the draws.
+        seed: Seed of the draws.
     """
 
     def __init__(self, size: int, seed: np.random.SeedSequence) -> None:

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from curiosity_algos.experiments.figures.canvas import GRAY, polish
 from curiosity_algos.experiments.loading import load_final_states, load_progress
-from curiosity_algos.experiments.run_folder import TIMESTEPS
+from curiosity_algos.experiments.progress_log import TIMESTEPS
 from curiosity_algos.experiments.statistics import curve_interval
 
 Float64 = npt.NDArray[np.float64]

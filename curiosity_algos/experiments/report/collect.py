@@ -15,7 +15,9 @@ import pandas as pd
 
 from curiosity_algos.experiments.labels import label_runs
 from curiosity_algos.experiments.loading import load_runs_of
-from curiosity_algos.experiments.run_folder import TIMESTEPS, RunFolder, read_rows
+from curiosity_algos.experiments.progress_log import TIMESTEPS
+from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.run_folder import RunFolder
 
 Float64 = npt.NDArray[np.float64]
 LOGGED = {"timesteps": TIMESTEPS, "seconds": "time/seconds", "coverage": "coverage/reachable"}

@@ -79,11 +79,11 @@ def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
     train(run, tmp_path / "run")
     del gym.registry["Mine-v3"]
     del sys.modules["my_mazes"]
-    assert play(tmp_path / "run", seed=0) == 0.0
+    assert play(tmp_path / "run", seed=0, trust=True) == 0.0
     (tmp_path / "my_mazes.py").unlink()
     del sys.modules["my_mazes"]
     with pytest.raises(ValueError, match="`run` must be of an environment that can be made: "):
-        play(tmp_path / "run", seed=0)
+        play(tmp_path / "run", seed=0, trust=True)
 
 
 def test_wrappers_are_made_again(tmp_path, make_model):

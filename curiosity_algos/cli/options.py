@@ -80,7 +80,7 @@ def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:
 
 
 def find_project(track: bool, name: str, entity: str | None) -> Project | None:
-    """Where to track runs, if they are to be."""
+    """The project that tracks runs, if they are to be tracked."""
     from curiosity_algos.experiments.tracking import Project
 
     if not track:

@@ -52,8 +52,8 @@ def complete(run: RunSpec, table: Table, timesteps: float | None) -> RunSpec:
     """A run with what a file says of its environment; what the run has counts more.
 
     Args:
-        run: Its own keywords stay.
-        table: What `read_conf_file` gave; `default` is of environments that it does not name.
+        run: Run, whose own keywords stay.
+        table: Keywords by environment; `default` is for those that it does not name.
         timesteps: Budget that counts more than the file's; None: none was given.
 
     Raises:

@@ -12,19 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
-from stable_baselines3.common.vec_env import (
-    VecEnv,
-    VecMonitor,
-    VecNormalize,
-    is_vecenv_wrapped,
-    unwrap_vec_wrapper,
-)
 
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
-from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
 from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.played import can_be_played, write_trajectory
@@ -33,8 +23,7 @@ from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
 from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
-from curiosity_algos.sb3.callbacks import ExplorationCallback, bonus_wrapper
+from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -71,7 +60,7 @@ class SaveRun(BaseCallback):
             there.
     """
 
-    model: EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
+    model: Recordable
 
     def __init__(
         self,
@@ -94,7 +83,7 @@ class SaveRun(BaseCallback):
 
     def _on_training_start(self) -> None:
         self.close()
-        _check_model(self.model)
+        check_recordable(self.model)
         seed = np.random.SeedSequence(self.model.seed, spawn_key=(0x5A7E,))
         self._rewarding = Reservoir(self.n_rewarding, seed)
         self._n_episodes, self._seconds_before = 0, 0.0
@@ -240,15 +229,8 @@ class SaveRun(BaseCallback):
         self._saved = time.monotonic()
 
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
-        self.model.save(folder / "model", exclude)
-        _write_wrappers(self.model, folder)
+        write_model(self.model, folder, exclude)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
-        policy = self.model.policy
-        if isinstance(policy, MlpPolicy):
-            best = {"parameters": policy.vector, "net_arch": policy.net_arch}
-            write_arrays(
-                folder / "best_policy.npz", {**best, "return": np.array(self._found.best_return)}
-            )
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
         result = self._result() | {"has_transitions": not exclude}
@@ -287,32 +269,6 @@ class SaveRun(BaseCallback):
             write_trajectory(self.model, spec, self.folder.best_trajectory)
 
 
-def _check_model(model: object) -> None:
-    """Raise ValueError unless a run of the model can be recorded."""
-    if isinstance(model, EvolutionaryAlgorithm):
-        return
-    if not isinstance(model, OnPolicyAlgorithm | OffPolicyAlgorithm):
-        raise ValueError(
-            "SaveRun is for algorithms of curiosity_algos, and those of Stable-Baselines3 that "
-            f"step a VecEnv, got {type(model).__name__}."
-        )
-    env = model.get_env()
-    if env is None or not _sees_the_task(env):
-        raise ValueError(
-            "`env` must have a Monitor, below wrappers that change rewards: wrap the environment "
-            "itself in Stable-Baselines3's VecMonitor."
-        )
-
-
-def _sees_the_task(env: VecEnv) -> bool:
-    """Whether a Monitor sees each episode, with the rewards of the task."""
-    monitor = unwrap_vec_wrapper(env, VecMonitor)
-    if monitor is None:
-        return all(env.env_is_wrapped(Monitor))
-    changes_rewards = (BonusVecEnvWrapper, VecNormalize)
-    return not any(is_vecenv_wrapped(monitor.venv, each) for each in changes_rewards)
-
-
 def _warn_of_what_is_lost(model: object) -> None:
     """Warn if the model is trained on transitions, which its last checkpoint does not hold."""
     if hasattr(model, "trained_bonus"):
@@ -321,14 +277,3 @@ def _warn_of_what_is_lost(model: object) -> None:
             "collects them anew, and is not the run that would never have ended.",
             stacklevel=2,
         )
-
-
-def _write_wrappers(
-    model: EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm, folder: Path
-) -> None:
-    """Save those of the VecEnv that learn, which no model saves."""
-    bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
-    if bonus is not None:
-        bonus.save(folder / "bonus.pt")
-    if normalize is not None:
-        normalize.save(str(folder / "vecnormalize.pkl"))

@@ -139,13 +139,13 @@ class TestSweep:
         while is_anyone_left(process.pid):
             time.sleep(0.01)
 
-    def test_killed_five_times_it_ends_in_the_same_runs(
+    def test_killed_twice_it_ends_in_the_same_runs(
         self, run_here, begin, curiosity, tmp_path, assert_same
     ):
         whole, killed = tmp_path / "whole", tmp_path / "killed"
         assert run_here(*self.words, "-f", str(whole))[0] == 0
         rng = np.random.default_rng(0)
-        for _ in range(5):
+        for _ in range(2):
             self.kill_once(begin, killed, rng)
         status, _, errors = curiosity(*self.words, "-f", killed)
         assert status == 0, errors

@@ -63,8 +63,8 @@ def test_the_folder_holds_the_run_which_is_the_same_as_without(
     any_algorithm, make_model, make_easy_maze, folder, assert_same_run
 ):
     model, other = (make_model(any_algorithm, make_easy_maze()) for _ in range(2))
-    model.learn(900, SaveRun(folder, interval=1e-9), log_interval=1)
-    assert_same_run(model, other.learn(900))
+    model.learn(400, SaveRun(folder, interval=1e-9), log_interval=1)
+    assert_same_run(model, other.learn(400))
     (run,) = load_runs(folder.parent).to_dict("records")
     assert (run["algorithm"], run["run"]) == (any_algorithm.__name__, str(folder))
     assert (run["timesteps"], run["best_return"]) == (model.num_timesteps, model.best_return)

@@ -14,7 +14,7 @@ import pandas as pd
 from curiosity_algos.experiments import load_progress, load_runs
 from curiosity_algos.experiments.labels import label_runs
 from curiosity_algos.experiments.names import ENVIRONMENTS
-from curiosity_algos.experiments.run_folder import TIMESTEPS
+from curiosity_algos.experiments.progress_log import TIMESTEPS
 
 FOLDER = Path(__file__).parent / "results"
 N_POINTS = 60

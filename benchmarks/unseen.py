@@ -39,7 +39,7 @@ def count(path: Path, n_starts: int) -> dict[str, str | int]:
     described, checkpoint = run.describe(), run.checkpoint
     assert checkpoint is not None
     model = find_algorithm(described["algorithm"]).load(checkpoint / "model")
-    evaluator = make_evaluator(gym.make(decode_spec(described["env_spec"])))
+    evaluator = make_evaluator(gym.make(decode_spec(described["env_spec"], trust=True)))
     policy = model.policy.vector[None]
     solved = sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))
     return {**{key: described[key] for key in KEYS}, "starts": n_starts, "solved": solved}

@@ -37,7 +37,7 @@ from benchmarks import (
 from benchmarks.measure import Plan, Row, Table, add_peer, interleave, number, ratios
 from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
 from curiosity_algos.cli.sweep import sweep
-from curiosity_algos.experiments.replay import episode
+from curiosity_algos.experiments.played import episode
 from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.registration import SPECS

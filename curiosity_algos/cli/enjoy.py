@@ -32,6 +32,9 @@ def enjoy(
     no_render: Annotated[bool, typer.Option("--no-render", help="Print the return alone.")] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
     seed: Annotated[int, typer.Option(help="Of the environment.")] = 0,
+    trust: Annotated[
+        bool, typer.Option("--trust", help="Run code that the run's folder names or holds.")
+    ] = False,
 ) -> None:
     """Show or record an episode of a run's best policy, or of a pretrained one.
 
@@ -44,13 +47,13 @@ def enjoy(
     check_at_least_one(stride=stride)
     source = Path(run) if pretrained is None else film.Pretrained(pretrained, run)
     if no_render:
-        typer.echo(f"Return {film.play(source, seed=seed):.3f}")
+        typer.echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")
     elif out is None and has_screen():
-        typer.echo(f"Return {film.watch(source, seed=seed):.3f}")
+        typer.echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
-        total = film.film(source, path, stride=stride, seed=seed)
+        total = film.film(source, path, stride=stride, seed=seed, trust=trust)
         typer.echo(f"Return {total:.3f}: {path}")
 
 

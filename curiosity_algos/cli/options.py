@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from curiosity_algos.experiments.tracking import Project
-    from curiosity_algos.experiments.training import Run
+    from curiosity_algos.experiments.training import RunSpec
 
 TIMESTEPS = 1e7
 
@@ -52,7 +52,7 @@ def make_runs(
     env_kwargs: list[str] | None,
     settings: dict[str, Any],
     conf_file: Path | None,
-) -> list[Run]:
+) -> list[RunSpec]:
     """A run of each algorithm, environment and seed, all of which can begin."""
     from curiosity_algos.experiments import conf_file as files
     from curiosity_algos.experiments.sweep import grid
@@ -67,7 +67,7 @@ def make_runs(
     return runs
 
 
-def check_all(runs: Sequence[Run]) -> None:
+def check_all(runs: Sequence[RunSpec]) -> None:
     """Check that runs can begin, one of each algorithm and environment."""
     for run in {(run.variant, run.algorithm, run.env): run for run in runs}.values():
         run.check()
@@ -80,7 +80,7 @@ def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:
 
 
 def find_project(track: bool, name: str, entity: str | None) -> Project | None:
-    """Where to track runs, if they are to be."""
+    """The project that tracks runs, if they are to be tracked."""
     from curiosity_algos.experiments.tracking import Project
 
     if not track:

@@ -87,7 +87,7 @@ def sweep(
 
 
 def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend | None:
-    """What trains on a cluster, with those of its settings that are given; None: this machine."""
+    """The backend of a cluster, with those of its settings that are given; None: this machine."""
     check_choice(("local", "ray"), backend=name)
     given = {option: value for option, value in settings.items() if value is not None}
     if name == "local":

@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 
 Table = Mapping[str, dict[str, Any]]
 
@@ -48,12 +48,12 @@ def _number(n_timesteps: Any) -> float:
         raise ValueError(f"`n_timesteps` must be a number, got {n_timesteps!r}.") from error
 
 
-def complete(run: Run, table: Table, timesteps: float | None) -> Run:
+def complete(run: RunSpec, table: Table, timesteps: float | None) -> RunSpec:
     """A run with what a file says of its environment; what the run has counts more.
 
     Args:
-        run: Its own keywords stay.
-        table: What `read_conf_file` gave; `default` is of environments that it does not name.
+        run: Run, whose own keywords stay.
+        table: Keywords by environment; `default` is for those that it does not name.
         timesteps: Budget that counts more than the file's; None: none was given.
 
     Raises:

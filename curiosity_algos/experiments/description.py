@@ -1,4 +1,4 @@
-"""What a run was: algorithm, environment, every setting, and where it ran."""
+"""Descriptions of runs: algorithm, environment, every setting, and where it ran."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_gym.processors import available_cpus
 
-PACKAGES = ("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3")
-FURTHER = ("ribs", "mujoco", "dm-control", "gymnasium-robotics")
-"""Packages that only some runs need."""
+PACKAGES = (
+    *("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3"),
+    *("ribs", "mujoco", "dm-control", "gymnasium-robotics"),
+)
 MAY_DIFFER = {"device", "n_threads", "tensorboard_log", "verbose"}
 """Settings that results do not depend on."""
 
@@ -53,7 +54,7 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 
 
 def algorithm_name(model: BaseAlgorithm) -> str:
-    """That of its class, and of the bonus in its reward: `PPO + ICM`."""
+    """The name of its class, and of the bonus in its reward: `PPO + ICM`."""
     wrapper = bonus_wrapper(model)
     added = "" if wrapper is None else f" + {type(wrapper.bonus).__name__}"
     return f"{type(model).__name__}{added}"
@@ -63,7 +64,7 @@ def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether two descriptions are of one run, wherever and with whatever versions it went on."""
     names = ("algorithm", "env", "env_class", "env_kwargs", "wrappers", "vec_env", "seed")
     first, second = (
-        {name: value for name, value in each["settings"].items() if name not in MAY_DIFFER}
+        {name: value for name, value in each.get("settings", {}).items() if name not in MAY_DIFFER}
         for each in (one, other)
     )
     return first == second and all(one.get(name) == other.get(name) for name in names)
@@ -101,7 +102,7 @@ def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:
 
 
 def vec_wrappers(env: VecEnv) -> Iterator[VecEnvWrapper]:
-    """Those of a VecEnv from the outermost on, but for SB3's monitor."""
+    """The wrappers of a VecEnv from the outermost on, but for SB3's monitor."""
     while isinstance(env, VecEnvWrapper):
         if not isinstance(env, VecMonitor):
             yield env
@@ -109,7 +110,7 @@ def vec_wrappers(env: VecEnv) -> Iterator[VecEnvWrapper]:
 
 
 def spec_of(env: VecEnv | None) -> EnvSpec | None:
-    """What the (first) single environment was made by, but for SB3's Monitor, or None."""
+    """The spec of the (first) single environment, but for SB3's Monitor, or None."""
     if isinstance(env, GymnasiumView):
         spec = env.vector_env.spec
     else:
@@ -134,7 +135,7 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
 
 
 def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the constructor that are kept in attributes of the same name, or with a `_`."""
+    """The constructor's arguments that are kept in attributes of their name, or with a `_`."""
     names = inspect.signature(type(thing)).parameters.keys() - {"env", "venv", "seed"}
     kept = {
         name: attributes.get(name, attributes.get(f"_{name}"))
@@ -167,14 +168,14 @@ def _name(value: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Of Python and the packages that results depend on, as far as they are installed."""
-    found = {package: version(package) for package in (*PACKAGES, *FURTHER)}
+    """Versions of Python and of the packages that results depend on, where they are installed."""
+    found = {package: version(package) for package in PACKAGES}
     installed = {package: number for package, number in found.items() if number is not None}
     return {"python": platform.python_version(), **installed}
 
 
 def version(package: str) -> str | None:
-    """Of a package, or None where it is not installed."""
+    """The version of a package, or None where it is not installed."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""What an environment is made by, in terms of JSON: Gymnasium's `EnvSpec`, wrappers included."""
+"""How an environment is made, in terms of JSON: Gymnasium's `EnvSpec`, wrappers included."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec, WrapperSpec, load_env_creator
+from gymnasium.envs.registration import EnvSpec, WrapperSpec
+from stable_baselines3.common.monitor import Monitor
 
+import curiosity_gym
 from curiosity_algos.checkpoints.plain_json import decode, encode
 
 DERIVED = {"namespace", "name", "version"}
@@ -21,8 +23,7 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
     Classes are named by their modules, so that ids which only such a module registers work too.
     """
     fields = {field.name: getattr(spec, field.name) for field in dataclasses.fields(spec)}
-    entry = spec.entry_point
-    fields["entry_point"] = entry if isinstance(entry, str) else _importable(entry)
+    fields["entry_point"] = _named(spec.entry_point)
     fields["vector_entry_point"] = None
     fields["kwargs"] = {name: spec.kwargs[name] for name in spec.kwargs if name != "render_mode"}
     fields["additional_wrappers"] = [vars(each) for each in spec.additional_wrappers]
@@ -36,36 +37,52 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
     return encoded
 
 
-def _importable(entry: object) -> str | None:
+def _named(entry: object) -> str | None:
     """`module:name` of a class or function of a module, or None."""
+    if isinstance(entry, str):
+        return entry
     name = getattr(entry, "__qualname__", "<none>")
     return f"{entry.__module__}:{name}" if name.isidentifier() else None
 
 
-def decode_spec(encoded: Mapping[str, Any]) -> EnvSpec:
-    """What `encode_spec` was given, for `gymnasium.make`, if it names nothing but environments.
+def decode_spec(encoded: Mapping[str, Any], *, trust: bool = False) -> EnvSpec:
+    """The spec that `encode_spec` was given, for `gymnasium.make`.
+
+    Args:
+        encoded: Dictionary of `encode_spec`, or of a stranger's file.
+        trust: Import whatever it names; without, environments must be registered, and wrappers be
+            Gymnasium's or of this package, and write no files.
 
     Raises:
-        ValueError: If an entry point is neither a class of environments or wrappers, nor what the
-            id is registered with: a file could name any function.
-        AttributeError: If an entry point is not in its module.
-        ImportError: If there is no such module.
+        ValueError: If it is damaged, or needs trust.
     """
-    fields = decode(dict(encoded))
-    fields["additional_wrappers"] = tuple(
-        WrapperSpec(**each) for each in fields["additional_wrappers"]
-    )
-    spec = EnvSpec(**fields)
-    _check_entry(encoded["entry_point"], gym.Env, spec.id)
-    for each in spec.additional_wrappers:
-        _check_entry(each.entry_point, gym.Wrapper)
+    try:
+        fields = decode(dict(encoded))
+        wrappers = tuple(WrapperSpec(**each) for each in fields.pop("additional_wrappers"))
+        spec = EnvSpec(**fields, additional_wrappers=wrappers)
+    except (AttributeError, KeyError, TypeError, ValueError, gym.error.Error) as error:
+        raise ValueError(
+            "`run` must say how its environment is made: `env_spec` in run.json is damaged."
+        ) from error
+    registered = gym.registry.get(spec.id)
+    is_known = registered is not None and _named(registered.entry_point) == spec.entry_point
+    foreign = [] if is_known else [str(spec.entry_point)]
+    foreign += [str(each.entry_point) for each in wrappers if not _is_known(each)]
+    if foreign and not trust:
+        raise ValueError(
+            f"`trust` must be given if you know who made the run: {spec.id} would run "
+            f"{', '.join(foreign)}."
+        )
     return spec
 
 
-def _check_entry(entry: str, kind: type, env_id: str = "") -> None:
-    named = load_env_creator(entry)
-    registered = gym.registry.get(env_id)  # only now: its module may register it
-    is_registered = registered is not None and registered.entry_point in (entry, named)
-    if not is_registered and not (isinstance(named, type) and issubclass(named, kind)):
-        kinds = f"a class of gymnasium.{kind.__name__}"
-        raise ValueError(f"`run` must name {kinds} in run.json, or a registered id; got {entry}.")
+def _is_known(wrapper: WrapperSpec) -> bool:
+    """Whether a wrapper is Gymnasium's, SB3's Monitor or of this package, and writes no file."""
+    if wrapper.entry_point == _named(Monitor):
+        return isinstance(wrapper.kwargs, dict) and wrapper.kwargs.get("filename") is None
+    known = vars(gym.wrappers) | vars(curiosity_gym)
+    return wrapper.entry_point in {
+        _named(each)
+        for each in known.values()
+        if isinstance(each, type) and issubclass(each, gym.Wrapper)
+    } - {_named(gym.wrappers.RecordVideo)}

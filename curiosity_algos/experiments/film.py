@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import gymnasium as gym
 import numpy as np
@@ -13,9 +13,10 @@ from stable_baselines3.common.policies import BasePolicy
 
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
+from curiosity_algos.experiments.played import episode
 from curiosity_algos.experiments.pretrained import load_pretrained
-from curiosity_algos.experiments.replay import episode
 from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 
@@ -29,15 +30,26 @@ class Pretrained(NamedTuple):
     env_id: str
 
 
-def film(source: Path | Pretrained, path: Path, *, stride: int, seed: int) -> float:
+Source: TypeAlias = Path | Pretrained
+"""The folder of a run, or a policy of the package."""
+
+
+def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = False) -> float:
     """Play one episode, and write every `stride`-th step as a frame; its return.
 
+    Args:
+        source: Run or policy that acts.
+        path: Place of the GIF or MP4.
+        stride: Steps from frame to frame.
+        seed: Seed of the environment.
+        trust: Also run code that the folder of the run names or holds.
+
     Raises:
-        FileNotFoundError: If `source` is a folder without a run.
+        FileNotFoundError: If there is no run.
         ValueError: If it cannot be played; if the path is of another kind of file.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    policy, env = _open(source, render_mode="rgb_array")
+    policy, env = _open(source, trust, render_mode="rgb_array")
     frames, total = [], 0.0
     for t, step in enumerate(episode(policy, env, seed)):
         total += step.reward
@@ -50,42 +62,53 @@ def film(source: Path | Pretrained, path: Path, *, stride: int, seed: int) -> fl
     return total
 
 
-def watch(source: Path | Pretrained, *, seed: int) -> float:
+def watch(source: Source, *, seed: int, trust: bool = False) -> float:
     """Play one episode in a window; its return.
 
     Raises:
-        FileNotFoundError: If `source` is a folder without a run.
+        FileNotFoundError: If there is no run.
         ValueError: If it cannot be played, or no window can be opened.
     """
     (pygame,) = import_extra("render", "pygame")
     try:
-        return play(source, seed=seed, render_mode="human")
+        return play(source, seed=seed, trust=trust, render_mode="human")
     except pygame.error as error:
         raise ValueError(f"`out` must name a file where there is no screen: {error}.") from error
 
 
-def play(source: Path | Pretrained, *, seed: int, **rendering: Any) -> float:
+def play(source: Source, *, seed: int, trust: bool = False, **rendering: Any) -> float:
     """Play one episode; its return.
 
     Raises:
-        FileNotFoundError: If `source` is a folder without a run.
+        FileNotFoundError: If there is no run.
         ValueError: If it cannot be played.
     """
-    policy, env = _open(source, **rendering)
+    policy, env = _open(source, trust, **rendering)
     total = sum(step.reward for step in episode(policy, env, seed))
     env.close()
     return total
 
 
-def _open(source: Path | Pretrained, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
+def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
     """A policy, and an environment as it was trained in."""
     if isinstance(source, Pretrained):
         return load_pretrained(*source), gym.make(source.env_id, **rendering)
-    return _open_run(source, **rendering)
+    described, checkpoint = _described(source)
+    spec = decode_spec(described["env_spec"], trust=trust)
+    policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
+    try:
+        env = gym.make(spec, **rendering)
+    except gym.error.DependencyNotInstalled:
+        raise
+    except Exception as error:  # whatever a constructor makes of a file's arguments
+        raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
+    if policy.observation_space.shape != env.observation_space.shape:
+        raise ValueError(f"`run` must be of its environment: {spec.id} has other observations.")
+    return policy, env
 
 
-def _open_run(folder: Path, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
-    """That of the last checkpoint of a run, and an environment like the run's own."""
+def _described(folder: Path) -> tuple[dict[str, Any], Path]:
+    """The description of a run, and its last checkpoint."""
     run = RunFolder(folder)
     described, checkpoint = run.describe(), run.checkpoint
     if checkpoint is None:
@@ -100,11 +123,20 @@ def _open_run(folder: Path, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, 
             f"`run` must say how its environment is made, run.json in {folder} does not: it has no "
             "id, or arguments that no file can hold."
         )
-    try:
-        env = gym.make(decode_spec(described["env_spec"]), **rendering)
-    except (AttributeError, ImportError, TypeError) as error:
-        raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
-    return find_algorithm(described["algorithm"]).load(checkpoint / "model").policy, env
+    return described, checkpoint
+
+
+def _load_policy(algorithm: str, checkpoint: Path, *, trust: bool) -> BasePolicy:
+    cls = find_algorithm(algorithm)
+    if issubclass(cls, EvolutionaryAlgorithm):
+        return cls.load(checkpoint / "model", allow_pickle=trust).policy
+    if not trust:
+        raise ValueError(
+            f"`trust` must be given if you know who made the run: the file of a {algorithm} may "
+            "run any code."
+        )
+    policy: BasePolicy = cls.load(checkpoint / "model").policy
+    return policy
 
 
 def _frame(env: gym.Env[object, object]) -> Frame:

@@ -20,9 +20,9 @@ COLORS = {
     "CuriosityMAPElites": "#882255",
     "CanonicalES": "#777777",
 }
-"""Of algorithms: told apart by the color-blind (Paul Tol's vibrant and muted schemes)."""
+"""Colors of algorithms, told apart by the color-blind (Paul Tol's vibrant and muted schemes)."""
 FURTHER = ("#332288", "#117733", "#DDCC77", "#CC6677", "#44AA99", "#BBBBBB")
-"""Of what has no color of its own, in turn."""
+"""Colors, in turn, of what has none of its own."""
 
 
 def label_runs(runs: pd.DataFrame) -> pd.Series:

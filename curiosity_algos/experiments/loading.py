@@ -11,9 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.run_folder import RunFolder, read_rows
+from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.run_folder import RunFolder
 
 KEYS = ("algorithm", "env", "seed")
+NOT_SHOWN = {"run", "env_spec", "pending_log", "has_transitions", "ended"}
 
 
 def find_runs(folder: str | os.PathLike[str]) -> list[Path]:
@@ -61,11 +63,9 @@ def load_runs_of(folders: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
 
 def _row(path: Path) -> dict[str, Any]:
     run = RunFolder(path)
-    result = run.result()
-    row = {"run": str(path), **run.describe(), **result}
-    for name in ("env_spec", "pending_log"):  # for the programs that make and go on with it
-        row.pop(name, None)
-    return row
+    fields = run.describe() | run.result()
+    # Some are for the programs that make the environment and go on with the run.
+    return {"run": str(path)} | {k: v for k, v in fields.items() if k not in NOT_SHOWN}
 
 
 def load_progress(folder: str | os.PathLike[str]) -> pd.DataFrame:
@@ -83,13 +83,13 @@ def _progress(path: Path) -> pd.DataFrame:
     described = run.describe()
     table = pd.DataFrame(read_rows(run.progress))
     for i, name in enumerate(KEYS):
-        table.insert(i, name, described[name])
+        table.insert(i, name, described.get(name))
     table.insert(0, "run", str(path))
     return table
 
 
 def load_final_states(folder: str | os.PathLike[str]) -> dict[str, npt.NDArray[np.generic]]:
-    """Of every episode of one run, in their order, what it ended in.
+    """The ends of every episode of one run, in their order.
 
     Returns:
         `generation`, `timesteps` (after its generation), `return`, `length`, `success` and

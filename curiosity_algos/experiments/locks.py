@@ -1,22 +1,59 @@
-"""Locks that end with the process that holds them."""
+"""Locks that end with whoever holds them."""
 
 from __future__ import annotations
 
+import os
 import sys
-from typing import BinaryIO
+import threading
+import weakref
+from pathlib import Path
+from typing import ClassVar
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: int) -> None:
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _lock(file: int) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the open file's, not the process'
 
 
-def lock_file(file: BinaryIO) -> None:
-    """Lock an open file for this process alone, until it is closed.
+class FileLock:
+    """Holds a file until `close`, until nobody refers to the lock, or until the process ends.
+
+    What a training that failed has left in the hands of a notebook's traceback must not keep the
+    next one out: a thread that asks again takes over from itself, and from threads that have ended.
+
+    Args:
+        path: File to hold, which is made where there is none.
 
     Raises:
-        OSError: If another process holds it.
+        OSError: If another process holds it, or another thread that is alive.
     """
-    if sys.platform == "win32":
-        import msvcrt
 
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-    else:
-        import fcntl
+    _held: ClassVar[weakref.WeakValueDictionary[Path, FileLock]] = weakref.WeakValueDictionary()
 
-        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the process', not the file's
+    def __init__(self, path: Path) -> None:
+        path = path.resolve()
+        earlier = self._held.get(path)
+        if earlier is not None and earlier._is_left():
+            earlier.close()
+        file = os.open(path, os.O_RDWR | os.O_CREAT)
+        try:
+            _lock(file)
+        except OSError:
+            os.close(file)
+            raise
+        self._close = weakref.finalize(self, os.close, file)
+        self._thread = threading.current_thread()
+        self._held[path] = self
+
+    def _is_left(self) -> bool:
+        return self._thread is threading.current_thread() or not self._thread.is_alive()
+
+    def close(self) -> None:
+        """Let go of the file; of one that is held no more, nothing happens."""
+        self._close()

@@ -12,7 +12,8 @@ import pandas as pd
 
 from curiosity_algos.experiments.labels import label_runs
 from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs_of
-from curiosity_algos.experiments.run_folder import TIMESTEPS, RunFolder
+from curiosity_algos.experiments.progress_log import TIMESTEPS
+from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import Survival, survival
 
 Float64 = npt.NDArray[np.float64]
@@ -155,7 +156,7 @@ def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike, begin: float = 0
 
 def in_seconds(run: Folder, timesteps: npt.ArrayLike) -> Float64:
     """Seconds of training after which a run was at `timesteps` (n,), by its log and its result."""
-    known, seconds = _from_zero(*_logged(run, "time/seconds"))
+    known, seconds = _from_zero(*_logged(run, SECONDS))
     result = RunFolder(run).result()
     if "seconds" in result and result["timesteps"] > known[-1]:
         known, seconds = np.r_[known, result["timesteps"]], np.r_[seconds, result["seconds"]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from typing import Any
 
@@ -23,16 +23,15 @@ ENVIRONMENTS = tuple(SPECS)
 
 
 def find_algorithm(name: str) -> type[Any]:
-    """The class of a name: case, `-` and `_` do not count (`curiosity_es`, `CuriosityES`).
+    """The class of a name; case, `-` and `_` do not count (`curiosity_es`, `CuriosityES`).
 
     Raises:
         ValueError: If there is none; the nearest name is suggested.
     """
     import curiosity_algos
 
-    spelled = {_plain(known): known for known in ALGORITHMS}
-    check_known("algo", _plain(name), spelled, shown=name, choices=ALGORITHMS)
-    found: type[Any] = getattr(curiosity_algos, spelled[_plain(name)])
+    name = find_known("algo", name, ALGORITHMS, spelled=_plain)
+    found: type[Any] = getattr(curiosity_algos, name)
     return found
 
 
@@ -40,25 +39,24 @@ def _plain(name: str) -> str:
     return name.lower().replace("-", "").replace("_", "")
 
 
-def check_known(
-    argument: str, name: str, known: Iterable[str], *, shown: str, choices: Iterable[str]
-) -> None:
-    """Check that a name is among those that are known.
+def find_known(
+    argument: str, name: str, known: Iterable[str], *, spelled: Callable[[str], str] = str
+) -> str:
+    """A known name, of those that are spelled alike.
 
     Args:
-        argument: What the name was given for.
-        name: As it is looked for.
-        known: Names to find it in.
-        shown: As the user wrote it.
-        choices: What the user may write, in the order of `known`.
+        argument: Argument that the name was given for.
+        name: Name as the user wrote it.
+        known: Names that there are.
+        spelled: Gives of a name what counts.
 
     Raises:
-        ValueError: If it is not; the nearest is suggested.
+        ValueError: If there is none; the nearest is suggested.
     """
-    by_name = dict(zip(known, choices, strict=True))
-    if name in by_name:
-        return
-    near = get_close_matches(name, by_name, n=1)
+    by_spelling = {spelled(each): each for each in known}
+    if spelled(name) in by_spelling:
+        return by_spelling[spelled(name)]
+    near = get_close_matches(spelled(name), by_spelling, n=1)
     if near:
-        raise ValueError(f"`{argument}` {shown} is unknown: did you mean {by_name[near[0]]}?")
-    raise ValueError(f"`{argument}` must be one of {', '.join(by_name.values())}, got {shown}.")
+        raise ValueError(f"`{argument}` {name} is unknown: did you mean {by_spelling[near[0]]}?")
+    raise ValueError(f"`{argument}` must be one of {', '.join(known)}, got {name}.")

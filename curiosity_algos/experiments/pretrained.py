@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.experiments.names import ENVIRONMENTS, check_known, find_algorithm
+from curiosity_algos.experiments.names import ENVIRONMENTS, find_algorithm, find_known
 from curiosity_gym.registration import SPECS
 
 # Not by paths: the package may lie in an archive.
@@ -27,14 +27,14 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
     It `predict`s as a trained model does; `evaluate_policy` takes it for one.
 
     Args:
-        algorithm: Its name, in any spelling.
-        env_id: Id of the environment, of this package.
+        algorithm: Name of the algorithm, in any spelling.
+        env_id: Id of an environment of this package.
 
     Raises:
         ValueError: If there is none of them.
     """
     name = find_algorithm(algorithm).__name__
-    check_known("env", env_id, ENVIRONMENTS, shown=env_id, choices=ENVIRONMENTS)
+    find_known("env", env_id, ENVIRONMENTS)
     env_id = next(known for known, spec in SPECS.items() if spec == SPECS[env_id])  # of an alias
     if (name, env_id) not in PRETRAINED:
         known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
-from curiosity_algos.experiments.sweep import SECONDS, Advance, Make, Report
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.sweep import Report, Train
+from curiosity_algos.experiments.training import RunSpec
 from curiosity_gym.validation import check_positive
 
 MAX_RETRIES = 5
@@ -23,7 +22,7 @@ class RayBackend:
     in its folder.
 
     Args:
-        address: Of the cluster, as of `RayEvaluator`.
+        address: Address of the cluster, as of `RayEvaluator`.
         num_cpus: Processors that a run keeps to itself; it trains on one thread.
         resources: Other resources of a run, by Ray's names.
 
@@ -44,43 +43,24 @@ class RayBackend:
         self.num_cpus = num_cpus
         self.resources = check_resources(resources)
 
-    def __call__(self, runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
-        """Train the runs, and tell how far they are and how they ended."""
+    def __call__(self, runs: Sequence[RunSpec], train: Train, report: Report) -> None:
+        """Train the runs, and tell how they ended."""
         connect(self.address, math.ceil(self.num_cpus), self.resources)
-        messages = _queue()
         task = ray.remote(_in_a_task).options(
             num_cpus=self.num_cpus, resources=self.resources, max_retries=MAX_RETRIES
         )
-        waiting = {task.remote(make, run, i, messages): run for i, run in enumerate(runs)}
+        waiting = {task.remote(train, run): run for run in runs}
         try:
             while waiting:
-                ended, _ = ray.wait(list(waiting), num_returns=1, timeout=SECONDS)
-                for number, timesteps in messages.get_nowait_batch(messages.qsize()):
-                    if runs[number] in waiting.values():  # messages take their time
-                        advance(runs[number], timesteps)
-                for each in ended:
-                    report(waiting.pop(each), _outcome(each))
+                (ended,), _ = ray.wait(list(waiting), num_returns=1)
+                report(waiting.pop(ended), _outcome(ended))
         finally:
             for each in waiting:
                 ray.cancel(each, force=True)
-            messages.shutdown()
 
 
-def _queue() -> Any:
-    """Messages of how far runs are, kept on this machine: it cannot be lost before the sweep."""
-    from ray.util.queue import Queue
-    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
-
-    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
-    return Queue(actor_options={"num_cpus": 0, "scheduling_strategy": here})
-
-
-def _in_a_task(make: Make, run: Run, number: int, messages: Any) -> bool:
-    return make(run, partial(_send, messages.actor, number))
-
-
-def _send(actor: Any, number: int, timesteps: int) -> None:
-    actor.put_nowait.remote((number, timesteps))  # nobody waits for it
+def _in_a_task(train: Train, run: RunSpec) -> bool:
+    return train(run)
 
 
 def _outcome(reference: Any) -> bool | BaseException:

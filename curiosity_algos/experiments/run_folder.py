@@ -9,37 +9,41 @@
 
 Nothing that is written is written again but `progress.csv`, where a new column appears. A
 checkpoint appears at once and whole, and what was written after the last one is dropped when a run
-goes on from there. One process at a time trains in a folder: it holds `lock`.
+goes on from there. One process and thread at a time trains in a folder: it holds `lock`.
 """
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import shutil
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from stable_baselines3.common.logger import CSVOutputFormat
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
-from curiosity_algos.experiments.locks import lock_file
+from curiosity_algos.experiments.locks import FileLock
+from curiosity_algos.experiments.reading import (
+    DESCRIPTION,
+    RESULT,
+    TRAJECTORY,
+    damaged,
+    read_arrays,
+    read_final_states,
+    read_json,
+)
 
 FORMAT = 1
-TIMESTEPS = "time/total_timesteps"
-"""The column of `progress.csv` that says when a row was logged."""
 
 
 class RunFolder:
-    """Where the files of one run are.
+    """The files of one run, and their places.
 
     Args:
-        path: Of the folder; it need not be there yet.
+        path: Place of the folder; it need not be there yet.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -55,20 +59,17 @@ class RunFolder:
         """Whether a run can begin here."""
         return not self.path.exists() or all(path == self._lock for path in self.path.iterdir())
 
-    def lock(self) -> BinaryIO:
-        """Hold the folder until the file that this gives is closed, or its process ends.
+    def lock(self) -> FileLock:
+        """Hold the folder, as a `FileLock` does.
 
         Raises:
-            ValueError: If another process trains in the folder.
+            ValueError: If another process trains in the folder, or another thread.
         """
         self.path.mkdir(parents=True, exist_ok=True)
-        file = open(self._lock, "ab")  # noqa: SIM115  whoever asked closes it
         try:
-            lock_file(file)
+            return FileLock(self._lock)
         except OSError as error:
-            file.close()
             raise ValueError(f"`folder` must not be at work: {self.path} is.") from error
-        return file
 
     # -- what the run is ------------------------------------------------------------------------
 
@@ -78,7 +79,7 @@ class RunFolder:
             file.write(json.dumps({"format": FORMAT, **description}, indent=2).encode())
 
     def describe(self) -> dict[str, Any]:
-        """What the run is.
+        """The fields of `run.json`, without its format.
 
         Raises:
             FileNotFoundError: If there is no run here.
@@ -88,16 +89,7 @@ class RunFolder:
             raise FileNotFoundError(
                 f"`folder` must be that of a run, there is none in {self.path}."
             )
-        try:
-            described = json.loads(self._description.read_text())
-        except ValueError:
-            described = None
-        if not isinstance(described, dict) or not described.keys() >= {
-            "format",
-            "algorithm",
-            "env",
-        }:
-            raise ValueError(f"`folder` must be that of a run, {self._description} is damaged.")
+        described = read_json(self._description, DESCRIPTION)
         if described.pop("format") != FORMAT:
             raise ValueError(
                 f"`folder` must hold a run of format {FORMAT}, {self.path} was written by another "
@@ -132,15 +124,23 @@ class RunFolder:
             shutil.rmtree(path)
 
     def result(self) -> dict[str, Any]:
-        """What the run has come to at its last checkpoint; empty before the first."""
+        """The fields of `result.json` in the last checkpoint; empty before the first.
+
+        Raises:
+            ValueError: If it is damaged.
+        """
         if self.checkpoint is None:
             return {}
-        path = self.checkpoint / "result.json"
-        try:
-            result: dict[str, Any] = json.loads(path.read_text())
-        except (OSError, ValueError) as error:
-            raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
+        result = read_json(self.checkpoint / "result.json", RESULT)
+        if not all(isinstance(share, int | float) for share in result["coverage"].values()):
+            raise damaged(self.checkpoint / "result.json")
         return result
+
+    def end(self) -> None:
+        """Note that training has ended at the last checkpoint, and all of its files are there."""
+        assert self.checkpoint is not None
+        with atomic_file(self.checkpoint / "result.json") as file:
+            file.write(json.dumps(self.result() | {"ended": True}, indent=2).encode())
 
     # -- final states ---------------------------------------------------------------------------
 
@@ -149,12 +149,16 @@ class RunFolder:
         write_arrays(self._final_states / f"{first:010}.npz", columns)
 
     def final_states(self) -> dict[str, npt.NDArray[Any]]:
-        """Every column with an entry for each episode; empty before the first checkpoint."""
-        parts = [_read_arrays(path) for path in self._final_state_files()]
-        return {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]}
+        """Every column with an entry for each episode; empty before the first checkpoint.
+
+        Raises:
+            ValueError: If a file is damaged.
+        """
+        return read_final_states(self._final_state_files())
 
     def _final_state_files(self) -> list[Path]:
-        return sorted(self._final_states.glob("[0-9]*.npz"))
+        files = self._final_states.glob("*.npz")
+        return sorted(path for path in files if path.stem.isdecimal())
 
     # -- the best policy's episode --------------------------------------------------------------
 
@@ -164,7 +168,8 @@ class RunFolder:
         Raises:
             ValueError: If the file is damaged.
         """
-        return _read_arrays(self.best_trajectory) if self.best_trajectory.is_file() else {}
+        is_there = self.best_trajectory.is_file()
+        return read_arrays(self.best_trajectory, TRAJECTORY) if is_there else {}
 
     # -- going on -------------------------------------------------------------------------------
 
@@ -174,49 +179,8 @@ class RunFolder:
             if int(path.stem) >= n_episodes:
                 path.unlink()
 
-    def open_progress(self, timesteps: int) -> CSVOutputFormat:
-        """The log, its rows up to `timesteps` kept."""
-        rows = read_rows(self.progress)
-        late = [i for i, row in enumerate(rows) if float(row.get(TIMESTEPS, 0)) > timesteps]
-        rows = rows[: late[0]] if late else rows
-        unfinished = self.progress.with_name("progress.csv.unfinished")
-        log = CSVOutputFormat(str(unfinished))
-        for row in rows:
-            log.write(row, dict.fromkeys(row, ()))
-        os.replace(unfinished, self.progress)
-        return log
-
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write a file for `numpy.load` that appears only once it is whole."""
     with atomic_file(path) as file:
         np.savez(file, **arrays)
-
-
-def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
-    try:
-        return dict(np.load(path))
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-        raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
-
-
-def read_rows(path: Path) -> list[dict[str, float | str]]:
-    """The rows of a log without empty entries, numbers and text; none where there is no file.
-
-    Raises:
-        ValueError: If the file is damaged.
-    """
-    try:
-        lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
-        whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
-        rows = list(csv.DictReader(whole))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"`folder` must be that of a run, {path} is damaged.") from error
-    return [{k: _number(v) for k, v in row.items() if v} for row in rows]
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text

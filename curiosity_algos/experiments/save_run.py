@@ -5,37 +5,30 @@ from __future__ import annotations
 import json
 import os
 import time
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
-from stable_baselines3.common.logger import CSVOutputFormat
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
-from stable_baselines3.common.vec_env import (
-    VecEnv,
-    VecMonitor,
-    VecNormalize,
-    is_vecenv_wrapped,
-    unwrap_vec_wrapper,
-)
 
-from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
+from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
 from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
-from curiosity_algos.experiments.replay import can_be_played, play
+from curiosity_algos.experiments.locks import FileLock
+from curiosity_algos.experiments.played import can_be_played, write_trajectory
+from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
+from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
 from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
-from curiosity_algos.sb3.callbacks import ExplorationCallback, bonus_wrapper
+from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_gym.validation import check_at_least_one, check_positive
 
-Columns = dict[str, npt.NDArray[Any]]
+_FOUND = "what a run has found"
+"""Kind of the file of an `ExplorationCallback`'s state."""
 
 
 class SaveRun(BaseCallback):
@@ -54,10 +47,10 @@ class SaveRun(BaseCallback):
     VecNormalize, to wrap the environments with.
 
     Args:
-        folder: Of the run: empty or missing, or that of the run that the model goes on with.
+        folder: Folder of the run: empty or missing, or that of the run that the model goes on with.
         interval: Seconds between two checkpoints, above 0. One more is taken when `learn` ends,
             without the transitions that bonuses and TD3 are trained on: a run that goes on from
-            there collects them anew.
+            there collects them anew, and `SaveRun` warns of it.
         n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
         verbose: As in SB3.
 
@@ -67,7 +60,7 @@ class SaveRun(BaseCallback):
             there.
     """
 
-    model: EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
+    model: Recordable
 
     def __init__(
         self,
@@ -83,37 +76,26 @@ class SaveRun(BaseCallback):
         self.folder = RunFolder(folder)
         self.interval = interval
         self.n_rewarding = n_rewarding
+        self._log: ProgressLog | None = None
+        self._lock: FileLock | None = None
 
     # -- SB3's callback -------------------------------------------------------------------------
 
     def _on_training_start(self) -> None:
-        self._check_model()
+        self.close()
+        check_recordable(self.model)
         seed = np.random.SeedSequence(self.model.seed, spawn_key=(0x5A7E,))
         self._rewarding = Reservoir(self.n_rewarding, seed)
         self._n_episodes, self._seconds_before = 0, 0.0
         self._pending: list[Columns] = []
         description = describe_run(self.model)
         self._check_folder(description)
-        self._held = self.folder.lock()
+        self._lock = self.folder.lock()
         self._begin_to_observe()
         self._begin_or_go_on(description)
         self._began = self._saved = time.monotonic()
-        self._log: CSVOutputFormat = self.folder.open_progress(self.model.num_timesteps)
+        self._log = ProgressLog(self.folder.progress, self.model.num_timesteps, self._state)
         self.logger.output_formats.append(self._log)
-
-    def _check_model(self) -> None:
-        if isinstance(self.model, EvolutionaryAlgorithm):
-            return
-        if not isinstance(self.model, OnPolicyAlgorithm | OffPolicyAlgorithm):
-            raise ValueError(
-                "SaveRun is for algorithms of curiosity_algos, and those of Stable-Baselines3 that "
-                f"step a VecEnv, got {type(self.model).__name__}."
-            )
-        if not _sees_the_task(self.training_env):
-            raise ValueError(
-                "`env` must have a Monitor, below wrappers that change rewards: wrap the "
-                "environment itself in Stable-Baselines3's VecMonitor."
-            )
 
     def _begin_to_observe(self) -> None:
         """Count what algorithms of Stable-Baselines3's own do not."""
@@ -124,7 +106,7 @@ class SaveRun(BaseCallback):
 
     @property
     def _found(self) -> EvolutionaryAlgorithm | ResumableTD3 | ExplorationCallback:
-        """What knows of coverage, best return and first success."""
+        """The object that knows of coverage, best return and first success."""
         # Algorithms of Stable-Baselines3's own, which know nothing of it, have an observer.
         return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
 
@@ -144,15 +126,20 @@ class SaveRun(BaseCallback):
         checkpoint = self.folder.checkpoint
         if self.folder.is_empty():
             self.folder.begin(description)
-        if checkpoint is not None:
-            result = self.folder.result()
-            self._n_episodes, self._seconds_before = result["n_episodes"], result["seconds"]
-            self._rewarding.load(dict(np.load(checkpoint / "rewarding.npz")))
-            if isinstance(self._found, ExplorationCallback):
-                self._found.load_state_dict(th.load(checkpoint / "found.pt", weights_only=True))
-            for name, (value, count) in result["pending_log"].items():
-                self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
+        result = self.folder.result()
+        self._n_episodes = result.get("n_episodes", 0)
         self.folder.drop_after(self._n_episodes)
+        if checkpoint is None:
+            return
+        self._seconds_before = result["seconds"]
+        self._rewarding.load(read_arrays(checkpoint / "rewarding.npz", REWARDING))
+        if isinstance(self._found, ExplorationCallback):
+            found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
+            self._found.load_state_dict(found)
+        if not result.get("has_transitions", True):
+            _warn_of_what_is_lost(self.model)
+        for name, (value, count) in result["pending_log"].items():
+            self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
 
     def _on_rollout_start(self) -> None:
         # All of the rollout before has been learned from and logged by now.
@@ -160,7 +147,6 @@ class SaveRun(BaseCallback):
             self.save()
 
     def _on_step(self) -> bool:
-        self.logger.record("time/seconds", self._seconds())
         self._observers.on_step()
         ended = np.flatnonzero(self.locals["dones"])
         if len(ended):
@@ -172,13 +158,26 @@ class SaveRun(BaseCallback):
         self._observers.on_rollout_end()
 
     def _on_training_end(self) -> None:
+        assert self._log is not None
+        self._log.end(self.logger.name_to_value)
         self._save(exclude=["buffer"])
-        self.logger.output_formats.remove(self._log)
-        self._log.close()
         self._save_trajectory()
-        self._held.close()
+        self.folder.end()
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the folder, as when `learn` ends; after an error, before others may use it."""
+        if self._log is not None and self._log in self.logger.output_formats:
+            self.logger.output_formats.remove(self._log)
+        if self._lock is not None:
+            self._lock.close()
 
     # -- what is kept ---------------------------------------------------------------------------
+
+    def _state(self) -> dict[str, float]:
+        """Timesteps, seconds and coverage, for the log."""
+        coverage = {f"coverage/{k}": share for k, share in self._found.coverage_shares.items()}
+        return {TIMESTEPS: self.model.num_timesteps, SECONDS: self._seconds(), **coverage}
 
     def _final_states(self, ended: npt.NDArray[np.int64]) -> Columns:
         """An entry for each episode that ended in this step."""
@@ -206,7 +205,7 @@ class SaveRun(BaseCallback):
             self._rewarding.add(policy | {k: columns[k][i] for k in ("return", "generation")})
 
     def _seconds(self) -> float:
-        """Of training, those before an interruption included."""
+        """Seconds of training, those before an interruption included."""
         return self._seconds_before + time.monotonic() - self._began
 
     # -- files ----------------------------------------------------------------------------------
@@ -230,26 +229,12 @@ class SaveRun(BaseCallback):
         self._saved = time.monotonic()
 
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
-        self.model.save(folder / "model", exclude)
-        self._write_wrappers(folder)
+        write_model(self.model, folder, exclude)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
-        policy = self.model.policy
-        if isinstance(policy, MlpPolicy):
-            best = {"parameters": policy.vector, "net_arch": policy.net_arch}
-            write_arrays(
-                folder / "best_policy.npz", {**best, "return": np.array(self._found.best_return)}
-            )
         if isinstance(self._found, ExplorationCallback):
-            th.save(self._found.state_dict(), folder / "found.pt")
-        (folder / "result.json").write_text(json.dumps(self._result(), indent=2))
-
-    def _write_wrappers(self, folder: Path) -> None:
-        """Those of the VecEnv that learn, which no model saves."""
-        bonus, normalize = bonus_wrapper(self.model), self.model.get_vec_normalize_env()
-        if bonus is not None:
-            bonus.save(folder / "bonus.pt")
-        if normalize is not None:
-            normalize.save(str(folder / "vecnormalize.pkl"))
+            write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
+        result = self._result() | {"has_transitions": not exclude}
+        (folder / "result.json").write_text(json.dumps(result, indent=2))
 
     def _result(self) -> dict[str, Any]:
         model, found = self.model, self._found
@@ -262,23 +247,33 @@ class SaveRun(BaseCallback):
             "coverage": found.coverage_shares,
             "n_rewarding": self._rewarding.n_seen,
             "seconds": self._seconds(),
-            # What the next row is the mean of: an algorithm may log less often than it is saved.
-            "pending_log": {
-                name: (float(value), self.logger.name_to_count[name])
-                for name, value in self.logger.name_to_value.items()
-            },
+            "pending_log": self._pending_log(),
+            "ended": False,
+        }
+
+    def _pending_log(self) -> dict[str, tuple[float, int]]:
+        """Values and counts of the next row: an algorithm may log less often than it is saved."""
+        assert self._log is not None
+        recorded, counts = self.logger.name_to_value, self.logger.name_to_count
+        numbers = int | float | np.number
+        return {
+            name: (float(value), counts.get(name, 0))
+            for name, value in (self._log.pending | recorded).items()
+            if isinstance(value, numbers)
         }
 
     def _save_trajectory(self) -> None:
-        spec = spec_of(self.model.get_env())
-        if spec is not None and can_be_played(self.model.get_env(), spec):
-            play(self.model, spec, self.folder.best_trajectory)
+        env = self.model.get_env()
+        spec = spec_of(env)
+        if spec is not None and can_be_played(env, spec):
+            write_trajectory(self.model, spec, self.folder.best_trajectory)
 
 
-def _sees_the_task(env: VecEnv) -> bool:
-    """Whether a Monitor sees each episode, with the rewards of the task."""
-    monitor = unwrap_vec_wrapper(env, VecMonitor)
-    if monitor is None:
-        return all(env.env_is_wrapped(Monitor))
-    changes_rewards = (BonusVecEnvWrapper, VecNormalize)
-    return not any(is_vecenv_wrapped(monitor.venv, each) for each in changes_rewards)
+def _warn_of_what_is_lost(model: object) -> None:
+    """Warn if the model is trained on transitions, which its last checkpoint does not hold."""
+    if hasattr(model, "trained_bonus"):
+        warnings.warn(
+            "The run had ended, and goes on without the transitions that it was trained on: it "
+            "collects them anew, and is not the run that would never have ended.",
+            stacklevel=2,
+        )

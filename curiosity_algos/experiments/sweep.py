@@ -4,68 +4,57 @@ from __future__ import annotations
 
 import inspect
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from multiprocessing import connection, get_context, parent_process
-from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from threading import Thread
 from typing import Any, TypeAlias
 
 import torch as th
-from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.tracking import Project
-from curiosity_algos.experiments.training import Run, is_finished, train
+from curiosity_algos.experiments.training import RunSpec, is_finished, train
 
-Report: TypeAlias = Callable[[Run, bool | BaseException], None]
+Report: TypeAlias = Callable[[RunSpec, bool | BaseException], None]
 """Is told of a run as it ends whether there was anything to do, or its error."""
-Advance: TypeAlias = Callable[[Run, int], None]
-"""Is told now and then of a run under way how many timesteps it has."""
-Make: TypeAlias = Callable[[Run, Callable[[int], None]], bool]
-"""Trains a run that tells its timesteps: whether there was anything to do."""
-Backend: TypeAlias = Callable[[Sequence[Run], Make, Report, Advance], None]
+Train: TypeAlias = Callable[[RunSpec], bool]
+"""Trains a run: whether there was anything to do."""
+Backend: TypeAlias = Callable[[Sequence[RunSpec], Train, Report], None]
 """Trains runs, wherever that is."""
-SECONDS = 0.5
-"""Between two messages of how far a run is."""
-_messages: SimpleQueue[tuple[int, int]]
-"""In a worker: number of the run, and its timesteps."""
 
 
 def grid(
     algorithms: Sequence[str], envs: Sequence[str], seeds: Sequence[int], **common: Any
-) -> list[Run]:
-    """A run for each algorithm, environment and seed, none twice; keywords are those of `Run`."""
+) -> list[RunSpec]:
+    """A run for each algorithm, environment and seed, none twice; keywords are `RunSpec`'s."""
     names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
     places = product(names, dict.fromkeys(envs), dict.fromkeys(seeds))
-    return [Run(algorithm, env, seed, **common) for algorithm, env, seed in places]
+    return [RunSpec(algorithm, env, seed, **common) for algorithm, env, seed in places]
 
 
 def sweep(
-    runs: Sequence[Run],
+    runs: Sequence[RunSpec],
     folder: Path,
     *,
     backend: Backend,
     interval: float = 60.0,
     track: Project | None = None,
     report: Report,
-    advance: Advance = lambda run, timesteps: None,
 ) -> None:
     """Train every run in its folder; one that fails does not stop the others.
 
     Args:
-        runs: What is trained.
-        folder: That holds a folder for each.
+        runs: Runs to train.
+        folder: Parent of the folders of all runs.
         backend: Trains those that are not finished: `Processes`, or `RayBackend`.
         interval: Seconds between two checkpoints of a run.
-        track: Where Weights & Biases keeps the runs; None: nowhere.
+        track: Project of Weights & Biases that keeps the runs; None: none.
         report: Is told of each run.
-        advance: Is told of each run under way.
     """
     left = []
     for run in runs:
@@ -77,9 +66,18 @@ def sweep(
         except (OSError, ValueError) as error:  # another run is there, or other files
             report(run, error)
     # Processes of other machines have another working directory.
-    make = partial(_train_alone, folder=folder.absolute(), interval=interval, track=track)
+    alone = partial(_train_alone, folder=folder.absolute(), interval=interval, track=track)
     if left:
-        backend(left, make, report, advance)
+        backend(left, alone, report)
+
+
+def _train_alone(run: RunSpec, *, folder: Path, interval: float, track: Project | None) -> bool:
+    th.set_num_threads(1)
+    settings = {"device": "cpu", **run.settings}
+    if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
+        settings["n_threads"] = 1
+    run = replace(run, settings=settings)
+    return train(run, run.folder(folder), interval=interval, track=track)
 
 
 class Processes:
@@ -92,63 +90,31 @@ class Processes:
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
 
-    def __call__(self, runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
-        """Train the runs, and tell how far they are and how they ended."""
+    def __call__(self, runs: Sequence[RunSpec], train: Train, report: Report) -> None:
+        """Train the runs, and tell how they ended."""
         if self.jobs == 1:
-            _train_here(runs, make, report, advance)
-        else:
-            _train_in_processes(runs, make, self.jobs, report, advance)
+            _train_here(runs, train, report)
+            return
+        with ProcessPoolExecutor(self.jobs, get_context("spawn"), _end_with_parent) as pool:
+            futures = {pool.submit(train, run): run for run in runs}
+            try:
+                for future in as_completed(futures):
+                    report(futures[future], future.exception() or future.result())
+            finally:
+                pool.shutdown(cancel_futures=True)
 
 
-def _train_here(runs: Sequence[Run], make: Make, report: Report, advance: Advance) -> None:
+def _train_here(runs: Sequence[RunSpec], train: Train, report: Report) -> None:
     n_threads = th.get_num_threads()
     try:
         for run in runs:
             try:
-                outcome: bool | BaseException = make(run, partial(advance, run))
+                outcome: bool | BaseException = train(run)
             except Exception as error:  # of any kind, as from a process
                 outcome = error
             report(run, outcome)
     finally:
         th.set_num_threads(n_threads)
-
-
-def _train_in_processes(
-    runs: Sequence[Run], make: Make, jobs: int, report: Report, advance: Advance
-) -> None:
-    context = get_context("spawn")
-    messages: SimpleQueue[tuple[int, int]] = context.SimpleQueue()
-    with ProcessPoolExecutor(jobs, context, _begin_worker, (messages,)) as pool:
-        futures = {
-            pool.submit(make, run, partial(_send, number)): run for number, run in enumerate(runs)
-        }
-        for ended in _as_they_end(set(futures)):
-            while not messages.empty():
-                number, timesteps = messages.get()
-                advance(runs[number], timesteps)
-            for future in ended:
-                report(futures[future], future.exception() or future.result())
-
-
-def _send(number: int, timesteps: int) -> None:
-    _messages.put((number, timesteps))
-
-
-def _as_they_end(waiting: set[Future[bool]]) -> Iterator[set[Future[bool]]]:
-    """Those that have ended since the last time, a few times a second."""
-    try:
-        while waiting:
-            ended, waiting = wait(waiting, SECONDS, FIRST_COMPLETED)
-            yield ended
-    finally:
-        for future in waiting:
-            future.cancel()
-
-
-def _begin_worker(messages: SimpleQueue[tuple[int, int]]) -> None:
-    global _messages
-    _messages = messages
-    _end_with_parent()
 
 
 def _end_with_parent() -> None:
@@ -161,38 +127,3 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
-
-
-class _Tell(BaseCallback):
-    """Tells now and then how far a run is.
-
-    Args:
-        tell: Is told its timesteps.
-    """
-
-    def __init__(self, tell: Callable[[int], None]) -> None:
-        super().__init__()
-        self._tell = tell
-        self._told = float("-inf")
-
-    def _on_step(self) -> bool:
-        if time.monotonic() - self._told >= SECONDS:
-            self._told = time.monotonic()
-            self._tell(self.num_timesteps)
-        return True
-
-
-def _train_alone(
-    run: Run,
-    tell: Callable[[int], None],
-    *,
-    folder: Path,
-    interval: float,
-    track: Project | None,
-) -> bool:
-    th.set_num_threads(1)
-    settings = {"device": "cpu", **run.settings}
-    if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
-        settings["n_threads"] = 1
-    run, path = replace(run, settings=settings), run.folder(folder)
-    return train(run, path, interval=interval, track=track, callbacks=[_Tell(tell)])

@@ -17,10 +17,10 @@ from curiosity_gym.extras import import_extra
 
 @dataclass(frozen=True)
 class Project:
-    """Where runs are kept.
+    """A project of Weights & Biases.
 
     Args:
-        name: Of the project.
+        name: Name of the project.
         entity: Team or user; None: the user's default.
     """
 
@@ -41,15 +41,15 @@ class Project:
             raise ValueError(f"`track` needs a login at Weights & Biases: {error}") from error
 
 
-class TrackRun(BaseCallback):
+class TrackRun(BaseCallback, KVWriter):
     """Sends what is logged, and the configuration in a run's folder, to Weights & Biases.
 
     A context manager, so that a run that fails is marked as failed. A run that goes on in its
     folder goes on there too: its id is kept in the file `wandb_id`.
 
     Args:
-        project: Where the run is kept.
-        folder: Of the run; a `SaveRun` that is called first has begun it.
+        project: Project that keeps the run.
+        folder: Folder of the run; a `SaveRun` that is called first has begun it.
     """
 
     def __init__(self, project: Project, folder: Path) -> None:
@@ -59,7 +59,7 @@ class TrackRun(BaseCallback):
         self._run: Any = None
 
     def __enter__(self) -> Self:
-        """Nothing is sent before training begins."""
+        """Send nothing before training begins."""
         return self
 
     def __exit__(
@@ -85,28 +85,21 @@ class TrackRun(BaseCallback):
             resume="allow",
         )
         known.write_text(self._run.id)
-        self._writer = _RunWriter(self._run)
-        self.logger.output_formats.append(self._writer)
+        self.logger.output_formats.append(self)
 
     def _on_step(self) -> bool:
         return True
 
     def _on_training_end(self) -> None:
-        self.logger.output_formats.remove(self._writer)
-
-
-class _RunWriter(KVWriter):
-    """A logger's output that sends numbers to a run of wandb's."""
-
-    def __init__(self, run: Any) -> None:
-        self._run = run
+        self.logger.output_formats.remove(self)
 
     def write(
         self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
     ) -> None:
+        """Send the numbers of a log."""
         numbers = int | float | np.number
         row = {name: value for name, value in key_values.items() if isinstance(value, numbers)}
         self._run.log(row, step=step)
 
     def close(self) -> None:
-        """Nothing to do: whoever began the run finishes it."""
+        """Leave the run open: whoever began it finishes it."""

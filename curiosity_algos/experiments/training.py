@@ -19,7 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
-from curiosity_algos.experiments.names import check_known, find_algorithm
+from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.experiments.tracking import Project, TrackRun
@@ -27,13 +27,13 @@ from curiosity_algos.experiments.values import check_value
 
 
 @dataclass(frozen=True)
-class Run:
-    """What is to be trained.
+class RunSpec:
+    """A run that is to be trained.
 
     Args:
-        algorithm: Its name, in any spelling.
+        algorithm: Name of the algorithm, in any spelling.
         env: Id of the environment.
-        seed: Of everything random.
+        seed: Seed of everything random.
         timesteps: Budget in environment steps.
         env_kwargs: Keywords of the environment.
         settings: Keywords of the algorithm, and `preset`: what they begin with.
@@ -49,7 +49,7 @@ class Run:
     variant: str = ""
 
     def folder(self, parent: str | os.PathLike[str]) -> Path:
-        """Where its files are: a folder for the algorithm, the environment and the seed."""
+        """The place of its files: a folder for the algorithm, the environment and the seed."""
         name = find_algorithm(self.algorithm).__name__
         env = self.env.rpartition(":")[2].replace("/", "-")
         return Path(parent) / self.variant / name / env / str(self.seed)
@@ -61,12 +61,12 @@ class Run:
             ValueError: If a name, a keyword or a value is wrong.
         """
         if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
-            check_known("env", self.env, gym.registry, shown=self.env, choices=gym.registry)
+            find_known("env", self.env, gym.registry)
         cls = find_algorithm(self.algorithm)
         parameters = inspect.signature(cls).parameters
         known = ["preset", *(name for name in parameters if name not in {"env", "seed"})]
         for name in self.settings:
-            check_known("hyperparams", name, known, shown=name, choices=known)
+            find_known("hyperparams", name, known)
         if str(self.settings.get("device")).startswith("cuda") and not th.cuda.is_available():
             raise ValueError("`device` must be auto or cpu where there is no GPU, got cuda.")
         try:
@@ -104,7 +104,7 @@ class Run:
         return model
 
 
-def is_finished(run: Run, folder: Path) -> bool:
+def is_finished(run: RunSpec, folder: Path) -> bool:
     """Whether the budget of the run in a folder is spent; False where there is none.
 
     Raises:
@@ -115,11 +115,12 @@ def is_finished(run: Run, folder: Path) -> bool:
         return False
     if not is_same_run(stored.describe(), describe_run(run.make())):
         raise ValueError(f"`folder` must be empty or that of this run, {folder} holds another.")
-    return bool(stored.result().get("timesteps", 0) >= run.timesteps)
+    result = stored.result()
+    return bool(result) and result["timesteps"] >= run.timesteps and result.get("ended", True)
 
 
 def train(
-    run: Run,
+    run: RunSpec,
     folder: Path,
     *,
     interval: float = 60.0,
@@ -130,11 +131,11 @@ def train(
     """Train until the budget is spent, from where the run in the folder stands.
 
     Args:
-        run: What is trained.
-        folder: Of the run.
+        run: Run to train.
+        folder: Folder of the run.
         interval: Seconds between two checkpoints.
         progress_bar: Show a bar of timesteps.
-        track: Where Weights & Biases keeps the run; None: nowhere.
+        track: Project of Weights & Biases that keeps the run; None: none.
         callbacks: Further ones, which see the run once its folder has begun.
 
     Returns:
@@ -147,7 +148,7 @@ def train(
         return False
     checkpoint = RunFolder(folder).checkpoint
     model = run.make() if checkpoint is None else run.load(checkpoint)
-    rest = int(run.timesteps) - model.num_timesteps
+    rest = max(0, int(run.timesteps) - model.num_timesteps)
     save = SaveRun(folder, interval=interval)
     with ExitStack() as stack:
         tracks = [] if track is None else [stack.enter_context(TrackRun(track, folder))]
@@ -162,4 +163,6 @@ def train(
             if save.n_calls:
                 save.save()  # Ctrl-C comes between two generations
             raise
+        finally:
+            save.close()
     return True

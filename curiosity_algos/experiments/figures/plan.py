@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from curiosity_algos.experiments.training import Run
+from curiosity_algos.experiments.training import RunSpec
 
 MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
 CONTROL = (
@@ -158,7 +158,7 @@ class Plan:
         """Seeds of a figure's runs: final states and projections are those of one run."""
         return self.seeds[:1] if figure in (4, 8) else self.seeds
 
-    def runs(self, figure: int) -> list[Run]:
+    def runs(self, figure: int) -> list[RunSpec]:
         """The runs that a figure needs."""
         return [
             self.run(series, env, seed)
@@ -167,10 +167,10 @@ class Plan:
             for seed in self.seeds_of(figure)
         ]
 
-    def run(self, series: Series, env: str, seed: int) -> Run:
+    def run(self, series: Series, env: str, seed: int) -> RunSpec:
         """One of them."""
         cheaper = self.budget.settings.get(series.algorithm, {})
-        return Run(
+        return RunSpec(
             series.algorithm,
             env,
             seed,

@@ -32,28 +32,25 @@ def test_train_and_enjoy(curiosity, tmp_path):
     assert (tmp_path / folder / "best_policy.gif").stat().st_size > 1000
 
 
-@pytest.mark.parametrize(
-    ("words", "variables", "shown"),
-    [
+def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "linux")
+    called = []
+    for name in ("film", "play", "watch"):
+        monkeypatch.setattr(film, name, lambda *_, name=name, **__: called.append(name) or 0.5)
+    for words, variables, shown in [
         ([], {"DISPLAY": ":0"}, "watch"),
         ([], {"WAYLAND_DISPLAY": "wayland-0"}, "watch"),
         ([], {"DISPLAY": ":0", "SDL_VIDEODRIVER": "dummy"}, "film"),
         ([], {}, "film"),
         (["--out", "a.gif"], {"DISPLAY": ":0"}, "film"),
         (["--no-render"], {"DISPLAY": ":0"}, "play"),
-    ],
-)
-def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch, words, variables, shown):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
-        monkeypatch.delenv(name, raising=False)
-    for name, value in variables.items():
-        monkeypatch.setenv(name, value)
-    monkeypatch.setattr(sys, "platform", "linux")
-    called = []
-    for name in ("film", "play", "watch"):
-        monkeypatch.setattr(film, name, lambda *_, name=name, **__: called.append(name) or 0.5)
-    assert run_here("enjoy", "run", *words)[1].startswith("Return 0.500")
-    assert called == [shown]
+    ]:
+        for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+            monkeypatch.delenv(name, raising=False)
+        for name, value in variables.items():
+            monkeypatch.setenv(name, value)
+        assert run_here("enjoy", "run", *words)[1].startswith("Return 0.500")
+        assert called.pop() == shown
 
 
 @pytest.mark.extra("render")
@@ -102,20 +99,13 @@ def test_help_says_what_there_is(run_here):
     ("words", "message"),
     [
         (["train", "--algo", "curiosity_ee"], "did you mean CuriosityES"),
-        (["train", "--env", "CuriosityMaze-Hrd-v0"], "did you mean CuriosityMaze-Hard-v0"),
-        (["train", "--hyperparams", "sigm:1"], "did you mean sigma"),
         (["train", "--hyperparams", "sigma"], "--hyperparams must be NAME:VALUE"),
         (["train", "-n", "many"], "Invalid value for '--timesteps'"),
-        (["train", "-n", "-5"], "must be finite and at least 0"),
-        (["train", "--env-kwargs", "horizn:3"], "`env_kwargs` must be keywords"),
         (["train", "--conf-file", "no.yml"], "no.yml"),
         (["train", "--device", "cuda:99"], "`device` must be"),
         (["sweep", "--interval", "0"], "`interval` must be"),
-        (["train", "--algo", "td3icm", "--hyperparams", "gamma:abc"], "`gamma` must be from"),
         (["train", "--hyperparams", "phi:auto"], '`phi` must be from 0 to 1, or "adaptive"'),
-        (["train", "--conf-file", __file__], "`conf_file` must"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
-        (["enjoy", "--pretrained", "nses", "CuriosityMaze-Hrd-v0"], "did you mean CuriosityMaze-H"),
         (["sweep", "--backend", "slurm"], "`backend` must be one of local, ray"),
         (["sweep", "--address", "auto"], "`address` must be left out unless `backend` is ray"),
         (["sweep", "--backend", "ray", "--jobs", "2"], "`jobs` must be left out with ray"),
@@ -149,13 +139,13 @@ class TestSweep:
         while is_anyone_left(process.pid):
             time.sleep(0.01)
 
-    def test_killed_five_times_it_ends_in_the_same_runs(
+    def test_killed_twice_it_ends_in_the_same_runs(
         self, run_here, begin, curiosity, tmp_path, assert_same
     ):
         whole, killed = tmp_path / "whole", tmp_path / "killed"
         assert run_here(*self.words, "-f", str(whole))[0] == 0
         rng = np.random.default_rng(0)
-        for _ in range(5):
+        for _ in range(2):
             self.kill_once(begin, killed, rng)
         status, _, errors = curiosity(*self.words, "-f", killed)
         assert status == 0, errors

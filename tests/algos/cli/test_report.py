@@ -24,19 +24,14 @@ def test_a_run_is_reported(curiosity, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["report"], "Missing argument"),
         (["report", "nothing"], "`folder` must hold runs"),
         (["report", "foreign"], "version of curiosity-search"),
-        (["report", "damaged"], "run.json is damaged"),
     ],
 )
 def test_a_mistake_is_one_line(words, message, refused, tmp_path):
-    for name, text in [
-        ("foreign", '{"format": 99, "algorithm": "NSES", "env": null}'),
-        ("damaged", '{"format": 1'),
-    ]:
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "run.json").write_text(text)
+    (tmp_path / "foreign").mkdir()
+    text = '{"format": 99, "algorithm": "NSES", "env": null}'
+    (tmp_path / "foreign" / "run.json").write_text(text)
     assert message in refused(*words)
     assert not (tmp_path / "report.html").exists()
 

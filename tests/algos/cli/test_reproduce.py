@@ -49,7 +49,6 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
         (["two"], "Invalid value for '(?i:figures).*a valid integer"),
         (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, paper"),
         (["2", "--preset", "best"], "`preset` must be one of paper, tuned"),
-        (["2", "--seeds", "0;1"], "--seeds must be whole numbers"),
         (["2", "--out", "reward.jpg"], "`out` must be one of .png, .pdf, .svg"),
         (["2", "3", "--out", "both.png"], "`out` must be left out"),
         (["2", "--jobs", "0"], "`jobs` must be a whole number of at least 1"),
@@ -79,11 +78,9 @@ def test_plot_draws_what_was_trained(run_here, curiosity, tmp_path):
     ("words", "message"),
     [
         (["nothing"], "`folder` must hold runs, there is no run.json in nothing"),
-        (["."], "`folder` must hold runs"),
         ([".", "--y", "return"], "`y` must be one of coverage, best-return, survival"),
         ([".", "--x", "episodes"], "`x` must be one of timesteps, seconds"),
         ([".", "--out", "curves.gif"], "`out` must be one of .png, .pdf, .svg"),
-        ([], "Missing argument"),
     ],
 )
 def test_a_mistake_of_plot_is_one_line(words, message, refused, tmp_path):

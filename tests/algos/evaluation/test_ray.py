@@ -23,7 +23,7 @@ from ray.cluster_utils import Cluster  # noqa: E402
 
 from curiosity_algos.evaluation.ray import MAX_LOSSES, RayEvaluator  # noqa: E402
 from curiosity_algos.experiments import RunFolder  # noqa: E402
-from curiosity_algos.experiments.training import Run, train  # noqa: E402
+from curiosity_algos.experiments.training import RunSpec, train  # noqa: E402
 
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import tests
 
@@ -310,7 +310,7 @@ class TestBits:
         register = {"id": "Easy-v0", "entry_point": lambda: make_easy_maze().unwrapped}
         gym.register(**register, max_episode_steps=64)
         given = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
-        run = Run("map_elites", "Easy-v0", 0, 2000, settings=given)
+        run = RunSpec("map_elites", "Easy-v0", 0, 2000, settings=given)
         there = replace(run, settings={**run.settings, "evaluator": "ray"}, timesteps=1000)
         train(there, tmp_path / "both")
         train(replace(there, timesteps=1500), tmp_path / "both")

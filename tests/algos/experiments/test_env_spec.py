@@ -16,19 +16,20 @@ class Unrecorded(gym.Wrapper):
     pass
 
 
-def made_again(env):
+def made_again(env, **trust):
     encoded = encode_spec(env.spec)
     assert json.loads(json.dumps(encoded)) == encoded
-    return gym.make(decode_spec(encoded))
+    return gym.make(decode_spec(encoded, **trust))
 
 
 @pytest.mark.parametrize(
     "make",
     [
         lambda: gym.make("CuriosityMaze-US-v0", horizon=9, render_mode="rgb_array"),
-        lambda: gym.make("Pendulum-v1", max_episode_steps=9, g=3.0),
         lambda: gym.wrappers.RescaleAction(
-            gym.wrappers.FlattenObservation(gym.make("Pendulum-v1")), np.float32(-1), np.float32(1)
+            gym.wrappers.FlattenObservation(gym.make("Pendulum-v1", max_episode_steps=9, g=3.0)),
+            np.float32(-1),
+            np.float32(1),
         ),
     ],
 )
@@ -43,36 +44,37 @@ def test_an_environment_is_made_again(make):
     assert again.render_mode is None
 
 
-def test_ids_that_are_registered_elsewhere_are_made_by_their_class():
-    gym.register("Mine-v0", Mine, vector_entry_point=lambda **_: None)
-    env = gym.make("Mine-v0")
-    del gym.registry["Mine-v0"]
-    assert type(made_again(env).unwrapped) is Mine
-
-
 def make_mine():
     return Mine()
 
 
-def test_a_registered_function_makes_it_again():
-    gym.register("Mine-v2", f"{__name__}:make_mine")
-    env = gym.make("Mine-v2")
+def test_what_is_not_registered_needs_trust():
+    gym.register("Mine-v0", Mine, vector_entry_point=lambda **_: None)
+    env = gym.make("Mine-v0")
     assert type(made_again(env).unwrapped) is Mine
-    del gym.registry["Mine-v2"]
-    with pytest.raises(ValueError, match=r"a class of gymnasium\.Env in run\.json.*:make_mine"):
+    gym.register("Mine-v0", make_mine)
+    with pytest.raises(ValueError, match=r"`trust` must be given .*: Mine-v0 would run .*:Mine"):
         made_again(env)
+    del gym.registry["Mine-v0"]
+    with pytest.raises(ValueError, match=r"`trust` must be given .*: Mine-v0 would run .*:Mine"):
+        made_again(env)
+    assert type(made_again(env, trust=True).unwrapped) is Mine
 
 
-@pytest.mark.parametrize("entry", ["os:system", "subprocess:Popen", "gymnasium:make"])
-def test_a_file_runs_nothing_but_environments(entry, tmp_path):
-    env = gym.wrappers.RescaleAction(gym.make("Pendulum-v1"), np.float32(-1), np.float32(1))
-    encoded = encode_spec(env.spec)
+def test_wrappers_of_others_need_trust():
+    encoded = encode_spec(gym.wrappers.TimeAwareObservation(gym.make("Pendulum-v1")).spec)
     (wrapper,) = encoded["additional_wrappers"]
-    given = {"entry_point": entry, "kwargs": {"command": f"touch {tmp_path / 'ran'}"}}
-    for changed in (given, {"additional_wrappers": [wrapper | given]}):
-        with pytest.raises(ValueError, match=f"`run` must name a class of .*; got {entry}"):
-            decode_spec(encoded | changed)
-    assert list(tmp_path.iterdir()) == []
+    for entry in ("os:system", "gymnasium:make", "gymnasium.wrappers.rendering:RecordVideo"):
+        changed = encoded | {"additional_wrappers": [wrapper | {"entry_point": entry}]}
+        with pytest.raises(ValueError, match=f"Pendulum-v1 would run {entry}"):
+            decode_spec(changed)
+
+
+@pytest.mark.parametrize("change", [{"id": 3}, {"kwargs": {":box:": {}}}, {"more": 1}])
+def test_a_damaged_one_is_refused(change):
+    encoded = encode_spec(gym.make("Pendulum-v1").spec)
+    with pytest.raises(ValueError, match=r"`env_spec` in run\.json is damaged"):
+        decode_spec(encoded | change)
 
 
 def test_what_no_file_holds_is_not_made_again():

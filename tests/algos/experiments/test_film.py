@@ -9,14 +9,14 @@ from curiosity_algos import MAPElites
 from curiosity_algos.experiments import SaveRun
 from curiosity_algos.experiments.film import film, play, watch
 from curiosity_algos.experiments.run_folder import RunFolder
-from curiosity_algos.experiments.training import Run, train
+from curiosity_algos.experiments.training import RunSpec, train
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("run")
     settings = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
-    train(Run("map_elites", "CuriosityMaze-US-v0", 0, 1, {"horizon": 60}, settings), path)
+    train(RunSpec("map_elites", "CuriosityMaze-US-v0", 0, 1, {"horizon": 60}, settings), path)
     return path
 
 
@@ -63,16 +63,16 @@ def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
     )
     monkeypatch.syspath_prepend(tmp_path)
     settings = {"population_size": 4, "policy_kwargs": {"net_arch": [4]}}
-    run = Run("map_elites", "my_mazes:Mine-v3", 0, 1, {}, settings)
+    run = RunSpec("map_elites", "my_mazes:Mine-v3", 0, 1, {}, settings)
     run.check()
     train(run, tmp_path / "run")
     del gym.registry["Mine-v3"]
     del sys.modules["my_mazes"]
-    assert play(tmp_path / "run", seed=0) == 0.0
+    assert play(tmp_path / "run", seed=0, trust=True) == 0.0
     (tmp_path / "my_mazes.py").unlink()
     del sys.modules["my_mazes"]
     with pytest.raises(ValueError, match="`run` must be of an environment that can be made: "):
-        play(tmp_path / "run", seed=0)
+        play(tmp_path / "run", seed=0, trust=True)
 
 
 def test_wrappers_are_made_again(tmp_path, make_model):
@@ -99,7 +99,7 @@ def test_an_environment_that_draws_nothing_is_refused(tmp_path, monkeypatch):
     )
     monkeypatch.syspath_prepend(tmp_path)
     settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
-    train(Run("canonical_es", "no_pictures:Plain-v0", 0, 1, {}, settings), tmp_path / "run")
+    train(RunSpec("canonical_es", "no_pictures:Plain-v0", 0, 1, {}, settings), tmp_path / "run")
     with pytest.raises(ValueError, match="`run` must be of an environment that"):
         film(tmp_path / "run", tmp_path / "best.gif", stride=1, seed=0)
     assert play(tmp_path / "run", seed=0) > 0.0

@@ -20,6 +20,7 @@ def promised_return(algorithm, env_id):
         return float(file["return"])
 
 
+@pytest.mark.extra("control")
 def test_each_is_rewarded_as_it_was():
     promised = {each: promised_return(*each) for each in PRETRAINED}
     assert min(promised.values()) > 0.0

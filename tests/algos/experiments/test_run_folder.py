@@ -1,11 +1,13 @@
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from curiosity_algos.experiments.run_folder import RunFolder, read_rows
+from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.run_folder import RunFolder
 
 
 @pytest.fixture
@@ -65,7 +67,7 @@ class TestDescription:
     def test_what_is_damaged_is_named(self, run):
         run.begin({"algorithm": "NSES", "env": None})
         run.commit(10, lambda folder: (folder / "result.json").write_text("{"))
-        run.add_final_states(0, {"return": np.zeros(3)})
+        run.add_final_states(0, final_states(0))
         (path,) = run.path.glob("final_states/*")
         path.write_bytes(path.read_bytes()[:40])
         with pytest.raises(ValueError, match=r"result\.json is damaged"):
@@ -78,10 +80,14 @@ class TestDescription:
             run.describe()
 
 
+RESULT = {"total_timesteps": 0, "n_episodes": 0, "best_return": None, "coverage": {}}
+RESULT |= {"first_success_timesteps": None, "seconds": 0.0, "pending_log": {}}
+
+
 class TestCheckpoints:
     def commit(self, run, timesteps, fails=False):
         def write(folder):
-            (folder / "result.json").write_text(json.dumps({"timesteps": timesteps}))
+            (folder / "result.json").write_text(json.dumps(RESULT | {"timesteps": timesteps}))
             if fails:
                 raise OSError("full")
 
@@ -92,16 +98,16 @@ class TestCheckpoints:
         assert run.result() == {}
         for timesteps in (90, 1000, 20_000):
             self.commit(run, timesteps)
-            assert run.result() == {"timesteps": timesteps}
+            assert run.result()["timesteps"] == timesteps
         assert [path.name for path in run.checkpoint.parent.iterdir()] == ["20000"]
 
     def test_one_that_fails_leaves_the_one_before(self, run):
         self.commit(run, 10)
         with pytest.raises(OSError, match="full"):
             self.commit(run, 20, fails=True)
-        assert run.result() == {"timesteps": 10}
+        assert run.result()["timesteps"] == 10
         self.commit(run, 20)
-        assert run.result() == {"timesteps": 20}
+        assert run.result()["timesteps"] == 20
         assert [path.name for path in run.checkpoint.parent.iterdir()] == ["20"]
 
     def test_of_two_that_a_kill_has_left_the_later_counts(self, run):
@@ -115,54 +121,55 @@ def test_one_process_at_a_time(run):
     code = f"from curiosity_algos.experiments import RunFolder; RunFolder({str(run.path)!r}).lock()"
     taken = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "ValueError: `folder` must not be at work" in taken.stderr
-    run.lock().close()  # the same process may
-    held.close()
     assert run.is_empty()
-    subprocess.run([sys.executable, "-c", code], check=True)
+    held.close()
+
+
+def test_one_thread_at_a_time(run):
+    held = run.lock()
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(ValueError, match="`folder` must not be at work"):
+            pool.submit(run.lock).result()
+        taken = run.lock()  # the thread that had it takes over from itself
+        held.close()
+        with pytest.raises(ValueError, match="`folder` must not be at work"):
+            pool.submit(run.lock).result()
+        taken.close()
+        taken = pool.submit(run.lock).result()
+    run.lock().close()  # from a thread that has ended
+
+
+def final_states(first, n_entries=2):
+    returns = np.arange(first, first + 3.0)
+    return {
+        "generation": returns.astype(int),
+        "timesteps": returns.astype(int),
+        "return": returns,
+        "behavior": np.zeros((3, n_entries)),
+    }
 
 
 def test_final_states_are_in_their_order(run):
     assert run.final_states() == {}
     for first in (0, 3, 6):
-        run.add_final_states(first, {"return": np.arange(first, first + 3.0)})
+        run.add_final_states(first, final_states(first))
     assert run.final_states()["return"].tolist() == list(range(9))
     run.drop_after(3)
     assert run.final_states()["return"].tolist() == [0, 1, 2]
 
 
-class TestProgress:
-    def write(self, run, first, last):
-        log = run.open_progress(first)
-        for i in range(first, last):
-            row = {"time/total_timesteps": i + 1, "b": i / 3} | ({"c": 1.0} if i % 2 else {})
-            log.write(row, dict.fromkeys(row, ()))
-        log.close()
-
-    def test_rows_after_a_checkpoint_are_dropped(self, run):
-        run.path.mkdir(parents=True)
-        self.write(run, 0, 6)
-        self.write(run, 3, 5)
-        rows = read_rows(run.progress)
-        assert [row["time/total_timesteps"] for row in rows] == [1, 2, 3, 4, 5]
-        assert [row["b"] for row in rows] == [i / 3 for i in range(5)]
-        assert [i for i, row in enumerate(rows) if "c" in row] == [1, 3]
-
-    def test_columns_of_the_users_own_are_kept(self, run):
-        run.path.mkdir(parents=True)
-        log = run.open_progress(0)
-        for row in [{"own": 1.5}, {"flag": True, "time/total_timesteps": 1, "text": 'a "b", c'}]:
-            log.write(row, dict.fromkeys(row, ()))
-        log.close()
-        before = read_rows(run.progress)
-        run.open_progress(1).close()
-        assert read_rows(run.progress) == before
-        assert before[0] == {"own": 1.5}
-        assert before[1] == {"flag": "True", "time/total_timesteps": 1.0, "text": 'a "b", c'}
-
-    def test_half_a_row_is_dropped(self, run):
-        run.path.mkdir(parents=True)
-        self.write(run, 0, 3)
-        content = run.progress.read_text().splitlines()
-        run.progress.write_text("\n".join([*content[:-1], content[-1][:1]]))
-        self.write(run, 2, 3)
-        assert [row["time/total_timesteps"] for row in read_rows(run.progress)] == [1, 2, 3]
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"return": np.zeros(2)},
+        {"return": np.array(["a", "b", "c"])},
+        {"behavior": np.zeros(3)},
+        final_states(3, n_entries=4),
+        {"surplus": np.zeros(3)},
+    ],
+)
+def test_final_states_of_other_columns_are_damaged(run, changed):
+    run.add_final_states(0, final_states(0))
+    run.add_final_states(3, final_states(3) | changed)
+    with pytest.raises(ValueError, match=r"0000000003\.npz is damaged"):
+        run.final_states()

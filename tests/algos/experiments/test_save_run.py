@@ -1,5 +1,8 @@
 import gc
 import json
+import subprocess
+import sys
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -8,8 +11,10 @@ import torch as th
 from gymnasium.envs.classic_control import PendulumEnv
 from sb3_contrib import ARS
 from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common import callbacks as sb3
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 from curiosity_algos import (
@@ -21,7 +26,8 @@ from curiosity_algos import (
     MAPElites,
     make_evaluator,
 )
-from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs, replay
+from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs, played
+from curiosity_algos.experiments.figures.comparison import compare
 from curiosity_algos.experiments.run_folder import RunFolder
 
 CLOCK = ["time/seconds", "time/fps", "time/time_elapsed"]
@@ -53,8 +59,12 @@ def without_clock(folder):
     return load_progress(folder).drop(columns=["run", *CLOCK], errors="ignore").sort_index(axis=1)
 
 
-def test_the_folder_holds_the_run(any_algorithm, make_model, make_easy_maze, folder):
-    model = make_model(any_algorithm, make_easy_maze()).learn(900, SaveRun(folder), log_interval=1)
+def test_the_folder_holds_the_run_which_is_the_same_as_without(
+    any_algorithm, make_model, make_easy_maze, folder, assert_same_run
+):
+    model, other = (make_model(any_algorithm, make_easy_maze()) for _ in range(2))
+    model.learn(400, SaveRun(folder, interval=1e-9), log_interval=1)
+    assert_same_run(model, other.learn(400))
     (run,) = load_runs(folder.parent).to_dict("records")
     assert (run["algorithm"], run["run"]) == (any_algorithm.__name__, str(folder))
     assert (run["timesteps"], run["best_return"]) == (model.num_timesteps, model.best_return)
@@ -72,26 +82,16 @@ def test_the_folder_holds_the_run(any_algorithm, make_model, make_easy_maze, fol
     assert loaded.num_timesteps == model.num_timesteps
 
 
-def test_a_run_is_the_same_with_it(
-    any_algorithm, make_model, make_easy_maze, folder, assert_same_run
-):
-    one, other = (make_model(any_algorithm, make_easy_maze()) for _ in range(2))
-    one.learn(900, SaveRun(folder, interval=1e-9))
-    assert_same_run(one, other.learn(900))
-
-
-@pytest.mark.parametrize("timesteps", [1, 500])
 def test_a_killed_run_goes_on_to_the_same_files(
-    any_algorithm, make_model, make_easy_maze, tmp_path, timesteps, assert_same, assert_same_run
+    any_algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
 ):
+    timesteps = 1 if any_algorithm is MAPElites else 500  # before the first checkpoint, or after
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     expected = make_model(any_algorithm, make_easy_maze())
     expected.learn(1200, SaveRun(whole), log_interval=1)
     model = make_model(any_algorithm, make_easy_maze())
     with pytest.raises(KilledError):
         model.learn(1200, [SaveRun(killed, interval=1e-9), Kill(timesteps)], log_interval=1)
-    del model
-    gc.collect()  # of its open files no later test is told, which may take warnings for errors
     checkpoint = RunFolder(killed).checkpoint
     model = any_algorithm.load(checkpoint / "model", env=make_easy_maze())
     assert model.num_timesteps == int(checkpoint.name) <= timesteps
@@ -173,8 +173,8 @@ class TestFolder:
         assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
     def test_threads_may_differ(self, make_model, make_easy_maze, folder):
-        make_model(CuriosityES, make_easy_maze(), n_threads=1).learn(600, SaveRun(folder))
-        model = CuriosityES.load(
+        make_model(CanonicalES, make_easy_maze(), n_threads=1).learn(600, SaveRun(folder))
+        model = CanonicalES.load(
             RunFolder(folder).checkpoint / "model", env=make_easy_maze(), n_threads=2
         )
         model.learn(600, SaveRun(folder), reset_num_timesteps=False)
@@ -198,7 +198,7 @@ def test_a_monitor_must_see_the_episodes(make_model, folder):
 
 
 def test_an_endless_episode_is_cut(make_model, folder, monkeypatch):
-    monkeypatch.setattr(replay, "MAX_EPISODE_STEPS", 30)
+    monkeypatch.setattr(played, "MAX_EPISODE_STEPS", 30)
     env = gym.make("Pendulum-v1", max_episode_steps=-1)
     make_model(TD3ICM, env, train_freq=(50, "step")).learn(50, SaveRun(folder))
     assert len(np.load(folder / "best_trajectory.npz")["rewards"]) == 30
@@ -330,3 +330,152 @@ class TestStableBaselines:
 def test_errors_name_the_argument(folder, wrong):
     with pytest.raises(ValueError, match=f"^`{next(iter(wrong))}` must"):
         SaveRun(folder, **wrong)
+
+
+def make_eval(eval_freq=30, **settings):
+    env = Monitor(gym.make(US, horizon=50))
+    return sb3.EvalCallback(env, eval_freq=eval_freq, n_eval_episodes=1, verbose=0, **settings)
+
+
+BESIDE = {
+    "CheckpointCallback": lambda path: sb3.CheckpointCallback(100, str(path)),
+    "ConvertCallback": lambda path: sb3.ConvertCallback(lambda *_: True),
+    "EvalCallback": lambda path: make_eval(),
+    "EveryNTimesteps": lambda path: sb3.EveryNTimesteps(70, make_eval()),
+    "LogEveryNTimesteps": lambda path: sb3.LogEveryNTimesteps(70),
+    "ProgressBarCallback": lambda path: sb3.ProgressBarCallback(),
+    "StopTrainingOnMaxEpisodes": lambda path: sb3.StopTrainingOnMaxEpisodes(2),
+    "StopTrainingOnNoModelImprovement": lambda path: make_eval(
+        callback_after_eval=sb3.StopTrainingOnNoModelImprovement(1)
+    ),
+    "StopTrainingOnRewardThreshold": lambda path: make_eval(
+        callback_on_new_best=sb3.StopTrainingOnRewardThreshold(-1.0)
+    ),
+}
+
+
+class TestBesideCallbacks:
+    """Of Stable-Baselines3: the folder can be read, and each row is whole."""
+
+    def check(self, folder, model):
+        run = the_run(folder)
+        assert run["timesteps"] == model.num_timesteps
+        progress = load_progress(folder)
+        needed = ["time/total_timesteps", "time/seconds", "coverage/reachable", "coverage/all"]
+        assert progress[needed].notna().all(axis=None)
+        assert progress["time/total_timesteps"].is_monotonic_increasing
+        last = progress.iloc[-1]
+        assert last["time/total_timesteps"] == model.num_timesteps
+        assert last["coverage/all"] == run["coverage.all"]
+
+    @pytest.mark.filterwarnings("ignore::tqdm.TqdmExperimentalWarning")
+    @pytest.mark.parametrize("name", BESIDE)
+    def test_they_leave_the_record_whole(self, folder, name):
+        model = make_ppo(make_mazes())
+        both = [SaveRun(folder), BESIDE[name](folder.parent / "others")]
+        model.learn(360, both, log_interval=1)
+        self.check(folder, model)
+
+    @pytest.mark.parametrize("name", ["EvalCallback", "LogEveryNTimesteps"])
+    def test_they_may_come_first(self, folder, name):
+        model = make_ppo(make_mazes())
+        model.learn(360, [BESIDE[name](folder), SaveRun(folder)], log_interval=1)
+        self.check(folder, model)
+        compare([folder], x="seconds")
+
+    @pytest.mark.parametrize(
+        ("algorithm", "other"),
+        [
+            (CanonicalES, lambda: make_eval(1)),
+            (CanonicalES, lambda: sb3.LogEveryNTimesteps(70)),
+            (TD3ICM, make_eval),
+        ],
+    )
+    def test_of_this_packages_algorithms(self, make_model, folder, algorithm, other):
+        model = make_model(algorithm, gym.make(US, horizon=50))
+        model.learn(700, [SaveRun(folder), other()])
+        self.check(folder, model)
+
+    def test_what_they_record_is_in_the_next_row(self, make_model, folder):
+        make_model(CanonicalES, gym.make(US, horizon=50)).learn(
+            700, [SaveRun(folder), make_eval(1)]
+        )
+        assert load_progress(folder)["eval/mean_reward"].notna().all()
+
+
+@pytest.mark.parametrize("algorithm", [CanonicalES, TD3ICM])
+def test_the_last_row_is_there_whatever_was_logged(make_model, make_easy_maze, folder, algorithm):
+    model = make_model(algorithm, make_easy_maze())
+    model.learn(70, SaveRun(folder), log_interval=1000)
+    (row,) = load_progress(folder).to_dict("records")
+    assert row["time/total_timesteps"] == model.num_timesteps
+    assert row["coverage/all"] == model.coverage_shares["all"]
+
+
+class TestLock:
+    def fail(self, make_model, make_easy_maze, save):
+        with pytest.raises(KilledError):
+            make_model(MAPElites, make_easy_maze()).learn(600, [save, Kill(1)])
+
+    def test_one_that_is_used_again_holds_the_folder(self, make_model, make_easy_maze, folder):
+        save = SaveRun(folder)
+        self.fail(make_model, make_easy_maze, save)
+        held = []
+
+        class Look(BaseCallback):
+            def _on_step(self):
+                gc.collect()  # what an earlier training has left open is closed
+                held.append(is_held_for_another(folder))
+                return True
+
+        make_model(MAPElites, make_easy_maze()).learn(600, [save, Look()])
+        assert held
+        assert all(held)
+        assert not is_held_for_another(folder)
+
+    def test_another_after_an_error_may_go_on(self, make_model, make_easy_maze, folder):
+        kept = SaveRun(folder)  # as a notebook keeps what has failed
+        self.fail(make_model, make_easy_maze, kept)
+        make_model(MAPElites, make_easy_maze()).learn(600, SaveRun(folder))
+        assert load_runs(folder)["timesteps"].item() >= 600
+        assert not is_held_for_another(folder)
+
+    def test_nothing_is_left_open_by_an_error(
+        self, make_model, make_easy_maze, folder, monkeypatch
+    ):
+        seen = []
+        monkeypatch.setattr(sys, "unraisablehook", seen.append)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ResourceWarning)  # which no destructor can raise
+            self.fail(make_model, make_easy_maze, SaveRun(folder))
+            gc.collect()
+        assert not seen
+        assert not is_held_for_another(folder)
+        left = {path.name for path in folder.iterdir()}
+        assert left <= {"run.json", "progress.csv", "lock", "final_states", "checkpoints"}
+
+
+def is_held_for_another(folder):
+    """Whether another process could not train there."""
+    code = "import fcntl, sys; fcntl.flock(open(sys.argv[1], 'ab'), fcntl.LOCK_EX | fcntl.LOCK_NB)"
+    words = [sys.executable, "-I", "-c", code, folder / "lock"]
+    other = subprocess.run(words, capture_output=True, text=True)
+    return "BlockingIOError" in other.stderr
+
+
+@pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
+def test_it_warns_where_a_run_goes_on_without_its_transitions(
+    make_model, make_easy_maze, folder, algorithm
+):
+    make_model(algorithm, make_easy_maze()).learn(300, SaveRun(folder))
+    model = algorithm.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
+    with pytest.warns(UserWarning, match="without the transitions"):
+        model.learn(300, SaveRun(folder), reset_num_timesteps=False)
+
+
+def test_it_does_not_warn_where_there_are_none(make_model, make_easy_maze, folder):
+    make_model(MAPElites, make_easy_maze()).learn(300, SaveRun(folder))
+    model = MAPElites.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.learn(300, SaveRun(folder), reset_num_timesteps=False)

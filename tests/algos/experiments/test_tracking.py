@@ -5,14 +5,14 @@ from gymnasium.error import DependencyNotInstalled
 
 from curiosity_algos.experiments import load_progress
 from curiosity_algos.experiments.tracking import Project
-from curiosity_algos.experiments.training import Run, train
+from curiosity_algos.experiments.training import RunSpec, train
 
 pytestmark = pytest.mark.extra("track")
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}, "sigma": 0.125}
 
 
 def small(timesteps):
-    return Run("map_elites", "CuriosityMaze-US-v0", 0, timesteps, {"horizon": 50}, SMALL)
+    return RunSpec("map_elites", "CuriosityMaze-US-v0", 0, timesteps, {"horizon": 50}, SMALL)
 
 
 @pytest.fixture

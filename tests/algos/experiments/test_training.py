@@ -1,14 +1,18 @@
+import numpy as np
 import pytest
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
-from curiosity_algos.experiments.training import Run, train
+from curiosity_algos.experiments.training import RunSpec, is_finished, train
 
+US = "CuriosityMaze-US-v0"
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
 
 def small(algorithm="map_elites", timesteps=1200, seed=0, **settings):
-    return Run(algorithm, "CuriosityMaze-US-v0", seed, timesteps, {"horizon": 50}, SMALL | settings)
+    return RunSpec(
+        algorithm, "CuriosityMaze-US-v0", seed, timesteps, {"horizon": 50}, SMALL | settings
+    )
 
 
 def test_a_finished_run_is_left_alone(tmp_path):
@@ -35,9 +39,11 @@ def test_another_run_is_refused(tmp_path):
 
 
 def test_the_folder_is_named_by_what_is_trained(tmp_path):
-    path = small("map-elites", seed=3).folder(tmp_path)
-    assert path == tmp_path / "MAPElites" / "CuriosityMaze-US-v0" / "3"
-    assert Run("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
+    for variant in ("", "phi=0.0"):
+        path = RunSpec("map-elites", "module:CuriosityMaze-US-v0", 3, 1, variant=variant)
+        expected = tmp_path / variant / "MAPElites" / "CuriosityMaze-US-v0" / "3"
+        assert path.folder(tmp_path) == expected
+    assert RunSpec("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
 
 
 def test_ctrl_c_leaves_a_checkpoint(tmp_path, monkeypatch):
@@ -58,36 +64,28 @@ def test_ctrl_c_leaves_a_checkpoint(tmp_path, monkeypatch):
 
 
 def test_gradients_are_trained_too(tmp_path):
-    run = Run("td3icm", "CuriosityMaze-US-v0", 0, 100, {"horizon": 50}, {"device": "cpu"})
+    run = RunSpec("td3icm", "CuriosityMaze-US-v0", 0, 100, {"horizon": 50}, {"device": "cpu"})
     assert train(run, tmp_path)
     assert RunFolder(tmp_path).describe()["algorithm"] == TD3ICM.__name__
-
-
-def test_modules_are_no_part_of_the_folder(tmp_path):
-    run = Run("nses", "curiosity_gym:CuriosityMaze-US-v0", 0, 1)
-    assert run.folder(tmp_path).parent.name == "CuriosityMaze-US-v0"
 
 
 @pytest.mark.parametrize(
     ("run", "message"),
     [
-        (small("map_elite"), "`algo` map_elite is unknown: did you mean MAPElites"),
-        (Run("nses", "CuriosityMaze-UZ-v0", 0, 1), "did you mean CuriosityMaze-US-v0"),
-        (Run("nses", "Nothing-v3", 0, 1), "`env` "),
+        (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), "did you mean CuriosityMaze-US-v0"),
+        (RunSpec("nses", "Nothing-v3", 0, 1), "`env` "),
         (small(sigm=1), "`hyperparams` sigm is unknown: did you mean sigma"),
         (small(sigma=-1.0), "`sigma` must be"),
         (small(verbose="abc"), "`verbose` must be a whole number from 0 to 2"),
         (small(preset="best"), "`preset` must be one of"),
-        (Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
-        (
-            Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"learning_starts": "abc"}),
-            "`learning_starts` must be a whole number",
-        ),
-        (Run("td3icm", "CuriosityMaze-US-v0", 0, 1, {}, {"extrinsic": "no"}), "True or False"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"extrinsic": "no"}), "True or False"),
         (small(device="gpu"), "`device` must be"),
-        (small(seed=-1), "`seed` must be"),
         (small(timesteps=-1), "`total_timesteps` must be finite and at least 0"),
-        (Run("nses", "CuriosityMaze-US-v0", 0, 1, {"horizn": 3}), "`env_kwargs` must be keywords"),
+        (
+            RunSpec("nses", US, 0, 1, {"horizn": 3}),
+            "`env_kwargs` must be keywords",
+        ),
     ],
 )
 def test_mistakes_are_found_before_it_begins(run, message):
@@ -95,6 +93,25 @@ def test_mistakes_are_found_before_it_begins(run, message):
         run.check()
 
 
-def test_what_is_right_passes(any_algorithm):
-    Run(any_algorithm.__name__, "CuriosityMaze-US-v0", 0, 1).check()
-    Run("curiosity_es", "CartPole-v1", 0, 1).check()
+def test_what_is_right_passes():
+    for algorithm in ("curiosity_es", "td3_icm"):
+        RunSpec(algorithm, "CuriosityMaze-US-v0", 0, 1).check()
+    RunSpec("curiosity_es", "CartPole-v1", 0, 1).check()
+
+
+def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_same):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    train(small(), whole)
+
+    def kill(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("curiosity_algos.experiments.save_run.write_trajectory", kill)
+    with pytest.raises(KeyboardInterrupt):
+        train(small(), killed)
+    monkeypatch.undo()
+    assert not is_finished(small(), killed)
+    assert train(small(), killed)
+    one, other = (dict(np.load(RunFolder(path).best_trajectory)) for path in (whole, killed))
+    assert_same(one, other)
+    assert not train(small(), killed)

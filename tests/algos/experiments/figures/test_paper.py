@@ -1,5 +1,6 @@
 """The paper's figures as wholes."""
 
+import json
 import pathlib
 
 import numpy as np
@@ -16,18 +17,21 @@ def plan(tmp_path):
     return Plan(tmp_path, BUDGETS["smoke"], "paper", (0, 1))
 
 
+RESULT = {"total_timesteps": 0, "n_episodes": 0, "best_return": None, "coverage": {}}
+RESULT |= {"first_success_timesteps": None, "seconds": 0.0, "pending_log": {}}
+
+
 def write(folder, returns, timesteps):
     """A finished run whose generations, of 100 timesteps, had these returns."""
     run = RunFolder(folder)
     run.begin({"algorithm": folder.parts[-3], "env": folder.parts[-2], "seed": 0})
     returns = np.array(returns)
     steps = 100 * np.arange(1, len(returns) + 1)
-    run.add_final_states(
-        0, {"generation": steps // 100, "timesteps": steps, "return": returns.astype(float)}
-    )
+    columns = {"generation": steps // 100, "timesteps": steps, "return": returns.astype(float)}
+    run.add_final_states(0, columns | {"behavior": np.zeros((len(steps), 2))})
     rows = [f"{step},{min(1.0, step / 1e4)}" for step in steps]
     run.progress.write_text("\n".join(["time/total_timesteps,coverage/reachable", *rows, ""]))
-    result = f'{{"timesteps": {timesteps}}}'
+    result = json.dumps(RESULT | {"timesteps": timesteps})
     run.commit(timesteps, lambda to: (to / "result.json").write_text(result))
 
 
@@ -87,7 +91,7 @@ def test_coverage_is_drawn_of_all(finished):
 def test_a_run_that_is_missing_is_named(finished):
     run = finished.runs(2)[3]
     checkpoint = RunFolder(run.folder(finished.folder)).checkpoint
-    (checkpoint / "result.json").write_text('{"timesteps": 5}')
+    (checkpoint / "result.json").write_text(json.dumps(RESULT | {"timesteps": 5}))
     with pytest.raises(FileNotFoundError) as error:
         paper.draw(3, finished)
     (sentence,) = str(error.value).splitlines()

@@ -22,7 +22,7 @@ from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 
 
 class Step(NamedTuple):
-    """Where an action has led; of the first, the reset, there is none."""
+    """The outcome of an action; the first is the reset's, which has none."""
 
     observation: Any
     action: Any
@@ -44,7 +44,7 @@ def episode(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[S
 
 
 def _actor(policy: BasePolicy) -> Callable[[Any], Any]:
-    """What `predict` does, for a flat policy without the tensors around it, a third of the time."""
+    """`predict`, of a flat policy without the tensors around it, in a third of the time."""
     if isinstance(policy, MlpPolicy):
         return lambda observation: act(policy.mlp, policy.vector[None], observation[None])[0]
     return lambda observation: policy.predict(observation, deterministic=True)[0]
@@ -60,17 +60,17 @@ def can_be_played(env: VecEnv | None, spec: EnvSpec) -> bool:
     return is_known and sees_the_same
 
 
-def play(model: BaseAlgorithm, spec: EnvSpec, path: Path, seed: int = 0) -> None:
+def write_trajectory(model: BaseAlgorithm, spec: EnvSpec, path: Path, seed: int = 0) -> None:
     """Play one episode of the best policy, and write it down.
 
     The file has `observations` (T + 1, O), `actions` (T, A), `rewards` (T,), and where the
     environment gives one in each step `behaviors` (T + 1, B).
 
     Args:
-        model: Whose policy acts.
-        spec: Of the environment.
-        path: Of the file.
-        seed: Of the environment.
+        model: Model whose policy acts.
+        spec: How the environment is made.
+        path: Place of the file.
+        seed: Seed of the environment.
     """
     env = gym.make(spec)
     steps = list(episode(model.policy, env, seed))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from curiosity_algos import CanonicalES, MAPElites
-from curiosity_algos.experiments.replay import episode
+from curiosity_algos.experiments.played import episode
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,100 @@
+"""The rows of `progress.csv`: the run's own, whoever else uses its logger."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
+
+from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.experiments.reading import read_rows
+
+TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
+"""Columns that say when a row was logged."""
+OWN = "time/fps"
+"""Column that an algorithm records whenever it logs, and no callback does."""
+
+Row: TypeAlias = Mapping[str, Any]
+
+
+class ProgressLog(KVWriter):
+    """Writes a row whenever the algorithm logs, and one when training ends.
+
+    Where a run stands is asked of the run itself. What the logger was emptied of in between, as by
+    an `EvalCallback`, waits for the next row. No file is open between two rows.
+
+    Args:
+        path: File to write.
+        timesteps: Rows that were logged later are dropped.
+        state: Gives where the run stands: timesteps, seconds and coverage, by column.
+    """
+
+    def __init__(self, path: Path, timesteps: int, state: Callable[[], dict[str, float]]) -> None:
+        rows = read_rows(path)
+        late = [i for i, row in enumerate(rows) if float(row.get(TIMESTEPS, 0)) > timesteps]
+        rows = rows[: late[0]] if late else rows
+        self.pending: dict[str, Any] = {}
+        self._path = path
+        self._state = state
+        self._last: Row = rows[-1] if rows else {}
+        self._names = list(dict.fromkeys(name for row in rows for name in row))
+        self._write_all(rows)
+
+    def write(
+        self, key_values: Row, key_excluded: Mapping[str, tuple[str, ...]], step: int = 0
+    ) -> None:
+        """Take what the logger was emptied of."""
+        self.pending |= filter_excluded_keys(dict(key_values), dict(key_excluded), "csv")
+        if OWN in key_values:
+            self._add_row()
+
+    def end(self, recorded: Row) -> None:
+        """Write the last row, with what was recorded since, unless it is there."""
+        stands = {name: value for name, value in self._state().items() if name != SECONDS}
+        if any(self._last.get(name) != value for name, value in stands.items()):
+            self.pending |= recorded
+            self._add_row()
+
+    def _add_row(self) -> None:
+        plain = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
+        row = {name: value for name, value in self.pending.items() if isinstance(value, plain)}
+        self._last = self._state() | row | self._state()  # its columns come first
+        self.pending = {}
+        new = [name for name in self._last if name not in self._names]
+        if new:
+            self._names += new
+            self._write_all([*read_rows(self._path), self._last])
+        else:
+            with open(self._path, "a", encoding="utf-8", newline="") as file:
+                file.write(self._as_text([self._last]))
+
+    def _write_all(self, rows: Iterable[Row]) -> None:
+        header = self._as_text([dict(zip(self._names, self._names, strict=True))])
+        with atomic_file(self._path) as file:
+            file.write((header + self._as_text(rows)).encode() if self._names else b"")
+
+    def _as_text(self, rows: Iterable[Row]) -> str:
+        text = io.StringIO()
+        lines = csv.writer(text, lineterminator="\n")
+        lines.writerows([str(row.get(name, "")) for name in self._names] for row in rows)
+        return text.getvalue()
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def last_timesteps(path: Path) -> int:
+    """Timesteps at the last row of a log; 0 where there is none, or it begins otherwise."""
+    if not path.is_file():
+        return 0
+    with open(path, "rb") as file:
+        begins = file.readline().startswith(TIMESTEPS.encode())
+        file.seek(max(file.tell(), path.stat().st_size - 10_000))
+        rows = file.read().split(b"\n")[:-1]  # whole ones
+    number = rows[-1].partition(b",")[0] if begins and rows else b""
+    return int(number) if number.isdigit() else 0

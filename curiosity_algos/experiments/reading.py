@@ -1,0 +1,138 @@
+"""How the files of a run are read: whatever is damaged in them is one sentence."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import UnionType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Fields = Mapping[str, type | UnionType]
+Columns = dict[str, npt.NDArray[Any]]
+
+DESCRIPTION: Fields = {
+    "format": int,
+    "algorithm": str,
+    "env": str | None,
+    "env_class?": str | None,
+    "env_spec?": dict | None,
+    "env_kwargs?": dict,
+    "wrappers?": dict,
+    "seed?": int | None,
+    "settings?": dict,
+}
+"""Fields of `run.json` that are read; those with a question mark may be missing."""
+RESULT: Fields = {
+    "timesteps": int,
+    "total_timesteps": int,
+    "n_episodes": int,
+    "best_return": float | int | None,
+    "first_success_timesteps": int | None,
+    "coverage": dict,
+    "seconds": float | int,
+    "pending_log": dict,
+}
+"""Fields of `result.json` that are read."""
+FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
+"""Columns of final states that are read, and their dimensions."""
+TRAJECTORY = {"rewards": 1}
+"""Arrays of `best_trajectory.npz` that are read."""
+REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
+"""Arrays of `rewarding.npz` that are read."""
+READ = ("time/", "coverage/")
+"""Beginnings of the columns of `progress.csv` that are read: they hold numbers."""
+
+
+def damaged(path: Path) -> ValueError:
+    """The error of a file that a run would not have written."""
+    return ValueError(f"`folder` must be that of a run, {path} is damaged.")
+
+
+def read_json(path: Path, fields: Fields) -> dict[str, Any]:
+    """A dictionary with fields of these types.
+
+    Raises:
+        ValueError: If the file is damaged.
+    """
+    try:
+        read = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError) as error:
+        raise damaged(path) from error
+    if not isinstance(read, dict) or not all(_has(read, *field) for field in fields.items()):
+        raise damaged(path)
+    return read
+
+
+def _has(read: dict[str, Any], name: str, kind: type | UnionType) -> bool:
+    plain = name.removesuffix("?")
+    return isinstance(read[plain], kind) if plain in read else plain != name
+
+
+def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
+    """The arrays of a file, those with so many dimensions among them, which hold numbers.
+
+    Raises:
+        ValueError: If the file is damaged.
+    """
+    try:
+        with np.load(path) as file:
+            arrays = dict(file)
+    except Exception as error:  # whatever numpy, zipfile and zlib make of it
+        raise damaged(path) from error
+    found = {name: each.ndim for name, each in arrays.items() if each.dtype.kind in "biuf"}
+    if not found.items() >= dimensions.items():
+        raise damaged(path)
+    return arrays
+
+
+def read_final_states(paths: list[Path]) -> Columns:
+    """The columns of several files, one after another.
+
+    Raises:
+        ValueError: If a file is damaged.
+    """
+    parts: list[Columns] = []
+    shapes: set[tuple[tuple[str, tuple[int, ...]], ...]] = set()
+    for path in paths:
+        part = read_arrays(path, FINAL_STATES)
+        shapes.add(tuple((name, part[name].shape[1:]) for name in sorted(part)))
+        if len(shapes) > 1 or len({column.shape[:1] for column in part.values()}) > 1:
+            raise damaged(path)
+        parts.append(part)
+    return {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]}
+
+
+def read_rows(path: Path) -> list[dict[str, float | str]]:
+    """The rows of a log without empty entries, numbers and text; none where there is no file.
+
+    Raises:
+        ValueError: If the file is damaged.
+    """
+    try:
+        lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
+        whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
+        # Surplus entries are a list, with the name None.
+        texts = [{k: text for k, text in row.items() if text} for row in csv.DictReader(whole)]
+        return [{name: _entry(name, text) for name, text in row.items()} for row in texts]
+    except (AttributeError, ValueError, csv.Error) as error:
+        raise damaged(path) from error
+
+
+def _entry(name: str, text: str) -> float | str:
+    """A number, or text in a column of the user's own."""
+    is_read = name.startswith(READ)
+    try:
+        number = float(text)
+    except ValueError:
+        if is_read:
+            raise
+        return text
+    if is_read and not math.isfinite(number):
+        raise ValueError(f"{name} is {number}.")
+    return number

@@ -1,0 +1,179 @@
+"""Folders that are damaged or a stranger's: one sentence, and nothing is run or written."""
+
+import io
+import json
+import pathlib
+import shutil
+import sys
+import zipfile
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from curiosity_algos import TD3ICM, MAPElites
+from curiosity_algos.experiments import RunFolder, SaveRun
+
+ENV = "CuriosityMaze-US-v0"
+SMALL = {"policy_kwargs": {"net_arch": [4]}, "seed": 0, "device": "cpu"}
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    model = MAPElites(gym.make(ENV, horizon=20), population_size=4, **SMALL)
+    model.learn(100, SaveRun(folder / "MAPElites" / ENV / "0"))
+    return folder
+
+
+@pytest.fixture
+def run(original, tmp_path):
+    shutil.copytree(original, tmp_path / "runs")
+    return RunFolder(tmp_path / "runs" / "MAPElites" / ENV / "0")
+
+
+def change(path, **fields):
+    path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+
+
+def describe(**fields):
+    return lambda run: change(run.path / "run.json", **fields)
+
+
+def result(**fields):
+    return lambda run: change(run.checkpoint / "result.json", **fields)
+
+
+def without(column):
+    def damage(run):
+        columns = run.trajectory()
+        del columns[column]
+        np.savez(run.best_trajectory, **columns)
+
+    return damage
+
+
+def huge(path_of):
+    """A header of more entries than any memory holds."""
+
+    def damage(run):
+        header = io.BytesIO()
+        described = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+        np.lib.format.write_array_header_1_0(header, described)
+        with zipfile.ZipFile(path_of(run), "w") as file:
+            file.writestr("return.npy", header.getvalue() + bytes(80))
+
+    return damage
+
+
+def final_states(run):
+    return next(run.path.glob("final_states/*.npz"))
+
+
+def append(text):
+    def damage(run):
+        with open(run.progress, "a") as file:
+            file.write(text)
+
+    return damage
+
+
+DAMAGES = {
+    "no algorithm": describe(algorithm=None),
+    "settings are text": describe(settings="many"),
+    "keywords are a list": describe(env_kwargs=[1], wrappers=None),
+    "a spec of nothing": describe(env_spec={}),
+    "a spec of other types": describe(env_spec={"id": 3, "additional_wrappers": 4}),
+    "timesteps are none": result(timesteps=None),
+    "coverage is a list": result(coverage=[0.5]),
+    "shares are text": result(coverage={"reachable": "half"}),
+    "best return is text": result(best_return="high"),
+    "episodes are text": result(n_episodes="many", seconds=None),
+    "surplus entries": append("1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21\n"),
+    "no rewards": without("rewards"),
+    "a huge trajectory": huge(lambda run: run.best_trajectory),
+    "huge final states": huge(final_states),
+    "a huge sample": huge(lambda run: run.checkpoint / "rewarding.npz"),
+    "an array alone": lambda run: np.save(open(final_states(run), "wb"), np.zeros(3)),  # noqa: SIM115
+}
+
+
+@pytest.mark.extra("report")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_damage_is_one_sentence(run, run_here, damage):
+    damage(run)
+    train = ["train", "--algo", "map_elites", "--env", ENV, "-n", "200", "--env-kwargs"]
+    refused = 0
+    for words in (
+        ["report", "runs"],
+        ["plot", "runs"],
+        ["plot", "runs", "--y", "best-return"],
+        ["enjoy", str(run.path), "--no-render"],
+        [*train, "horizon:20", "--hyperparams", "population_size:4"],
+    ):
+        status, _, errors = run_here(*words)  # which raises what is no sentence
+        refused += status != 0
+        assert len(errors.splitlines()) == (status != 0)
+    assert refused
+
+
+class TestStrangers:
+    def test_a_monitor_writes_over_no_file(self, run, refused, run_here, tmp_path):
+        (tmp_path / "mine.monitor.csv").write_text("mine")
+        monitor = {
+            "name": "Monitor",
+            "entry_point": "stable_baselines3.common.monitor:Monitor",
+            "kwargs": {"filename": str(tmp_path / "mine")},
+        }
+        spec = run.describe()["env_spec"]
+        describe(env_spec=spec | {"additional_wrappers": self.wrappers(monitor)})(run)
+        line = refused("enjoy", str(run.path), "--no-render")
+        assert "`trust` must be given" in line
+        assert "stable_baselines3.common.monitor:Monitor" in line
+        assert (tmp_path / "mine.monitor.csv").read_text() == "mine"
+        monitor["kwargs"] = {}
+        describe(env_spec=spec | {"additional_wrappers": self.wrappers(monitor)})(run)
+        assert run_here("enjoy", str(run.path), "--no-render")[0] == 0
+
+    def wrappers(self, *each):
+        return {":tuple:": {"items": list(each)}}
+
+    def test_a_video_is_written_nowhere(self, run, refused, tmp_path):
+        recorder = {
+            "name": "RecordVideo",
+            "entry_point": "gymnasium.wrappers.rendering:RecordVideo",
+            "kwargs": {"video_folder": str(tmp_path / "videos")},
+        }
+        spec = run.describe()["env_spec"]
+        describe(env_spec=spec | {"additional_wrappers": self.wrappers(recorder)})(run)
+        assert "`trust` must be given" in refused("enjoy", str(run.path), "--no-render")
+        assert not (tmp_path / "videos").exists()
+
+    @pytest.mark.parametrize("env_id", [ENV, "Theirs-v0"])
+    def test_no_module_is_imported_that_is_not_trusted(
+        self, run, refused, run_here, tmp_path, monkeypatch, env_id
+    ):
+        monkeypatch.syspath_prepend(tmp_path)
+        (tmp_path / "theirs.py").write_text(
+            "from pathlib import Path\n"
+            "from curiosity_gym.maze.maze_env import MazeEnv\n"
+            "Path('ran').touch()\n"
+            "class Theirs(MazeEnv):\n    pass\n"
+        )
+        spec = run.describe()["env_spec"] | {"id": env_id, "entry_point": "theirs:Theirs"}
+        describe(env_spec=spec)(run)
+        line = refused("enjoy", str(run.path), "--no-render")
+        assert "`trust` must be given" in line
+        assert "theirs:Theirs" in line
+        assert not pathlib.Path("ran").exists()
+        assert "theirs" not in sys.modules
+        assert run_here("enjoy", str(run.path), "--no-render", "--trust")[0] == 0
+        assert pathlib.Path("ran").exists()
+        del sys.modules["theirs"]
+
+    def test_models_that_run_code_need_trust(self, refused, run_here, tmp_path):
+        model = TD3ICM(gym.make(ENV, horizon=20), **SMALL)
+        model.learn(20, SaveRun(tmp_path / "run"))
+        assert "`trust` must be given" in refused("enjoy", "run", "--no-render")
+        assert run_here("enjoy", "run", "--no-render", "--trust")[0] == 0

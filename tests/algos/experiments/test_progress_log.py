@@ -1,0 +1,65 @@
+import pytest
+
+from curiosity_algos.experiments.progress_log import ProgressLog
+from curiosity_algos.experiments.reading import read_rows
+
+TIMESTEPS = "time/total_timesteps"
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "progress.csv"
+
+
+def log_rows(path, first, last, **values):
+    """Go on with a log after `first` timesteps, with a row for each until `last`."""
+    stands = {}
+    log = ProgressLog(path, first, lambda: stands)
+    for i in range(first + 1, last + 1):
+        stands |= {TIMESTEPS: i, "coverage/all": i / 3}
+        log.write({"time/fps": 1} | ({"odd": i / 7} if i % 2 else {}) | values, {})
+    return log
+
+
+def test_rows_after_a_checkpoint_are_dropped(path):
+    log_rows(path, 0, 6)
+    log_rows(path, 3, 5)
+    rows = read_rows(path)
+    assert [row[TIMESTEPS] for row in rows] == [1, 2, 3, 4, 5]
+    assert [row["coverage/all"] for row in rows] == [i / 3 for i in range(1, 6)]
+    assert [row.get("odd") for row in rows] == [1 / 7, None, 3 / 7, None, 5 / 7]
+
+
+def test_what_others_empty_the_logger_of_waits_for_the_next_row(path):
+    log = log_rows(path, 0, 1)
+    log.write({"eval/mean_reward": 5.0, TIMESTEPS: 9}, {"eval/mean_reward": ()})
+    assert len(read_rows(path)) == 1
+    log.write({"time/fps": 1, "left out": 3}, {"left out": ("csv",)})
+    last = read_rows(path)[-1]
+    assert (last["eval/mean_reward"], last[TIMESTEPS]) == (5.0, 1)
+    assert "left out" not in last
+
+
+def test_the_last_row_is_written_once(path):
+    stands = {TIMESTEPS: 3, "coverage/all": 1 / 3, "time/seconds": 1.5}
+    for _ in range(2):
+        log = ProgressLog(path, 3, lambda: stands)
+        stands["time/seconds"] += 1.0
+        log.end({"train/loss": 2.0})
+    assert [row["train/loss"] for row in read_rows(path)] == [2.0]
+
+
+def test_columns_of_the_users_own_are_kept(path):
+    log_rows(path, 0, 1, flag=True, text='a "b", c', picture=object())
+    before = read_rows(path)
+    log_rows(path, 1, 1)
+    assert read_rows(path) == before
+    assert (before[0]["flag"], before[0]["text"]) == ("True", 'a "b", c')
+    assert "picture" not in before[0]
+
+
+def test_half_a_row_is_dropped(path):
+    log_rows(path, 0, 3)
+    path.write_text(path.read_text()[:-2])
+    log_rows(path, 2, 3)
+    assert [row[TIMESTEPS] for row in read_rows(path)] == [1, 2, 3]

@@ -12,7 +12,7 @@ import pandas as pd
 
 from curiosity_algos.experiments.labels import label_runs
 from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs_of
-from curiosity_algos.experiments.progress_log import TIMESTEPS
+from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import Survival, survival
 

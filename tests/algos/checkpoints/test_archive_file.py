@@ -517,11 +517,7 @@ def load_damaged(kind, path):
         assert_lives(archive, path)
 
 
-HOSTILE = settings(
-    max_examples=60,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+HOSTILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 class TestRandomDamage:

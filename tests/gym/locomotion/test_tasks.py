@@ -130,40 +130,34 @@ def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number(env_
     assert named <= tested
 
 
-@pytest.mark.parametrize(
-    ("env_id", "option", "value"),
-    [
+def test_what_gymnasium_half_takes_for_true_is_refused():
+    for env_id, option, value in [
         ("Ant-v5", "exclude_current_positions_from_observation", 2),
         ("Humanoid-v5", "include_cinert_in_observation", np.True_),
         ("Humanoid-v5", "include_cfrc_ext_in_observation", 1),
         ("Ant-v5", "include_cfrc_ext_in_observation", 2),
-    ],
-)
-def test_what_gymnasium_half_takes_for_true_is_refused(env_id, option, value):
-    original = gym.make(env_id, **{option: value}).unwrapped
-    assert original.reset()[0].shape != original.observation_space.shape
-    message = re.escape(f"`{option}` must be True or False, got {value!r}.")
-    with pytest.raises(ValueError, match=message):
-        LocomotionEnv(env_id, env_kwargs={option: value})
-    with pytest.raises(ValueError, match=message):
-        TASKS[env_id](original)
+    ]:
+        original = gym.make(env_id, **{option: value}).unwrapped
+        assert original.reset()[0].shape != original.observation_space.shape
+        message = re.escape(f"`{option}` must be True or False, got {value!r}.")
+        with pytest.raises(ValueError, match=message):
+            LocomotionEnv(env_id, env_kwargs={option: value})
+        with pytest.raises(ValueError, match=message):
+            TASKS[env_id](original)
 
 
-@pytest.mark.parametrize(
-    ("env_id", "option", "value"),
-    [
+def test_what_gymnasium_takes_for_true_or_false_is_taken():
+    for env_id, option, value in [
         ("Ant-v5", "exclude_current_positions_from_observation", 1),
         ("Ant-v5", "include_cfrc_ext_in_observation", np.False_),
         ("Hopper-v5", "exclude_current_positions_from_observation", 0),
         ("Humanoid-v5", "include_cvel_in_observation", 0),
         ("Swimmer-v5", "exclude_current_positions_from_observation", np.True_),
-    ],
-)
-def test_what_gymnasium_takes_for_true_or_false_is_taken(env_id, option, value):
-    original = gym.make(env_id, **{option: value})
-    env = LocomotionEnv(env_id, env_kwargs={option: value})
-    np.testing.assert_array_equal(env.reset(seed=0)[0], original.reset(seed=0)[0])
-    assert env.observation_space == original.observation_space
+    ]:
+        original = gym.make(env_id, **{option: value})
+        env = LocomotionEnv(env_id, env_kwargs={option: value})
+        np.testing.assert_array_equal(env.reset(seed=0)[0], original.reset(seed=0)[0])
+        assert env.observation_space == original.observation_space
 
 
 def test_a_model_that_was_changed_is_the_one_that_is_simulated():
@@ -239,10 +233,10 @@ def test_behaviors_are_where_the_torso_is_within_the_bounds():
     np.testing.assert_allclose(simulation.behaviors, expected, atol=0.05)
 
 
-@pytest.mark.parametrize("behavior", ["posture", 3, []])
-def test_another_behavior_is_an_error(behavior):
-    with pytest.raises(ValueError, match="`behavior`"):
-        make_simulation("Ant-v5", behavior=behavior)
+def test_another_behavior_is_an_error():
+    for behavior in ["posture", 3, []]:
+        with pytest.raises(ValueError, match="`behavior`"):
+            make_simulation("Ant-v5", behavior=behavior)
 
 
 class TestEquality:

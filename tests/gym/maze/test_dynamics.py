@@ -91,7 +91,7 @@ def depth_in_grown_walls(layout, positions):
 
 
 class TestMove:
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=6 * settings.default.max_examples)
     @given(
         layout=layouts(),
         seed=st.integers(0, 2**32),
@@ -132,7 +132,7 @@ class TestMove:
             positions.append(state[:2].copy())
         assert depth_in_grown_walls(layout, np.array(positions)).max() <= MARGIN + 1e-9
 
-    @settings(max_examples=2000, deadline=None)
+    @settings(max_examples=20 * settings.default.max_examples)
     @given(
         size=st.tuples(*[st.integers(1, 9)] * 2),
         is_high=st.tuples(st.booleans(), st.booleans()),
@@ -178,7 +178,7 @@ class TestMove:
             positions.append(state[:2].copy())
         assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
 
-    @settings(max_examples=100, deadline=None)
+    @settings(max_examples=2 * settings.default.max_examples)
     @given(layout=layouts(), seed=st.integers(0, 2**32))
     def test_bouncing_keeps_speed_and_sliding_never_gains_any(self, layout, seed):
         rng = np.random.default_rng(seed)
@@ -289,7 +289,7 @@ def assert_beams_agree(layout, position, **changes):
 
 
 class TestCastBeams:
-    @settings(max_examples=80, deadline=None)
+    @settings(max_examples=2 * settings.default.max_examples)
     @given(
         layout=layouts(),
         n_beams=st.sampled_from([1, 2, 7, 32]),

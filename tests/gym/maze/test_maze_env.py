@@ -17,7 +17,11 @@ from curiosity_gym.maze.dynamics import DT
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.registration import SPECS
 
-MAZE_IDS = [env_id for env_id, spec in SPECS.items() if "layout" in spec["kwargs"]]
+MAZE_IDS = [
+    name
+    for name, spec in SPECS.items()
+    if "layout" in spec["kwargs"] and name.startswith("Curiosity")
+]
 FREE = np.zeros(2, dtype=np.float32)
 EAST = np.array([1.0, 0.0], dtype=np.float32)
 

@@ -66,7 +66,8 @@ def files():
             path = os.readlink(descriptor)
         except OSError:  # that of the listing itself
             continue
-        if path.startswith("/") and not path.startswith(NOT_OURS):
+        is_log_of_ray = "/ray/session_" in path
+        if path.startswith("/") and not path.startswith(NOT_OURS) and not is_log_of_ray:
             found.add((descriptor.name, path))
     return found
 

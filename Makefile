@@ -1,17 +1,31 @@
 # The interpreter that .venv is made with: 3.11 or newer (make clean && make test PYTHON=python3.13).
 PYTHON ?= python3
+# Of the order that `make shuffle` runs the tests in.
+SEED ?= 1
+
+# Up to four cores, each of which takes a test from another when it has none left.
+PYTEST = .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint docs bench clean
+.PHONY: help demo check test shuffle fuzz lint docs bench clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-6s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
 
 demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
 	.venv/bin/python examples/train_curiosity_es.py --preset tuned --seed 0 --out runs/demo
 
-test: .venv/.installed  ## run the tests, on up to four cores
-	.venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+check: lint  ## before a commit: lint, and the tests that are fast
+	$(PYTEST) -m "not slow"
+
+test: .venv/.installed  ## run all tests
+	$(PYTEST)
+
+shuffle: .venv/.installed  ## run all tests in an order that SEED draws (make shuffle SEED=2)
+	$(PYTEST) --shuffle $(SEED)
+
+fuzz: .venv/.installed  ## run the property tests on examples drawn anew
+	$(PYTEST) -m hypothesis --hypothesis-profile fuzz
 
 lint: .venv/.installed  ## check style, types and dependencies
 	.venv/bin/ruff check && .venv/bin/ruff format --check && .venv/bin/mypy --strict curiosity_gym curiosity_algos && .venv/bin/deptry .

@@ -1,12 +1,19 @@
-"""What every test needs: no screen, Python's own answer to Ctrl-C, and the extras that it uses."""
+"""What every test needs: no screen, Python's own answer to Ctrl-C, and the extras that it uses.
+
+Beside that, the examples that hypothesis draws, the order of the tests, and which of them are slow.
+"""
 
 import contextlib
 import importlib.util
 import os
+import random
 import re
 import signal
+from pathlib import Path
 
+import leaks
 import pytest
+from hypothesis import settings
 
 # PyTorch's CUDA build imports it with the first optimizer: after software OpenGL, that is a crash.
 with contextlib.suppress(ImportError):
@@ -17,6 +24,31 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 # A shell that runs the tests in the background makes them ignore Ctrl-C, which some of them press.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# The same examples in every run: a gate does not fail by chance. `make fuzz` draws others.
+settings.register_profile("gate", derandomize=True, database=None, deadline=None, max_examples=50)
+settings.register_profile("fuzz", database=None, deadline=None, max_examples=1000, print_blob=True)
+settings.load_profile("gate")
+
+TESTS = Path(__file__).parent
+SLOW = [
+    "algos/cli",
+    "algos/evaluation/test_processes.py",
+    "algos/evaluation/test_ray.py",
+    "algos/experiments",
+    "algos/test_resume.py",
+    "algos/test_stable_baselines.py",
+    "gym/control",
+    "gym/locomotion",
+    "gym/wrappers/test_ready_made.py",
+    "test_benchmark_results.py",
+    "test_benchmarks.py",
+    "test_examples.py",
+    "test_extras.py",
+    "test_rl_zoo3.py",
+    "test_tutorials.py",
+]
+"""Files and folders that start processes, browsers or clusters, or train: not in `make check`."""
 
 MODULES = {
     "control": "dm_control",
@@ -52,9 +84,34 @@ def extras_of(item):
     }
 
 
-def pytest_collection_modifyitems(items):
-    """Skip the tests of extras that are not installed."""
+def pytest_addoption(parser):
+    """Add the option that tests run in another order."""
+    parser.addoption("--shuffle", metavar="SEED", help="run the tests in the order that SEED draws")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Mark the slow tests, skip those of extras that are not installed, and put all in order."""
     missing = {extra for extra, name in MODULES.items() if importlib.util.find_spec(name) is None}
+    slow = [TESTS / path for path in SLOW]
     for item in items:
         for extra in sorted(extras_of(item) & missing):
             item.add_marker(pytest.mark.skip(reason=f"the extra {extra} is not installed"))
+        if any(item.path.is_relative_to(path) for path in slow):
+            item.add_marker(pytest.mark.slow)
+    if (seed := config.getoption("shuffle")) is not None:
+        items.sort(key=lambda item: _place(seed, item))
+
+
+def _place(seed, item):
+    """Where a test stands in a drawn order: files stay whole, as their fixtures are shared."""
+    file = item.nodeid.partition("::")[0]
+    return [random.Random(f"{seed} {name}").random() for name in (file, item.nodeid)]
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left():
+    """Fail the test that leaves a file open or a setting of the process changed."""
+    before = leaks.begin()
+    yield
+    if left := leaks.left(before):
+        pytest.fail(f"The test left: {left}", pytrace=False)

@@ -1,62 +1,32 @@
 """Published tables come from committed data, and that from runs."""
 
-import sys
-
 import gymnasium as gym
 import pandas as pd
 import pytest
 
 from benchmarks import (
-    bonuses,
     figures,
     learning,
-    pool,
-    record,
     results,
-    speed_tables,
     tables,
     unseen,
 )
-from benchmarks.measure import Row, Table
 from curiosity_algos import CanonicalES
 from curiosity_algos.experiments import RunFolder, load_progress, load_runs
 
 PAGES = [tables.ROOT / name for name in tables.PAGES]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_tables_of_a_page_are_those_of_the_data(page):
-    text = page.read_text()
-    assert "<!-- table " in text
-    assert tables.write_tables(text) == text
+def test_tables_of_the_pages_are_those_of_the_data():
+    for page in PAGES:
+        text = page.read_text()
+        assert "<!-- table " in text
+        assert tables.write_tables(text) == text
 
 
 def test_every_table_stands_in_a_page():
     found = [match[2] for page in PAGES for match in tables.MARKED.finditer(page.read_text())]
     assert set(found) == set(tables.TABLES)
-
-
-def test_measured_sections_stay_in_a_file(tmp_path, monkeypatch):
-    path = tmp_path / "new" / "speed.json"
-    monkeypatch.setattr(speed_tables, "SPEED_FILE", path)
-    first = Table("vector: one", [Row("here", [2.0, 8.0, 3.0], "steps/s", "> 1", [0.5])], ["Why."])
-    other = Table("learn: two", [Row("here", [0.12345678], "s")])
-    record.write_section(path, "vector", ["- CPU: old"], [other])
-    record.write_section(path, "learn", ["- CPU: b"], [other, first])
-    record.write_section(path, "vector", ["- CPU: a"], [first])
-    assert record.read_sections(path)["vector"] == (["- CPU: a"], [first])
-    read = record.read_sections(path)["learn"][1]
-    assert read[0].rows[0].figures == [0.123457]
-    assert speed_tables.section("vector").splitlines() == [
-        "- CPU: a",
-        "",
-        "#### vector: one",
-        *first.markdown().rstrip().splitlines()[1:],
-    ]
-    line = ["What", "{vector: one | here} steps/s and {learn: two | here}", "", ""]
-    assert (
-        speed_tables.summary_of([line]).splitlines()[2] == "| What | 3.00 steps/s and 0.123 |  |  |"
-    )
 
 
 def test_a_table_that_was_typed_is_replaced():
@@ -116,45 +86,6 @@ def test_the_comparison_counts_pairs_of_runs():
     ]
 
 
-def test_every_seed_has_its_value():
-    task = "CuriosityControl-BallInCup-v0"
-    runs = pd.DataFrame(
-        [
-            run("NSES", task, 0, 20_000, 0.0123, **{"coverage.ball": 0.08}),
-            run("NSES", task, 1, float("nan"), 0.25, **{"coverage.ball": 0.5}),
-        ]
-    )
-    header, _, row = tables.every_seed(runs).splitlines()
-    assert header.split(" | ")[4:] == [
-        "Coverage, reachable (%)",
-        "Coverage, ball (%)",
-        "Seconds a run |",
-    ]
-    assert row == ("| NSES | BallInCup | 0.02 / never | 0.50 / 0.50 | 1.2 / 25 | 8.0 / 50 | 9 |")
-
-
-@pytest.mark.extra("control")
-@pytest.mark.parametrize(
-    "name", [name for name, words in learning.SWEEPS.items() if "env_kwargs" in words]
-)
-def test_environments_of_learning_have_their_keywords(name, monkeypatch):
-    trained = []
-    monkeypatch.setattr(
-        sys.modules[learning.sweep.__module__],
-        "train_all",
-        lambda runs, *_, **__: trained.extend(runs),
-    )
-    monkeypatch.setattr(learning, "collect", lambda *_: None)
-    learning.main(name, seeds="0")
-    words = learning.SWEEPS[name]
-    assert len(trained) == len(words["algos"]) * len(words["envs"])
-    for run in {run.env: run for run in trained}.values():
-        task = gym.make(run.env, **run.env_kwargs).unwrapped.task
-        for word in words["env_kwargs"]:
-            keyword, value = word.split(":")
-            assert str(getattr(task, keyword)) == value
-
-
 def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
     small = {"algos": ("NSES", "MAPElites"), "envs": ("CuriosityMaze-US-v0",), "timesteps": 3e5}
     monkeypatch.setitem(learning.SWEEPS, "mazes", small)
@@ -172,17 +103,6 @@ def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
         progress.sort_values(["algorithm", "time/total_timesteps"])["coverage/reachable"].tolist(),
         rel=1e-5,
     )
-
-
-def test_a_sweep_within_another_is_told_by_its_name(tmp_path, monkeypatch):
-    small = {"algos": ("NSES",), "envs": ("CuriosityMaze-US-v0",), "timesteps": 1}
-    monkeypatch.setitem(learning.SWEEPS, "mazes", small)
-    monkeypatch.setitem(learning.SWEEPS, "mazes/far", small | {"hyperparams": ["k:3", "phi:.5"]})
-    for name in ("mazes", "mazes/far"):
-        learning.main(name, seeds="0,1", runs=tmp_path / "runs", jobs=1, out=tmp_path)
-    runs, curves = results.read_runs("mazes", tmp_path), results.read_curves("mazes", tmp_path)
-    for table in (runs, curves):
-        assert sorted(table["algorithm"]) == ["NSES"] * 2 + ["NSES, far"] * 2
 
 
 @pytest.mark.extra("control")
@@ -210,43 +130,6 @@ def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
     assert counted.to_dict("records") == [
         {"algorithm": "CanonicalES", "env": env, "seed": 0, "starts": starts, "solved": solved}
     ]
-
-
-def test_unseen_starts_stand_in_a_table():
-    columns = ["algorithm", "env", "seed", "starts", "solved"]
-    ids = ["CuriosityControl-Finger-v0", "CuriosityControl-Stacker-v0"]
-    rows = [("NSES", env, seed, 9, 3 * i + seed) for i, env in enumerate(ids) for seed in (0, 1)]
-    table = tables.unseen(pd.DataFrame(rows, columns=columns)).splitlines()
-    assert table[0] == "| Of 9 starts | Finger | Stacker |"
-    assert table[2] == "| NSES | 0 / 1 | 3 / 4 |"
-
-
-def test_what_an_ant_visited_stands_in_a_table():
-    rows = [("NSES", 0, 1000, 50), ("NSES", 1, 3000, 70), ("NSLC", 0, 4000, 90)]
-    rows += [("NSLC", 1, 4000, 90)]
-    table = tables.roaming(pd.DataFrame(rows, columns=["algorithm", "seed", "xyz", "xy"]))
-    assert table.splitlines()[2:] == [
-        "| NSLC | 4,000 ± 0 | 100.0 ± 0.0 | 90 ± 0 |",
-        "| NSES | 2,000 ± 1,000 | 50.0 ± 25.0 | 60 ± 10 |",
-    ]
-
-
-def test_runs_are_done_in_processes_too():
-    assert pool.run_all(pow, [(2, 3), (3, 2)], jobs=2) == [8, 9]
-
-
-def test_bonuses_leave_the_data_of_their_runs(tmp_path, monkeypatch):
-    made = bonuses.VARIANTS["ppo"]
-    monkeypatch.setitem(
-        bonuses.VARIANTS, "ppo", {name: made[name] for name in ("PPO", "PPO + RND")}
-    )
-    for _ in range(2):  # what is finished is not done again
-        words = {"seeds": "0", "runs": tmp_path, "jobs": 1, "out": tmp_path / "out"}
-        bonuses.main("ppo", timesteps=1, **words)
-    runs = results.read_runs("ppo", tmp_path / "out")
-    assert set(runs["algorithm"]) == {"PPO", "PPO + RND"}
-    assert (runs["timesteps"] == 2048 * bonuses.N_ENVS).all()
-    assert (runs["coverage.reachable"] > 0.0).all()
 
 
 def test_a_long_curve_is_thinned_to_points_equally_far_apart(monkeypatch):

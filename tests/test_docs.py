@@ -17,15 +17,16 @@ OWN = DOCS / "write_your_own.md"
 PAGES = sorted(path for path in (DOCS / "algorithms").glob("*.md") if path.stem != "index")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_an_algorithms_page_begins_with_all_its_arguments_and_methods(page):
-    title, *_ = page.read_text().splitlines()
-    algorithm = title.removeprefix("# ")
-    assert hasattr(curiosity_algos, algorithm)
-    first_section = page.read_text().split("\n## ")[1]
-    assert first_section.startswith("Arguments and methods")
-    assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
-    assert "   :members:\n   :inherited-members:\n" in first_section
+def test_an_algorithms_page_begins_with_all_its_arguments_and_methods():
+    assert len(PAGES) >= 9
+    for page in PAGES:
+        title, *_ = page.read_text().splitlines()
+        algorithm = title.removeprefix("# ")
+        assert hasattr(curiosity_algos, algorithm)
+        first_section = page.read_text().split("\n## ")[1]
+        assert first_section.startswith("Arguments and methods")
+        assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
+        assert "   :members:\n   :inherited-members:\n" in first_section
 
 
 @pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"])

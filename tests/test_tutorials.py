@@ -63,8 +63,8 @@ def test_pages_are_written_as_notebooks_and_linked(tmp_path):
         assert f'{title}\n\n<a href="{name}.ipynb" download>' in source[0]
 
 
-@pytest.mark.parametrize("name", ["tutorials/index", "quickstart"])
-def test_other_pages_have_no_notebook(name):
-    source = ["# A title\n"]
-    link(None, name, source)
-    assert source == ["# A title\n"]
+def test_other_pages_have_no_notebook():
+    for name in ("tutorials/index", "quickstart"):
+        source = ["# A title\n"]
+        link(None, name, source)
+        assert source == ["# A title\n"]

@@ -31,28 +31,29 @@ def run_add_index(pool, n_items, n_slices):
 
 
 class TestThreadPool:
-    @pytest.mark.parametrize("n_threads", [None, 1, 2, 5])
-    @pytest.mark.parametrize("n_slices", [0, 1, 3, 50])
-    @pytest.mark.parametrize("n_items", [0, 1, 17])
-    def test_slices_cover_every_item_once(self, n_threads, n_slices, n_items):
-        values = run_add_index(ThreadPool(n_threads), n_items, n_slices)
-        np.testing.assert_array_equal(values, np.arange(n_items))
+    def test_slices_cover_every_item_once(self):
+        for n_threads in [None, 1, 2, 5]:
+            for n_slices in [0, 1, 3, 50]:
+                for n_items in [0, 1, 17]:
+                    values = run_add_index(ThreadPool(n_threads), n_items, n_slices)
+                    np.testing.assert_array_equal(values, np.arange(n_items))
 
     def test_uses_the_processors_that_there_are(self):
         assert ThreadPool().n_threads == available_cpus() >= 1
 
-    @pytest.mark.parametrize("n_threads", [0, -1])
-    def test_rejects_less_than_one_thread(self, n_threads):
-        with pytest.raises(ValueError, match="n_threads"):
-            ThreadPool(n_threads)
+    def test_rejects_less_than_one_thread(self):
+        for n_threads in [0, -1]:
+            with pytest.raises(ValueError, match="n_threads"):
+                ThreadPool(n_threads)
 
-    @pytest.mark.parametrize("n_threads", [1, 2])
-    def test_errors_reach_the_caller(self, n_threads):
-        def fail(begin, end):
-            raise RuntimeError("slice")
+    def test_errors_reach_the_caller(self):
+        for n_threads in [1, 2]:
 
-        with pytest.raises(RuntimeError, match="slice"):
-            ThreadPool(n_threads).run(fail, 4, 4)
+            def fail(begin, end):
+                raise RuntimeError("slice")
+
+            with pytest.raises(RuntimeError, match="slice"):
+                ThreadPool(n_threads).run(fail, 4, 4)
 
     @pytest.mark.parametrize("fails_in_the_caller", [True, False])
     def test_after_an_error_no_slice_begins(self, fails_in_the_caller):

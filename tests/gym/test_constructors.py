@@ -4,8 +4,6 @@ import inspect
 import re
 from pathlib import Path
 
-import pytest
-
 from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.vector_env import ControlVectorEnv
@@ -42,37 +40,37 @@ def described(cls):
     return {name: " ".join(description.split()) for name, description in entries}
 
 
-@pytest.mark.parametrize("cls", ALL)
-def test_every_argument_is_spelled_out_and_described(cls):
-    assert not any(each[0] is inspect.Parameter.VAR_KEYWORD for each in keywords(cls).values())
-    assert list(described(cls)) == list(keywords(cls))
+def test_every_argument_is_spelled_out_and_described():
+    for cls in ALL:
+        assert not any(each[0] is inspect.Parameter.VAR_KEYWORD for each in keywords(cls).values())
+        assert list(described(cls)) == list(keywords(cls))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_single_and_vector_environments_take_the_same(kind):
-    shared, single, vector = map(keywords, KINDS[kind])
-    assert list(single.items()) == [*shared.items(), ("render_mode", single["render_mode"])]
-    assert {name: each for name, each in vector.items() if name not in OF_VECTORS} == single
-    assert set(vector) == set(single) | OF_VECTORS
+def test_single_and_vector_environments_take_the_same():
+    for kind in KINDS:
+        shared, single, vector = map(keywords, KINDS[kind])
+        assert list(single.items()) == [*shared.items(), ("render_mode", single["render_mode"])]
+        assert {name: each for name, each in vector.items() if name not in OF_VECTORS} == single
+        assert set(vector) == set(single) | OF_VECTORS
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_single_and_vector_environments_say_the_same_of_it(kind):
-    shared, single, vector = KINDS[kind]
-    for name in keywords(shared):
-        assert described(single)[name] == described(vector)[name]
+def test_single_and_vector_environments_say_the_same_of_it():
+    for kind in KINDS:
+        shared, single, vector = KINDS[kind]
+        for name in keywords(shared):
+            assert described(single)[name] == described(vector)[name]
 
 
-@pytest.mark.parametrize("kind", ["control", "locomotion"])
-def test_all_vector_environments_take_the_same_and_say_the_same(kind):
-    maze, other = KINDS["maze"][2], KINDS[kind][2]
-    for name in OF_VECTORS | {"render_mode"}:
-        assert keywords(maze)[name] == keywords(other)[name]
-        if (name, kind) != (
-            "max_episode_steps",
-            "locomotion",
-        ):  # it has no sparse reward to tell of
-            assert described(maze)[name] == described(other)[name]
+def test_all_vector_environments_take_the_same_and_say_the_same():
+    for kind in ["control", "locomotion"]:
+        maze, other = KINDS["maze"][2], KINDS[kind][2]
+        for name in OF_VECTORS | {"render_mode"}:
+            assert keywords(maze)[name] == keywords(other)[name]
+            if (name, kind) != (
+                "max_episode_steps",
+                "locomotion",
+            ):  # it has no sparse reward to tell of
+                assert described(maze)[name] == described(other)[name]
 
 
 PAGES = {

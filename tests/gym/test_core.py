@@ -29,39 +29,36 @@ def test_cells_agree_with_numpys_histogram():
     np.testing.assert_array_equal(counts, np.histogram2d(*behaviors[:, [0, 2]].T, bins=edges)[0])
 
 
-@pytest.mark.parametrize(("kept", "entries"), [((0,), [0]), ((1,), [2]), ((1, 0), [2, 0])])
-def test_projected_cells_are_those_of_a_grid_of_their_own(kept, entries):
-    rng = np.random.default_rng(0)
-    behaviors = rng.uniform([0.0, 0.0, -1.0], [10.0, 1.0, 1.0], (200, 3))
-    grid = make_grid(projections={"part": kept})
-    alone = make_grid(
-        dimensions=tuple(entries), low=grid.low[list(kept)], high=grid.high[list(kept)]
-    )
-    projected = grid.project(grid.cells(behaviors), "part")
-    np.testing.assert_array_equal(projected, alone.cells(behaviors))
+def test_projected_cells_are_those_of_a_grid_of_their_own():
+    for kept, entries in [((0,), [0]), ((1,), [2]), ((1, 0), [2, 0])]:
+        rng = np.random.default_rng(0)
+        behaviors = rng.uniform([0.0, 0.0, -1.0], [10.0, 1.0, 1.0], (200, 3))
+        grid = make_grid(projections={"part": kept})
+        alone = make_grid(
+            dimensions=tuple(entries), low=grid.low[list(kept)], high=grid.high[list(kept)]
+        )
+        projected = grid.project(grid.cells(behaviors), "part")
+        np.testing.assert_array_equal(projected, alone.cells(behaviors))
 
 
 def test_no_behaviors_have_no_cells():
     assert make_grid().cells(np.empty((0, 3))).shape == (0,)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
+def test_grids_are_equal_when_they_count_the_same():
+    for changes in [
         {"dimensions": (0, 1)},
         {"low": np.array([0.0, -2.0])},
         {"n_cells": 6},
         {"projections": {"part": (1,)}},
         {"reachable": np.ones((5, 5), dtype=bool)},
-    ],
-)
-def test_grids_are_equal_when_they_count_the_same(changes):
-    assert make_grid() == make_grid()
-    assert make_grid(**changes) == make_grid(**changes)
-    assert make_grid() != make_grid(**changes)
+    ]:
+        assert make_grid() == make_grid()
+        assert make_grid(**changes) == make_grid(**changes)
+        assert make_grid() != make_grid(**changes)
 
 
-@pytest.mark.parametrize("low", [1.0, 2.0, np.nan])
-def test_bounds_that_leave_no_room_for_cells_are_errors(low):
-    with pytest.raises(ValueError, match="every `low` below its `high`"):
-        make_grid(low=np.array([0.0, low]))
+def test_bounds_that_leave_no_room_for_cells_are_errors():
+    for low in [1.0, 2.0, np.nan]:
+        with pytest.raises(ValueError, match="every `low` below its `high`"):
+            make_grid(low=np.array([0.0, low]))

@@ -78,13 +78,12 @@ class TestFields:
         with pytest.raises(ValueError, match=r"^walls must have fewer different edges: "):
             MazeLayout("dust", 200.0, 200.0, (5.0, 5.0), (195.0, 195.0), walls)
 
-    @pytest.mark.parametrize("walls", [[], np.empty((0, 4)), np.array([])])
-    def test_walls_may_be_absent(self, walls):
-        assert make_layout(walls=walls).walls.shape == (0, 4)
+    def test_walls_may_be_absent(self):
+        for walls in [[], np.empty((0, 4)), np.array([])]:
+            assert make_layout(walls=walls).walls.shape == (0, 4)
 
-    @pytest.mark.parametrize(
-        "changes",
-        [
+    def test_bad_ones_are_named(self):
+        for changes in [
             {"name": 3},
             {"width": 2.0},
             {"width": -30.0},
@@ -113,13 +112,10 @@ class TestFields:
             {"walls": [[10.0, np.nan, 5.0, 5.0]]},
             {"walls": {"x": 1.0}},
             {"walls": None},
-        ],
-        ids=str,
-    )
-    def test_bad_ones_are_named(self, changes):
-        (field,) = changes
-        with pytest.raises(ValueError, match=rf"^{field} must [^\n]*\.$"):
-            make_layout(**changes)
+        ]:
+            (field,) = changes
+            with pytest.raises(ValueError, match=rf"^{field} must [^\n]*\.$"):
+                make_layout(**changes)
 
     def test_start_may_touch_a_wall(self):
         assert closest_approach(make_layout(start=(9.0, 1.0))) == 0.0
@@ -153,13 +149,15 @@ class TestIdentity:
         assert hash(layout) == hash(same)
         assert len({layout, same, make_layout(name="other")}) == 2
 
-    @pytest.mark.parametrize(
-        "changes",
-        [{"name": "b"}, {"width": 31}, {"start": (5, 6)}, {"goal": (24, 15)}, {"walls": []}],
-        ids=str,
-    )
-    def test_every_field_counts(self, changes):
-        assert make_layout() != make_layout(**changes)
+    def test_every_field_counts(self):
+        for changes in [
+            {"name": "b"},
+            {"width": 31},
+            {"start": (5, 6)},
+            {"goal": (24, 15)},
+            {"walls": []},
+        ]:
+            assert make_layout() != make_layout(**changes)
 
     def test_is_not_another_type(self):
         assert make_layout() != "room"
@@ -196,22 +194,22 @@ class TestJson:
         assert MazeLayout.from_json(path) == layout
         assert json.loads(path.read_text())["walls"] == layout.walls.tolist()
 
-    @pytest.mark.parametrize("key", FIELDS)
-    def test_missing_keys_are_named(self, key):
-        values = {name: value for name, value in FIELDS.items() if name != key}
-        with pytest.raises(ValueError, match=rf"^layout must have exactly the keys .*'{key}'"):
-            MazeLayout.from_dict(values)
+    def test_missing_keys_are_named(self):
+        for key in FIELDS:
+            values = {name: value for name, value in FIELDS.items() if name != key}
+            with pytest.raises(ValueError, match=rf"^layout must have exactly the keys .*'{key}'"):
+                MazeLayout.from_dict(values)
 
     def test_unknown_keys_are_named(self):
         with pytest.raises(ValueError, match=r"^layout must have exactly .* got .*'colour'"):
             MazeLayout.from_dict(FIELDS | {"colour": "red"})
 
-    @pytest.mark.parametrize("text", ["", "{", "#S.G#", "\x00", '{"name": "\x01"}'])
-    def test_text_that_is_not_json_is_refused(self, tmp_path, text):
-        path = tmp_path / "bad.json"
-        path.write_text(text)
-        with pytest.raises(ValueError, match=r"^layout '.*bad\.json' is not JSON"):
-            MazeLayout.from_json(path)
+    def test_text_that_is_not_json_is_refused(self, tmp_path):
+        for text in ["", "{", "#S.G#", "\x00", '{"name": "\x01"}']:
+            path = tmp_path / "bad.json"
+            path.write_text(text)
+            with pytest.raises(ValueError, match=r"^layout '.*bad\.json' is not JSON"):
+                MazeLayout.from_json(path)
 
     def test_bytes_that_are_not_text_are_refused(self, tmp_path):
         path = tmp_path / "bad.json"
@@ -219,12 +217,12 @@ class TestJson:
         with pytest.raises(ValueError, match=r"^layout '.*bad\.json' is not JSON"):
             MazeLayout.from_json(path)
 
-    @pytest.mark.parametrize("text", ["[]", "3", "null", '"snake"'])
-    def test_other_json_is_refused(self, tmp_path, text):
-        path = tmp_path / "bad.json"
-        path.write_text(text)
-        with pytest.raises(ValueError, match=r"^layout must have exactly the keys"):
-            MazeLayout.from_json(path)
+    def test_other_json_is_refused(self, tmp_path):
+        for text in ["[]", "3", "null", '"snake"']:
+            path = tmp_path / "bad.json"
+            path.write_text(text)
+            with pytest.raises(ValueError, match=r"^layout must have exactly the keys"):
+                MazeLayout.from_json(path)
 
     def test_nan_in_json_is_refused(self, tmp_path):
         path = tmp_path / "bad.json"
@@ -274,9 +272,8 @@ class TestAscii:
         assert (layout.name, layout.width, layout.height) == ("box", 50.0, 50.0)
         assert (layout.start, layout.goal) == ((15.0, 35.0), (15.0, 15.0))
 
-    @pytest.mark.parametrize(
-        ("text", "reason"),
-        [
+    def test_malformed_text_is_refused(self):
+        for text, reason in [
             ("S..\n.G\n", "one length"),
             ("\n", "one length"),
             ("S..\n\n..G\n", "one length"),
@@ -285,16 +282,14 @@ class TestAscii:
             ("SS.\n..G\n", "one 'S', got 2"),
             ("S..\n...\n", "one 'G', got 0"),
             ("SGG\n..G\n", "one 'G', got 3"),
-        ],
-    )
-    def test_malformed_text_is_refused(self, text, reason):
-        with pytest.raises(ValueError, match=rf"^layout [^\n]*{reason}"):
-            MazeLayout.from_ascii(text)
+        ]:
+            with pytest.raises(ValueError, match=rf"^layout [^\n]*{reason}"):
+                MazeLayout.from_ascii(text)
 
-    @pytest.mark.parametrize("cell_size", [0.0, -1.0, np.nan, np.inf, "10"])
-    def test_bad_cell_size_is_named(self, cell_size):
-        with pytest.raises(ValueError, match=r"^cell_size must be"):
-            MazeLayout.from_ascii(ASCII, cell_size=cell_size)
+    def test_bad_cell_size_is_named(self):
+        for cell_size in [0.0, -1.0, np.nan, np.inf, "10"]:
+            with pytest.raises(ValueError, match=r"^cell_size must be"):
+                MazeLayout.from_ascii(ASCII, cell_size=cell_size)
 
     def test_unreachable_goal_is_refused(self):
         with pytest.raises(ValueError, match=r"^goal must be within"):
@@ -302,10 +297,10 @@ class TestAscii:
 
 
 class TestResolve:
-    @pytest.mark.parametrize("name", BUILT_IN)
-    def test_built_in_name(self, name):
-        assert resolve_layout(name) is BUILT_IN[name]
-        assert BUILT_IN[name].name == name
+    def test_built_in_name(self):
+        for name in BUILT_IN:
+            assert resolve_layout(name) is BUILT_IN[name]
+            assert BUILT_IN[name].name == name
 
     def test_layout_is_itself(self):
         layout = make_layout()
@@ -320,12 +315,12 @@ class TestResolve:
     def test_ascii_text(self):
         assert resolve_layout(ASCII) == MazeLayout.from_ascii(ASCII)
 
-    @pytest.mark.parametrize("layout", ["maze", "", "S.G", Path("maze.txt"), None, 3, FIELDS])
-    def test_anything_else_is_refused(self, layout):
-        with pytest.raises(
-            ValueError, match=r"^`layout` must be .*snake, us, hard, labyrinth.*json"
-        ):
-            resolve_layout(layout)
+    def test_anything_else_is_refused(self):
+        for layout in ["maze", "", "S.G", Path("maze.txt"), None, 3, FIELDS]:
+            with pytest.raises(
+                ValueError, match=r"^`layout` must be .*snake, us, hard, labyrinth.*json"
+            ):
+                resolve_layout(layout)
 
 
 def test_reachable_cells_are_indexed_x_first():

@@ -42,17 +42,17 @@ def run_python(code):
     return result.stdout
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("prefix", ["CuriosityMaze", "Maze"])
-def test_every_id_makes_its_maze_without_a_time_limit(name, prefix):
-    env_id = f"{prefix}-{name}-v0"
-    env = gym.make(env_id)
-    assert env.unwrapped.layout is BUILT_IN[name.lower()]
-    assert env.unwrapped.horizon == 2000
-    assert env.spec.max_episode_steps is None
-    envs = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
-    assert isinstance(envs, MazeVectorEnv)
-    assert envs.layout is BUILT_IN[name.lower()]
+def test_every_id_makes_its_maze_without_a_time_limit():
+    for name in NAMES:
+        for prefix in ["CuriosityMaze", "Maze"]:
+            env_id = f"{prefix}-{name}-v0"
+            env = gym.make(env_id)
+            assert env.unwrapped.layout is BUILT_IN[name.lower()]
+            assert env.unwrapped.horizon == 2000
+            assert env.spec.max_episode_steps is None
+            envs = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
+            assert isinstance(envs, MazeVectorEnv)
+            assert envs.layout is BUILT_IN[name.lower()]
 
 
 def test_the_ids_are_those_of_the_documentation_and_no_others():
@@ -134,20 +134,20 @@ MALFORMED = {
 }
 
 
-@pytest.mark.parametrize(("changes", "field"), MALFORMED.values(), ids=MALFORMED)
-@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
-def test_malformed_layouts_are_errors_that_name_the_field(changes, field, make, tmp_path):
-    path = tmp_path / "maze.json"
-    path.write_text(json.dumps(FIELDS))
-    make("CuriosityMaze-v0", layout=path).close()
-    path.write_text(json.dumps(FIELDS | changes))
-    with pytest.raises(ValueError, match=field):
-        make("CuriosityMaze-v0", layout=path)
+def test_malformed_layouts_are_errors_that_name_the_field(tmp_path):
+    for changes, field in MALFORMED.values():
+        for make in [gym.make, gym.make_vec]:
+            path = tmp_path / "maze.json"
+            path.write_text(json.dumps(FIELDS))
+            make("CuriosityMaze-v0", layout=path).close()
+            path.write_text(json.dumps(FIELDS | changes))
+            with pytest.raises(ValueError, match=field):
+                make("CuriosityMaze-v0", layout=path)
 
 
-@pytest.mark.parametrize("text", ["{", "", "[1, 2]"])
-def test_files_that_hold_no_layout_are_errors(text, tmp_path):
-    path = tmp_path / "maze.json"
-    path.write_text(text)
-    with pytest.raises(ValueError, match="layout"):
-        gym.make("CuriosityMaze-v0", layout=path)
+def test_files_that_hold_no_layout_are_errors(tmp_path):
+    for text in ["{", "", "[1, 2]"]:
+        path = tmp_path / "maze.json"
+        path.write_text(text)
+        with pytest.raises(ValueError, match="layout"):
+            gym.make("CuriosityMaze-v0", layout=path)

@@ -361,7 +361,7 @@ class TestRemeasure:
         assert archive.threshold == 0.0
         assert archive.stats == twin.stats
 
-    @settings(deadline=None, max_examples=30)
+    @settings(max_examples=settings.default.max_examples // 2)
     @given(st.integers(1, 6), st.integers(1, 30), st.integers(0, 99))
     def test_the_size_stays_in_bounds(self, n_batches, target_size, number):
         archive = make_full(n_batches=n_batches, target_size=target_size)

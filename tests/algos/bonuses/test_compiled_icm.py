@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from curiosity_algos.bonuses.base import NetworkBonus
@@ -32,7 +32,6 @@ def gradients(icm):
     return np.concatenate([each.grad.numpy().ravel() for each in trained])
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     n=st.integers(1, 3 * N_ROWS),
     sizes=st.tuples(*[st.integers(1, 20)] * 3),

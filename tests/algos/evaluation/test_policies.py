@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from curiosity_algos.evaluation.policies import MlpPolicy, act, build_mlp
@@ -76,7 +76,6 @@ class TestForward:
         np.testing.assert_array_equal(actions[is_clear], outputs.argmax(axis=1)[is_clear])
         assert is_clear.sum() > 25 or net_arch == NET_ARCHS[-1]
 
-    @settings(max_examples=60, deadline=None)
     @given(
         st.integers(1, 9),
         st.integers(1, 4),
@@ -95,7 +94,6 @@ class TestForward:
         actions = act(mlp, vector[None], observation[None])[0]
         np.testing.assert_allclose(actions, np.tanh(x), rtol=0, atol=1e-5)
 
-    @settings(max_examples=60, deadline=None)
     @given(
         st.floats(-1e6, 1e6, width=32),
         st.floats(2**-10, 1e6, width=32),
@@ -195,7 +193,6 @@ class TestMlpPolicy:
         for observation, action in zip(observations, expected, strict=True):
             np.testing.assert_array_equal(policy.predict(observation)[0], action)
 
-    @settings(max_examples=40, deadline=None)
     @given(st.floats(-100, 100, width=32), st.floats(2**-10, 100, width=32), st.integers(0, 99))
     def test_predict_never_clips_what_the_evaluator_would_not(self, low, width, seed):
         high = np.nextafter(np.float32(low + width), np.float32(np.inf))

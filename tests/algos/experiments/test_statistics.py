@@ -23,7 +23,9 @@ from curiosity_algos.experiments.statistics import (
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-FEW = settings(max_examples=25, deadline=None)  # each example resamples 5,000 times
+FEW = settings(
+    max_examples=settings.default.max_examples // 2
+)  # each example resamples 5,000 times
 SCORES = st.lists(st.integers(0, 6), min_size=2, max_size=6)
 TASKS = st.lists(SCORES, min_size=1, max_size=3)
 NAN = float("nan")

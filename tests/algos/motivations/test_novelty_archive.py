@@ -75,7 +75,7 @@ def test_a_stream_is_answered_as_brute_force_does(batches, k):
         np.testing.assert_array_equal(archive.behaviors, seen)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=settings.default.max_examples // 5)
 @given(st.integers(1, 6), st.integers(1, 25), st.integers(0, 1000))
 def test_a_long_stream_crosses_rebuilds(n_dimensions, k, seed):
     rng = np.random.default_rng(seed)

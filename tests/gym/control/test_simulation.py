@@ -33,13 +33,12 @@ def play(simulation, actions):
 
 class TestAgainstDmControl:
     @pytest.mark.parametrize("kind", ["uniform", "bang-bang"])
-    @pytest.mark.parametrize("n_threads", [1, 2])
-    def test_every_bit_is_the_same(self, name, kind, n_threads, make_actions, play_reference):
+    def test_every_bit_is_the_same(self, name, kind, make_actions, play_reference):
         task = TASKS[name]()
         actions = np.stack(
             [make_actions(kind, N_STEPS, task.n_actions, seed) for seed in range(3)], axis=1
         )
-        observations, solved = play(Simulation(task, 3, n_threads), actions)
+        observations, solved = play(Simulation(task, 3, 2), actions)
         for i in range(3):
             expected, expected_solved = play_reference(name, actions[:, i])
             np.testing.assert_array_equal(observations[:, i], expected)
@@ -47,10 +46,9 @@ class TestAgainstDmControl:
         moved = np.abs(observations[-1] - observations[0]).max(axis=1)
         assert (moved > 0.1).all()
 
-    @pytest.mark.parametrize("n_threads", [1, 2])
-    def test_steps_at_the_goal_are_the_same(self, n_threads, make_actions, play_reference):
+    def test_steps_at_the_goal_are_the_same(self, make_actions, play_reference):
         actions = np.stack([make_actions("bang-bang", 1000, 2, seed) for seed in range(6)], axis=1)
-        solved = play(Simulation(TASKS["ball_in_cup"](), 6, n_threads), actions)[1]
+        solved = play(Simulation(TASKS["ball_in_cup"](), 6, 2), actions)[1]
         expected = [play_reference("ball_in_cup", actions[:, i])[1] for i in range(6)]
         np.testing.assert_array_equal(solved, np.stack(expected, axis=1))
         assert 0 < solved.sum() < solved.size
@@ -136,10 +134,9 @@ class TestRandomStarts:
         simulation.reset(rngs=self.rngs()[4:5])
         assert len(np.unique(simulation.state, axis=0)) == 1
 
-    @pytest.mark.parametrize("n_threads", [1, 2])
-    def test_are_gone_on_from_wherever_a_simulation_was(self, name, n_threads, make_actions):
+    def test_are_gone_on_from_wherever_a_simulation_was(self, name, make_actions):
         task = TASKS[name](random_start=True)
-        simulation, other = Simulation(task, self.N, n_threads), Simulation(task, self.N)
+        simulation, other = Simulation(task, self.N, 2), Simulation(task, self.N)
         simulation.reset(rngs=self.rngs())
         other.reset(rngs=self.rngs()[::-1])
         actions = make_actions("bang-bang", 20, task.n_actions)[:, None]
@@ -180,19 +177,19 @@ class TestStep:
 
 
 class TestCopies:
-    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
-    def test_continue_bit_for_bit_on_their_own(self, name, duplicate, make_actions):
-        simulation = Simulation(TASKS[name](), 2)
-        actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
-        play(simulation, actions)
-        twin = duplicate(simulation)
-        np.testing.assert_array_equal(simulation.observations, twin.observations)
-        np.testing.assert_array_equal(simulation.behaviors, twin.behaviors)
-        for action in actions:
-            np.testing.assert_array_equal(simulation.step(action), twin.step(action))
+    def test_continue_bit_for_bit_on_their_own(self, name, make_actions):
+        for duplicate in [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))]:
+            simulation = Simulation(TASKS[name](), 2)
+            actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
+            play(simulation, actions)
+            twin = duplicate(simulation)
             np.testing.assert_array_equal(simulation.observations, twin.observations)
-        twin.reset()
-        assert (simulation.observations != twin.observations).any()
+            np.testing.assert_array_equal(simulation.behaviors, twin.behaviors)
+            for action in actions:
+                np.testing.assert_array_equal(simulation.step(action), twin.step(action))
+                np.testing.assert_array_equal(simulation.observations, twin.observations)
+            twin.reset()
+            assert (simulation.observations != twin.observations).any()
 
     def test_a_forked_process_goes_on_with_threads_of_its_own(self, name, make_actions):
         if "fork" not in multiprocessing.get_all_start_methods():

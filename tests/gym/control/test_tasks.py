@@ -75,10 +75,10 @@ def test_the_stacker_succeeds_where_the_reward_is_at_its_threshold(threshold, ma
         np.testing.assert_array_equal(solved, rewards >= threshold)
 
 
-@pytest.mark.parametrize("threshold", [0.0, -1.0, 1.5, np.nan, "high"])
-def test_the_stacker_refuses_thresholds_that_mean_nothing(threshold):
-    with pytest.raises(ValueError, match="`success_threshold` must be"):
-        Stacker(success_threshold=threshold)
+def test_the_stacker_refuses_thresholds_that_mean_nothing():
+    for threshold in [0.0, -1.0, 1.5, np.nan, "high"]:
+        with pytest.raises(ValueError, match="`success_threshold` must be"):
+            Stacker(success_threshold=threshold)
 
 
 def test_tasks_are_equal_where_they_succeed_alike():

@@ -40,21 +40,19 @@ def actions_fixture(make_actions):
 class TestAgainstSingleEnvs:
     @pytest.mark.parametrize("random_start", [False, True])
     @pytest.mark.parametrize("mode", MODES)
-    @pytest.mark.parametrize("n_threads", [1, 2])
     def test_equals_gymnasiums_sync_vector_env(
-        self, random_start, mode, n_threads, actions, run, assert_identical
+        self, random_start, mode, actions, run, assert_identical
     ):
         changes = {"random_start": random_start}
-        ours = run(make_native(autoreset_mode=mode, n_threads=n_threads, **changes), actions)
+        ours = run(make_native(autoreset_mode=mode, n_threads=2, **changes), actions)
         theirs = run(make_sync(mode, **changes), actions)
         for our, their in zip(ours, theirs, strict=True):
             assert_identical(our, their)
         ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
         assert ends.min() > 0
 
-    @pytest.mark.parametrize("n_threads", [1, 2])
-    def test_is_dm_controls_environment(self, name, n_threads, make_actions, play_reference):
-        envs = ControlVectorEnv(name, num_envs=3, n_threads=n_threads, autoreset_mode="Disabled")
+    def test_is_dm_controls_environment(self, name, make_actions, play_reference):
+        envs = ControlVectorEnv(name, num_envs=3, n_threads=2, autoreset_mode="Disabled")
         n_actions = envs.single_action_space.shape[0]
         actions = np.stack([make_actions("uniform", 1000, n_actions, i) for i in range(3)], axis=1)
         expected, solved = zip(
@@ -108,8 +106,14 @@ class TestReset:
 
 
 class TestRandomStarts:
-    @pytest.mark.parametrize("seed", [7, [7, 3, 7, 20], [5, None, 5, None]])
-    @pytest.mark.parametrize("mask", [None, [True, False, False, True]])
+    @pytest.mark.parametrize(
+        ("seed", "mask"),
+        [
+            (7, None),
+            ([7, 3, 7, 20], [True, False, False, True]),
+            ([5, None, 5, None], [True, False, False, True]),
+        ],
+    )
     def test_are_those_of_single_envs_with_the_same_seeds(self, name, seed, mask, assert_identical):
         changes = {"task": name, "success_threshold": None, "random_start": True}
         native, sync = make_native(**changes), make_sync("NextStep", **changes)
@@ -205,23 +209,25 @@ class TestMakeVec:
         ends = [envs.step(np.zeros((2, 2)))[3].tolist() for _ in range(3)]
         assert ends == [[False] * 2, [False] * 2, [True] * 2]
 
-    @pytest.mark.parametrize(
-        ("keyword", "value"),
-        [("num_envs", 0), ("n_threads", 0), ("render_mode", "human"), ("horizon", 0)],
-    )
-    def test_rejects_bad_keywords(self, keyword, value):
-        with pytest.raises(ValueError, match=f"`{keyword}` must be"):
-            make_native(**{keyword: value})
+    def test_rejects_bad_keywords(self):
+        for keyword, value in [
+            ("num_envs", 0),
+            ("n_threads", 0),
+            ("render_mode", "human"),
+            ("horizon", 0),
+        ]:
+            with pytest.raises(ValueError, match=f"`{keyword}` must be"):
+                make_native(**{keyword: value})
 
 
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
-@pytest.mark.parametrize("random_start", [False, True])
-def test_copies_continue_on_their_own(duplicate, random_start, actions, run, assert_identical):
-    envs = make_native(random_start=random_start)
-    run(envs, actions[:25])
-    twins = duplicate(envs)
-    for action in actions[25:]:
-        assert_identical(envs.step(action), twins.step(action))
+def test_copies_continue_on_their_own(actions, run, assert_identical):
+    for duplicate in [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))]:
+        for random_start in [False, True]:
+            envs = make_native(random_start=random_start)
+            run(envs, actions[:25])
+            twins = duplicate(envs)
+            for action in actions[25:]:
+                assert_identical(envs.step(action), twins.step(action))
 
 
 @pytest.mark.parametrize("start_method", ["fork", "spawn"])

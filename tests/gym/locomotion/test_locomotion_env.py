@@ -71,9 +71,10 @@ def actions_of(space, n_steps=60, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (n_steps, *space.shape)).astype(np.float32)
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("n_threads", [1, 2])
-@pytest.mark.parametrize("behavior", ["position", "feet"])
+@pytest.mark.parametrize(
+    ("mode", "n_threads", "behavior"),
+    [(MODES[0], 2, "feet"), (MODES[1], 1, "position"), (MODES[2], 2, "position")],
+)
 def test_equals_gymnasiums_sync_vector_env(mode, n_threads, behavior, run, assert_identical):
     keywords = KEYWORDS | {"behavior": behavior}
     native = LocomotionVectorEnv(**keywords, num_envs=4, autoreset_mode=mode, n_threads=n_threads)
@@ -100,9 +101,8 @@ class TestMistakes:
         with pytest.raises(ValueError, match="`env_id` must be one of Ant-v5"):
             LocomotionEnv("Pusher-v5")
 
-    @pytest.mark.parametrize(
-        "env_kwargs",
-        [
+    def test_what_gymnasiums_environment_cannot_be_made_and_stepped_with(self):
+        for env_kwargs in [
             {"wings": 2},
             {"max_episode_steps": 5},
             {"id": "Ant-v5"},
@@ -111,70 +111,64 @@ class TestMistakes:
             {"reset_noise_scale": -1.0},
             {"healthy_z_range": 3},
             {"contact_force_range": None},
-        ],
-    )
-    def test_what_gymnasiums_environment_cannot_be_made_and_stepped_with(self, env_kwargs):
-        words = "`env_kwargs` must be what Gymnasium's Ant-v5 can be made and stepped with"
-        with pytest.raises(ValueError, match=words):
-            LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
+        ]:
+            words = "`env_kwargs` must be what Gymnasium's Ant-v5 can be made and stepped with"
+            with pytest.raises(ValueError, match=words):
+                LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
 
-    @pytest.mark.parametrize("main_body", ["nope", 99])
-    def test_a_body_that_is_not_there(self, main_body):
-        with pytest.raises(ValueError, match="`main_body` must be a body of the model"):
-            LocomotionEnv("Ant-v5", env_kwargs={"main_body": main_body})
+    def test_a_body_that_is_not_there(self):
+        for main_body in ["nope", 99]:
+            with pytest.raises(ValueError, match="`main_body` must be a body of the model"):
+                LocomotionEnv("Ant-v5", env_kwargs={"main_body": main_body})
 
-    @pytest.mark.parametrize("frame_skip", [0, -1, 2.5])
-    def test_a_step_that_is_none(self, frame_skip):
-        with pytest.raises(
-            ValueError, match=re.escape("`env_kwargs['frame_skip']` must be a whol")
-        ):
-            LocomotionEnv("Ant-v5", env_kwargs={"frame_skip": frame_skip})
+    def test_a_step_that_is_none(self):
+        for frame_skip in [0, -1, 2.5]:
+            with pytest.raises(
+                ValueError, match=re.escape("`env_kwargs['frame_skip']` must be a whol")
+            ):
+                LocomotionEnv("Ant-v5", env_kwargs={"frame_skip": frame_skip})
 
-    @pytest.mark.parametrize("env_kwargs", [5, "abc", []])
-    def test_keywords_that_are_no_dictionary(self, env_kwargs):
-        with pytest.raises(ValueError, match="`env_kwargs` must be a dictionary or None"):
-            LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
+    def test_keywords_that_are_no_dictionary(self):
+        for env_kwargs in [5, "abc", []]:
+            with pytest.raises(ValueError, match="`env_kwargs` must be a dictionary or None"):
+                LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
 
     def test_pictures_of_gymnasiums(self):
         with pytest.raises(ValueError, match="must not hold camera_id, render_mode: `width`"):
             LocomotionEnv("Ant-v5", env_kwargs={"render_mode": "human", "camera_id": 0})
 
-    @pytest.mark.parametrize("behavior", [None, "speed"])
-    def test_another_behavior(self, behavior):
-        with pytest.raises(ValueError, match="`behavior` must be one of position, feet"):
-            LocomotionEnv("Ant-v5", behavior=behavior)
+    def test_another_behavior(self):
+        for behavior in [None, "speed"]:
+            with pytest.raises(ValueError, match="`behavior` must be one of position, feet"):
+                LocomotionEnv("Ant-v5", behavior=behavior)
 
-    @pytest.mark.parametrize("horizon", [0, -1, 2.5])
-    def test_a_horizon_that_is_none(self, horizon):
-        with pytest.raises(ValueError, match="`horizon`"):
-            LocomotionEnv("Ant-v5", horizon=horizon)
+    def test_a_horizon_that_is_none(self):
+        for horizon in [0, -1, 2.5]:
+            with pytest.raises(ValueError, match="`horizon`"):
+                LocomotionEnv("Ant-v5", horizon=horizon)
 
 
 class TestStates:
-    @pytest.mark.parametrize("make", [LocomotionEnv, partial(LocomotionVectorEnv, num_envs=2)])
-    @pytest.mark.parametrize(
-        ("place", "value"),
-        [
-            (1, 1e12),
-            (8, 1e12),
-            (-1, 900.0),
-            (-1, -1.0),
-            (-1, 0.5),
-            (-2, -77.0),
-            (-2, 1.5),
-            (-2, np.inf),
-        ],
-    )
-    def test_that_physics_never_led_to_are_refused(self, make, place, value):
-        # Integration's state begins with the time, positions and velocities, and feet are last.
-        env = make(**KEYWORDS)
-        env.reset(seed=0)
-        env.step(env.action_space.sample())
-        good, bad = env.state_dict(), env.state_dict()
-        bad["physics"][..., place] = value
-        with pytest.raises(ValueError, match="`state` must"):
-            env.load_state_dict(bad)
-        np.testing.assert_array_equal(env.state_dict()["physics"], good["physics"])
+    def test_that_physics_never_led_to_are_refused(self):
+        for make in [LocomotionEnv, partial(LocomotionVectorEnv, num_envs=2)]:
+            for place, value in [
+                (1, 1e12),
+                (8, 1e12),
+                (-1, 900.0),
+                (-1, -1.0),
+                (-1, 0.5),
+                (-2, -77.0),
+                (-2, 1.5),
+                (-2, np.inf),
+            ]:
+                env = make(**KEYWORDS)
+                env.reset(seed=0)
+                env.step(env.action_space.sample())
+                good, bad = env.state_dict(), env.state_dict()
+                bad["physics"][..., place] = value
+                with pytest.raises(ValueError, match="`state` must"):
+                    env.load_state_dict(bad)
+                np.testing.assert_array_equal(env.state_dict()["physics"], good["physics"])
 
 
 def test_keywords_are_those_of_when_it_was_made():

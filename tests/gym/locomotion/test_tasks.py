@@ -117,53 +117,47 @@ def test_equals_gymnasium_over_a_thousand_steps(env_id, kind):
     assert (n_ends > 0) == (kind != "endless" and "healthy_reward" in TASKS[env_id].options)
 
 
-@pytest.mark.parametrize("env_id", TASKS)
-def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number(env_id):
-    import inspect
+def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number():
+    for env_id in TASKS:
+        import inspect
 
-    original = make_original(env_id)
-    named = set(inspect.signature(type(original).__init__).parameters) - {"self", "kwargs"}
-    of_the_model = {"xml_file", "frame_skip"}  # taken with the model, and with the step
-    of_places, of_pictures = {"main_body"}, {"default_camera_config"}
-    assert named - set(TASKS[env_id].options) <= of_the_model | of_places | of_pictures
-    tested = {*EVERYWHERE, *OTHERS[env_id], *NEVER_ENDS, "xml_file", "default_camera_config"}
-    assert named <= tested
+        original = make_original(env_id)
+        named = set(inspect.signature(type(original).__init__).parameters) - {"self", "kwargs"}
+        of_the_model = {"xml_file", "frame_skip"}  # taken with the model, and with the step
+        of_places, of_pictures = {"main_body"}, {"default_camera_config"}
+        assert named - set(TASKS[env_id].options) <= of_the_model | of_places | of_pictures
+        tested = {*EVERYWHERE, *OTHERS[env_id], *NEVER_ENDS, "xml_file", "default_camera_config"}
+        assert named <= tested
 
 
-@pytest.mark.parametrize(
-    ("env_id", "option", "value"),
-    [
+def test_what_gymnasium_half_takes_for_true_is_refused():
+    for env_id, option, value in [
         ("Ant-v5", "exclude_current_positions_from_observation", 2),
         ("Humanoid-v5", "include_cinert_in_observation", np.True_),
         ("Humanoid-v5", "include_cfrc_ext_in_observation", 1),
         ("Ant-v5", "include_cfrc_ext_in_observation", 2),
-    ],
-)
-def test_what_gymnasium_half_takes_for_true_is_refused(env_id, option, value):
-    original = gym.make(env_id, **{option: value}).unwrapped
-    assert original.reset()[0].shape != original.observation_space.shape
-    message = re.escape(f"`{option}` must be True or False, got {value!r}.")
-    with pytest.raises(ValueError, match=message):
-        LocomotionEnv(env_id, env_kwargs={option: value})
-    with pytest.raises(ValueError, match=message):
-        TASKS[env_id](original)
+    ]:
+        original = gym.make(env_id, **{option: value}).unwrapped
+        assert original.reset()[0].shape != original.observation_space.shape
+        message = re.escape(f"`{option}` must be True or False, got {value!r}.")
+        with pytest.raises(ValueError, match=message):
+            LocomotionEnv(env_id, env_kwargs={option: value})
+        with pytest.raises(ValueError, match=message):
+            TASKS[env_id](original)
 
 
-@pytest.mark.parametrize(
-    ("env_id", "option", "value"),
-    [
+def test_what_gymnasium_takes_for_true_or_false_is_taken():
+    for env_id, option, value in [
         ("Ant-v5", "exclude_current_positions_from_observation", 1),
         ("Ant-v5", "include_cfrc_ext_in_observation", np.False_),
         ("Hopper-v5", "exclude_current_positions_from_observation", 0),
         ("Humanoid-v5", "include_cvel_in_observation", 0),
         ("Swimmer-v5", "exclude_current_positions_from_observation", np.True_),
-    ],
-)
-def test_what_gymnasium_takes_for_true_or_false_is_taken(env_id, option, value):
-    original = gym.make(env_id, **{option: value})
-    env = LocomotionEnv(env_id, env_kwargs={option: value})
-    np.testing.assert_array_equal(env.reset(seed=0)[0], original.reset(seed=0)[0])
-    assert env.observation_space == original.observation_space
+    ]:
+        original = gym.make(env_id, **{option: value})
+        env = LocomotionEnv(env_id, env_kwargs={option: value})
+        np.testing.assert_array_equal(env.reset(seed=0)[0], original.reset(seed=0)[0])
+        assert env.observation_space == original.observation_space
 
 
 def test_a_model_that_was_changed_is_the_one_that_is_simulated():
@@ -239,10 +233,10 @@ def test_behaviors_are_where_the_torso_is_within_the_bounds():
     np.testing.assert_allclose(simulation.behaviors, expected, atol=0.05)
 
 
-@pytest.mark.parametrize("behavior", ["posture", 3, []])
-def test_another_behavior_is_an_error(behavior):
-    with pytest.raises(ValueError, match="`behavior`"):
-        make_simulation("Ant-v5", behavior=behavior)
+def test_another_behavior_is_an_error():
+    for behavior in ["posture", 3, []]:
+        with pytest.raises(ValueError, match="`behavior`"):
+            make_simulation("Ant-v5", behavior=behavior)
 
 
 class TestEquality:
@@ -254,14 +248,14 @@ class TestEquality:
         assert make["a"]() != other
         assert make["a"]() != TASKS["Hopper-v5"](make_original("Hopper-v5"))
 
-    @pytest.mark.parametrize("env_id", TASKS)
-    def test_asks_for_every_option(self, env_id):
-        plain = TASKS[env_id](make_original(env_id))
-        for name, value in {
-            **options_of(env_id, "others"),
-            **options_of(env_id, "endless"),
-        }.items():
-            assert TASKS[env_id](make_original(env_id, **{name: value})) != plain, name
+    def test_asks_for_every_option(self):
+        for env_id in TASKS:
+            plain = TASKS[env_id](make_original(env_id))
+            for name, value in {
+                **options_of(env_id, "others"),
+                **options_of(env_id, "endless"),
+            }.items():
+                assert TASKS[env_id](make_original(env_id, **{name: value})) != plain, name
 
     def test_leaves_a_change_of_the_environment_aside(self):
         original = make_original("Hopper-v5")

@@ -91,7 +91,7 @@ def depth_in_grown_walls(layout, positions):
 
 
 class TestMove:
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=6 * settings.default.max_examples)
     @given(
         layout=layouts(),
         seed=st.integers(0, 2**32),
@@ -132,7 +132,7 @@ class TestMove:
             positions.append(state[:2].copy())
         assert depth_in_grown_walls(layout, np.array(positions)).max() <= MARGIN + 1e-9
 
-    @settings(max_examples=2000, deadline=None)
+    @settings(max_examples=20 * settings.default.max_examples)
     @given(
         size=st.tuples(*[st.integers(1, 9)] * 2),
         is_high=st.tuples(st.booleans(), st.booleans()),
@@ -165,20 +165,20 @@ class TestMove:
             positions.append(state[:2].copy())
         assert depth_in_grown_walls(layout, np.array(positions)).max() <= MARGIN + 1e-9
 
-    @pytest.mark.parametrize("name", BUILT_IN)
-    @pytest.mark.parametrize("restitution", [0.0, 1.0])
-    @pytest.mark.parametrize("max_speed", [20.0, 500.0])
-    def test_never_enters_a_built_in_wall(self, name, restitution, max_speed):
-        layout = BUILT_IN[name]
-        maze = make_maze(layout, restitution=restitution, max_speed=max_speed)
-        state = maze.start.copy()
-        positions = []
-        for ax, ay in bang_bang(np.random.default_rng(0), 4000):
-            move(maze, state, ax, ay)
-            positions.append(state[:2].copy())
-        assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
+    def test_never_enters_a_built_in_wall(self):
+        for name in BUILT_IN:
+            for restitution in [0.0, 1.0]:
+                for max_speed in [20.0, 500.0]:
+                    layout = BUILT_IN[name]
+                    maze = make_maze(layout, restitution=restitution, max_speed=max_speed)
+                    state = maze.start.copy()
+                    positions = []
+                    for ax, ay in bang_bang(np.random.default_rng(0), 4000):
+                        move(maze, state, ax, ay)
+                        positions.append(state[:2].copy())
+                    assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
 
-    @settings(max_examples=100, deadline=None)
+    @settings(max_examples=2 * settings.default.max_examples)
     @given(layout=layouts(), seed=st.integers(0, 2**32))
     def test_bouncing_keeps_speed_and_sliding_never_gains_any(self, layout, seed):
         rng = np.random.default_rng(seed)
@@ -206,25 +206,22 @@ class TestMove:
         state = moved(maze, (20.0, 15.0, 0.9, -0.9), (1.0, -1.0))
         np.testing.assert_allclose(state, [20.1, 14.9, 1.0, -1.0])
 
-    @pytest.mark.parametrize(
-        ("velocity", "expected"),
-        [
+    def test_straight_hits_stop_at_the_wall(self):
+        for velocity, expected in [
             ((20.0, 0.0), (25.0 - STOP, 15.0)),
             ((-20.0, 0.0), (15.0 + STOP, 15.0)),
             ((0.0, 20.0), (20.0, 20.0 - STOP)),
             ((0.0, -20.0), (20.0, 10.0 + STOP)),
-        ],
-    )
-    def test_straight_hits_stop_at_the_wall(self, velocity, expected):
-        room = [[10, 5, 5, 20], [25, 5, 5, 20], [10, 20, 20, 5], [10, 5, 20, 5]]
-        state = moved(make_maze(make_layout(room)), (20.0, 15.0, *velocity), *[(0, 0)] * 4)
-        np.testing.assert_allclose(state, [*expected, 0.0, 0.0], atol=1e-12)
+        ]:
+            room = [[10, 5, 5, 20], [25, 5, 5, 20], [10, 20, 20, 5], [10, 5, 20, 5]]
+            state = moved(make_maze(make_layout(room)), (20.0, 15.0, *velocity), *[(0, 0)] * 4)
+            np.testing.assert_allclose(state, [*expected, 0.0, 0.0], atol=1e-12)
 
-    @pytest.mark.parametrize("corner", [(-20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)])
-    def test_the_border_stops_the_robot_in_its_corners(self, corner):
-        state = moved(make_maze(make_layout([])), (20.0, 15.0, *corner), *[(0, 0)] * 20)
-        expected = np.where(np.array(corner) < 0, STOP, np.array([WIDTH, HEIGHT]) - STOP)
-        np.testing.assert_allclose(state, [*expected, 0.0, 0.0], atol=1e-12)
+    def test_the_border_stops_the_robot_in_its_corners(self):
+        for corner in [(-20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]:
+            state = moved(make_maze(make_layout([])), (20.0, 15.0, *corner), *[(0, 0)] * 20)
+            expected = np.where(np.array(corner) < 0, STOP, np.array([WIDTH, HEIGHT]) - STOP)
+            np.testing.assert_allclose(state, [*expected, 0.0, 0.0], atol=1e-12)
 
     def test_slides_along_a_wall_with_what_is_left_of_the_step(self):
         maze = make_maze(make_layout([[25, 0, 5, 30]]))
@@ -289,7 +286,7 @@ def assert_beams_agree(layout, position, **changes):
 
 
 class TestCastBeams:
-    @settings(max_examples=80, deadline=None)
+    @settings(max_examples=2 * settings.default.max_examples)
     @given(
         layout=layouts(),
         n_beams=st.sampled_from([1, 2, 7, 32]),
@@ -298,13 +295,13 @@ class TestCastBeams:
     def test_agrees_with_shapely_in_random_layouts(self, layout, n_beams, lidar_range):
         assert_beams_agree(layout, layout.start, n_beams=n_beams, lidar_range=lidar_range)
 
-    @pytest.mark.parametrize("name", BUILT_IN)
-    def test_agrees_with_shapely_in_the_built_in_layouts(self, name):
-        layout = BUILT_IN[name]
-        assert_beams_agree(layout, layout.start)
-        positions = np.random.default_rng(0).uniform(1.0, 199.0, (60, 2))
-        for position in positions[depth_in_grown_walls(layout, positions) < 0.0]:
-            assert_beams_agree(layout, position)
+    def test_agrees_with_shapely_in_the_built_in_layouts(self):
+        for name in BUILT_IN:
+            layout = BUILT_IN[name]
+            assert_beams_agree(layout, layout.start)
+            positions = np.random.default_rng(0).uniform(1.0, 199.0, (60, 2))
+            for position in positions[depth_in_grown_walls(layout, positions) < 0.0]:
+                assert_beams_agree(layout, position)
 
     def test_beams_turn_counterclockwise_from_the_x_axis(self):
         maze = make_maze(make_layout([], start=(5.0, 12.0)), n_beams=4, lidar_range=100.0)

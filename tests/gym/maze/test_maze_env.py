@@ -17,7 +17,11 @@ from curiosity_gym.maze.dynamics import DT
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.registration import SPECS
 
-MAZE_IDS = [env_id for env_id, spec in SPECS.items() if "layout" in spec["kwargs"]]
+MAZE_IDS = [
+    name
+    for name, spec in SPECS.items()
+    if "layout" in spec["kwargs"] and name.startswith("Curiosity")
+]
 FREE = np.zeros(2, dtype=np.float32)
 EAST = np.array([1.0, 0.0], dtype=np.float32)
 
@@ -178,9 +182,8 @@ class TestReset:
         np.testing.assert_array_equal(state, [100.0, 5.0, -3.0, 2.0])
         np.testing.assert_array_equal(env.reset()[1]["behavior"], [195, 5, 0, 0])
 
-    @pytest.mark.parametrize(
-        "state",
-        [
+    def test_rejects_a_bad_state_and_keeps_the_episode(self):
+        for state in [
             (100.0, 15.0, 0.0, 0.0),  # in a wall
             (100.0, 9.5, 0.0, 0.0),  # too near to one
             (0.5, 5.0, 0.0, 0.0),
@@ -193,17 +196,15 @@ class TestReset:
             [[100.0, 5.0, 0.0, 0.0]],
             "start",
             ((1.0, 2.0), 3.0),
-        ],
-    )
-    def test_rejects_a_bad_state_and_keeps_the_episode(self, state):
-        env = MazeEnv("hard")
-        env.reset()
-        env.step(EAST)
-        before = env.step(EAST)[4]["behavior"]
-        with pytest.raises(ValueError, match="state"):
-            env.reset(options={"state": state})
-        speed = env.step(FREE)[4]["velocity"]
-        np.testing.assert_array_equal(speed, before[2:])
+        ]:
+            env = MazeEnv("hard")
+            env.reset()
+            env.step(EAST)
+            before = env.step(EAST)[4]["behavior"]
+            with pytest.raises(ValueError, match="state"):
+                env.reset(options={"state": state})
+            speed = env.step(FREE)[4]["velocity"]
+            np.testing.assert_array_equal(speed, before[2:])
 
 
 class TestStep:
@@ -260,16 +261,14 @@ class TestStep:
         env.reset()
         env.step(FREE)
 
-    @pytest.mark.parametrize(
-        "action", [(np.nan, 0.0), (0.0, np.inf), (-np.inf, 0.0), (0.0,), (0.0, 0.0, 0.0), 0.0]
-    )
-    def test_rejects_a_bad_action_and_does_not_move(self, action):
-        env = MazeEnv("hard")
-        _, before = env.reset()
-        with pytest.raises(ValueError, match="action"):
-            env.step(np.array(action, dtype=np.float32))
-        *_, after = env.step(FREE)
-        np.testing.assert_array_equal(after["behavior"], before["behavior"])
+    def test_rejects_a_bad_action_and_does_not_move(self):
+        for action in [(np.nan, 0.0), (0.0, np.inf), (-np.inf, 0.0), (0.0,), (0.0, 0.0, 0.0), 0.0]:
+            env = MazeEnv("hard")
+            _, before = env.reset()
+            with pytest.raises(ValueError, match="action"):
+                env.step(np.array(action, dtype=np.float32))
+            *_, after = env.step(FREE)
+            np.testing.assert_array_equal(after["behavior"], before["behavior"])
 
     def test_what_it_returned_is_never_overwritten(self):
         env = MazeEnv("hard")
@@ -341,10 +340,10 @@ BAD_KEYWORDS = [
 ]
 
 
-@pytest.mark.parametrize(("keyword", "value"), BAD_KEYWORDS)
-def test_rejects_bad_keywords_by_name(keyword, value):
-    with pytest.raises(ValueError, match=keyword):
-        MazeEnv(**({"layout": small_layout()} | {keyword: value}))
+def test_rejects_bad_keywords_by_name():
+    for keyword, value in BAD_KEYWORDS:
+        with pytest.raises(ValueError, match=keyword):
+            MazeEnv(**({"layout": small_layout()} | {keyword: value}))
 
 
 def test_rejects_a_goal_radius_that_the_robot_cannot_come_within():

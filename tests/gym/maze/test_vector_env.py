@@ -169,25 +169,22 @@ class TestReset:
         assert (after[:2] != before[:2]).any()
         np.testing.assert_array_equal(infos["_behavior"], mask)
 
-    @pytest.mark.parametrize(
-        "options",
-        [
+    def test_rejects_bad_options_and_keeps_the_episodes(self, assert_identical):
+        for options in [
             {"state": (0.0, 0.0, 0.0, 0.0)},
             {"state": (5.0, 10.0)},
             {"reset_mask": [True] * N_ENVS},
             {"reset_mask": np.ones(N_ENVS)},
             {"reset_mask": np.ones(N_ENVS + 1, dtype=bool)},
             {"reset_mask": np.zeros(N_ENVS, dtype=bool)},
-        ],
-    )
-    def test_rejects_bad_options_and_keeps_the_episodes(self, options, assert_identical):
-        envs, twins = make_native(), make_native()
-        for each in (envs, twins):
-            each.reset()
-        with pytest.raises(ValueError, match=next(iter(options))):
-            envs.reset(options=options)
-        for action in random_actions(3):
-            assert_identical(envs.step(action), twins.step(action))
+        ]:
+            envs, twins = make_native(), make_native()
+            for each in (envs, twins):
+                each.reset()
+            with pytest.raises(ValueError, match=next(iter(options))):
+                envs.reset(options=options)
+            for action in random_actions(3):
+                assert_identical(envs.step(action), twins.step(action))
 
     def test_takes_a_seed_for_each_env(self):
         assert make_native().reset(seed=list(range(N_ENVS)))[0].shape[0] == N_ENVS
@@ -214,23 +211,20 @@ class TestStep:
         with pytest.raises(ResetNeeded):
             envs.step(random_actions(1)[0])
 
-    @pytest.mark.parametrize(
-        "actions",
-        [
+    def test_rejects_bad_actions_and_does_not_move(self, assert_identical):
+        for actions in [
             np.full((N_ENVS, 2), np.nan),
             np.where(np.arange(2 * N_ENVS).reshape(N_ENVS, 2) == 7, np.inf, 0.0),
             np.zeros((N_ENVS, 3)),
             np.zeros((N_ENVS - 1, 2)),
             np.zeros(2 * N_ENVS),
-        ],
-    )
-    def test_rejects_bad_actions_and_does_not_move(self, actions, assert_identical):
-        envs, twins = make_native(), make_native()
-        for each in (envs, twins):
-            each.reset()
-        with pytest.raises(ValueError, match="actions"):
-            envs.step(actions)
-        assert_identical(envs.step(random_actions(1)[0]), twins.step(random_actions(1)[0]))
+        ]:
+            envs, twins = make_native(), make_native()
+            for each in (envs, twins):
+                each.reset()
+            with pytest.raises(ValueError, match="actions"):
+                envs.step(actions)
+            assert_identical(envs.step(random_actions(1)[0]), twins.step(random_actions(1)[0]))
 
 
 class TestMakeVec:
@@ -248,8 +242,10 @@ class TestMakeVec:
         assert envs.reset(seed=0)[0].shape == (4, 7)
         assert not recwarn.list
 
-    @pytest.mark.parametrize("mode", MODES)
-    @pytest.mark.parametrize("limit", [1, 7, 12, 25, 40])
+    @pytest.mark.parametrize(
+        ("mode", "limit"),
+        [(MODES[0], 1), (MODES[1], 7), (MODES[2], 12), (MODES[0], 25), (MODES[1], 40)],
+    )
     def test_max_episode_steps_is_the_time_limit_of_single_envs(
         self, mode, limit, assert_identical, run
     ):
@@ -265,15 +261,15 @@ class TestMakeVec:
         for our, their in zip(run(native, actions), run(sync, actions), strict=True):
             assert_identical(our, their)
 
-    @pytest.mark.parametrize("later", [None, 0, 1, 3000])
-    def test_max_episode_steps_leaves_the_reward_to_the_horizon(self, later):
-        to_goal = np.array([[1.0, 0.0]], dtype=np.float32)
-        t = play_until_the_end(make_native(1), to_goal)[0]
-        limit = None if later is None else t + later
-        envs = make_native(1, max_episode_steps=limit)
-        assert (envs.horizon, envs.maze.horizon, envs.max_episode_steps) == (25, 25, limit)
-        # A TimeLimit truncates a step that terminates, too.
-        assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
+    def test_max_episode_steps_leaves_the_reward_to_the_horizon(self):
+        for later in [None, 0, 1, 3000]:
+            to_goal = np.array([[1.0, 0.0]], dtype=np.float32)
+            t = play_until_the_end(make_native(1), to_goal)[0]
+            limit = None if later is None else t + later
+            envs = make_native(1, max_episode_steps=limit)
+            assert (envs.horizon, envs.maze.horizon, envs.max_episode_steps) == (25, 25, limit)
+            # A TimeLimit truncates a step that terminates, too.
+            assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
 
     def test_minus_one_is_no_limit_as_in_gymnasium_make(self):
         envs, single = (
@@ -300,9 +296,8 @@ class TestMakeVec:
             infos = envs.step(action)[4]
         assert len(infos) >= 4
 
-    @pytest.mark.parametrize(
-        ("keyword", "value"),
-        [
+    def test_rejects_bad_keywords(self):
+        for keyword, value in [
             ("num_envs", 0),
             ("num_envs", 1.5),
             ("n_threads", 0),
@@ -315,11 +310,11 @@ class TestMakeVec:
             ("max_episode_steps", True),
             ("restitution", 2.0),
             ("layout", "spiral"),
-        ],
-    )
-    def test_rejects_bad_keywords(self, keyword, value):
-        with pytest.raises(ValueError, match=str(value) if isinstance(value, str) else "must be"):
-            make_native(**{keyword: value})
+        ]:
+            with pytest.raises(
+                ValueError, match=str(value) if isinstance(value, str) else "must be"
+            ):
+                make_native(**{keyword: value})
 
 
 class TestRender:

@@ -36,25 +36,25 @@ def dummy_screen(monkeypatch):
 
 
 class TestDraw:
-    @pytest.mark.parametrize("name", BUILT_IN)
-    def test_shows_the_maze_with_y_up(self, name):
-        layout = BUILT_IN[name]
-        frame = make_viewer(name).draw((*layout.goal, 0.0, 0.0), NO_BEAMS)
-        assert frame.shape == (SIZE, SIZE, 3)
-        assert frame.dtype == np.uint8
-        assert color_at(frame, *layout.start) == rgb("START")
-        assert color_at(frame, *layout.goal) == rgb("ROBOT")
-        for x, y, width, height in layout.walls:
-            assert color_at(frame, x + width / 2, y + height / 2) == rgb("WALL")
-        is_wall = (frame == rgb("WALL")).all(axis=2)
-        centers = (np.arange(SIZE) + 0.5) / SCALE
-        x, y = np.meshgrid(centers, centers[::-1])
-        low, high = layout.walls[:, :2], layout.walls[:, :2] + layout.walls[:, 2:]
-        expected = np.zeros((SIZE, SIZE), dtype=bool)
-        for (left, bottom), (right, top) in zip(low, high, strict=True):
-            expected |= (left < x) & (x < right) & (bottom < y) & (y < top)
-        inside = np.s_[1:-1, 1:-1]  # the border is drawn in the color of the walls
-        np.testing.assert_array_equal(is_wall[inside], expected[inside])
+    def test_shows_the_maze_with_y_up(self):
+        for name in BUILT_IN:
+            layout = BUILT_IN[name]
+            frame = make_viewer(name).draw((*layout.goal, 0.0, 0.0), NO_BEAMS)
+            assert frame.shape == (SIZE, SIZE, 3)
+            assert frame.dtype == np.uint8
+            assert color_at(frame, *layout.start) == rgb("START")
+            assert color_at(frame, *layout.goal) == rgb("ROBOT")
+            for x, y, width, height in layout.walls:
+                assert color_at(frame, x + width / 2, y + height / 2) == rgb("WALL")
+            is_wall = (frame == rgb("WALL")).all(axis=2)
+            centers = (np.arange(SIZE) + 0.5) / SCALE
+            x, y = np.meshgrid(centers, centers[::-1])
+            low, high = layout.walls[:, :2], layout.walls[:, :2] + layout.walls[:, 2:]
+            expected = np.zeros((SIZE, SIZE), dtype=bool)
+            for (left, bottom), (right, top) in zip(low, high, strict=True):
+                expected |= (left < x) & (x < right) & (bottom < y) & (y < top)
+            inside = np.s_[1:-1, 1:-1]  # the border is drawn in the color of the walls
+            np.testing.assert_array_equal(is_wall[inside], expected[inside])
 
     def test_shows_the_goal_and_its_area(self):
         frame = make_viewer(goal_radius=8.0).draw(AT_REST, NO_BEAMS)
@@ -64,19 +64,21 @@ class TestDraw:
         assert color_at(frame, x, y - 7.0) == rgb("GOAL_AREA")
         assert color_at(frame, x, y + 8.8) == rgb("FLOOR")
 
-    @pytest.mark.parametrize("i", [0, 8, 16, 24])
-    def test_beam_points_to_its_angle(self, i):
-        beams = NO_BEAMS.copy()
-        beams[i] = 20.0
-        viewer = make_viewer()
-        changed = (viewer.draw(AT_REST, beams) != viewer.draw(AT_REST, NO_BEAMS)).any(axis=2)
-        rows, columns = np.nonzero(changed)
-        direction = np.array([columns.mean() / SCALE - 55.0, (SIZE - rows.mean()) / SCALE - 105.0])
-        angle = np.arctan2(direction[1], direction[0])
-        assert np.cos(angle - 2.0 * np.pi * i / 32) > 0.99
-        assert np.hypot(columns - 55.0 * SCALE, SIZE - rows - 105.0 * SCALE).max() == (
-            pytest.approx(20.0 * SCALE, abs=3.0)
-        )
+    def test_beam_points_to_its_angle(self):
+        for i in [0, 8, 16, 24]:
+            beams = NO_BEAMS.copy()
+            beams[i] = 20.0
+            viewer = make_viewer()
+            changed = (viewer.draw(AT_REST, beams) != viewer.draw(AT_REST, NO_BEAMS)).any(axis=2)
+            rows, columns = np.nonzero(changed)
+            direction = np.array(
+                [columns.mean() / SCALE - 55.0, (SIZE - rows.mean()) / SCALE - 105.0]
+            )
+            angle = np.arctan2(direction[1], direction[0])
+            assert np.cos(angle - 2.0 * np.pi * i / 32) > 0.99
+            assert np.hypot(columns - 55.0 * SCALE, SIZE - rows - 105.0 * SCALE).max() == (
+                pytest.approx(20.0 * SCALE, abs=3.0)
+            )
 
     def test_only_beams_that_hit_end_in_a_dot(self):
         viewer = make_viewer(beam_range=20.0)

@@ -37,7 +37,7 @@ def test_every_info_holds_the_behavior():
         np.testing.assert_array_equal(info["behavior"], observation[[0, 2]].astype(np.float64))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(seed=st.integers(0, 2**31), actions=st.lists(st.integers(0, 1), max_size=8))
 def test_nothing_else_changes(seed, actions):
     env, plain = make_cart_pole(), gym.make("CartPole-v1")
@@ -155,10 +155,10 @@ def test_spaces_without_extent_are_errors(high):
         make_cart_pole(behavior_space=space)
 
 
-@pytest.mark.parametrize("space", [None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,)])
-def test_spaces_that_are_no_vector_are_errors(space):
-    with pytest.raises(ValueError, match="`behavior_space`"):
-        make_cart_pole(behavior_space=space)
+def test_spaces_that_are_no_vector_are_errors():
+    for space in [None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,)]:
+        with pytest.raises(ValueError, match="`behavior_space`"):
+            make_cart_pole(behavior_space=space)
 
 
 def test_a_behavior_is_a_function():

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FlattenObservation, RecordEpisodeStatistics, TimeLimit
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
@@ -106,7 +106,6 @@ def walk_oracle(start, moves, horizon, stumble):
 
 
 class TestContract:
-    @settings(deadline=None)
     @given(
         start=st.integers(-2, 3),
         moves=st.lists(st.sampled_from([1, 1, -1]), min_size=20, max_size=20),
@@ -223,10 +222,10 @@ class TestContract:
 
 
 class TestArguments:
-    @pytest.mark.parametrize("horizon", [0, -1, 2.5, None, "long"])
-    def test_horizon(self, horizon):
-        with pytest.raises(ValueError, match="`horizon`"):
-            make_walk(horizon)
+    def test_horizon(self):
+        for horizon in [0, -1, 2.5, None, "long"]:
+            with pytest.raises(ValueError, match="`horizon`"):
+                make_walk(horizon)
 
     @pytest.mark.parametrize(("limit", "horizon"), [(9, 10), (300, 1000)])
     def test_a_shorter_time_limit_warns_and_truncates(self, limit, horizon):
@@ -404,21 +403,21 @@ class TestActions:
         env.step(np.array([-50.0]))
         assert env.env.actions == [np.array([-1.0])]
 
-    @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-    def test_infinite_ones_are_errors_and_change_nothing(self, bad):
-        env = make_walk()
-        env.reset(options={"x": GOAL - 1})
-        with pytest.raises(ValueError, match="`action`"):
-            env.step(np.array([bad]))
-        assert env.env.actions == []
-        assert env.step(RIGHT)[1] == 0.9
+    def test_infinite_ones_are_errors_and_change_nothing(self):
+        for bad in [math.nan, math.inf, -math.inf]:
+            env = make_walk()
+            env.reset(options={"x": GOAL - 1})
+            with pytest.raises(ValueError, match="`action`"):
+                env.step(np.array([bad]))
+            assert env.env.actions == []
+            assert env.step(RIGHT)[1] == 0.9
 
-    @pytest.mark.parametrize("bad", [[], [0.0, 0.0], 0.0, None])
-    def test_other_shapes_are_errors(self, bad):
-        env = make_walk()
-        env.reset()
-        with pytest.raises(ValueError, match="`action`"):
-            env.step(bad)
+    def test_other_shapes_are_errors(self):
+        for bad in [[], [0.0, 0.0], 0.0, None]:
+            env = make_walk()
+            env.reset()
+            with pytest.raises(ValueError, match="`action`"):
+                env.step(bad)
 
     @pytest.mark.parametrize(
         "space", [spaces.Discrete(3), spaces.MultiDiscrete([2, 2]), spaces.Box(0, 9, (2,), int)]

@@ -6,7 +6,6 @@ import math
 from numbers import Real
 from typing import Any
 
-import gymnasium as gym
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
@@ -25,11 +24,6 @@ def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
     if isinstance(policy, type) and not issubclass(policy, tuple(aliases.values())):
         known = " or ".join(f'"{alias}"' for alias in aliases)
         raise ValueError(f"`policy` must be {known} or a subclass of it, got {policy.__name__}.")
-
-
-def open_env(env: Any) -> Any:
-    """The environment of an id; anything else as it is."""
-    return gym.make(env) if isinstance(env, str) else env
 
 
 def wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:

@@ -49,10 +49,10 @@ from curiosity_algos.checkpoints.rebuild import build_model, check_names, read_p
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator, reseed
-from curiosity_algos.evaluation.arguments import check_learning, check_order, open_env, wrap_env
+from curiosity_algos.evaluation.arguments import check_learning, check_order, wrap_env
 from curiosity_algos.evaluation.constructors import AlgorithmType, name_of_applied
 from curiosity_algos.evaluation.coverage import coverage_grid
-from curiosity_algos.evaluation.environments import describe, step_limit
+from curiosity_algos.evaluation.environments import describe, open_env, step_limit
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS

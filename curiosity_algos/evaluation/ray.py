@@ -18,7 +18,7 @@ from curiosity_algos.evaluation.blocks import RolloutParts
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
 from curiosity_algos.evaluation.policies import Float32Array
-from curiosity_algos.evaluation.ray_workers import Generation, MakeEvaluator, Workers
+from curiosity_algos.evaluation.ray_workers import SECONDS, Generation, MakeEvaluator, Workers
 from curiosity_algos.evaluation.rollouts import Read, Rollouts, check_parameters
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one, check_positive
@@ -192,6 +192,17 @@ class RayEvaluator:
             return False
         return bool(ray.get_runtime_context().get_worker_id() == self._session)
 
+    def _wait(self) -> list[Any]:
+        """References of what workers have ended."""
+        try:
+            done = self._workers.wait()
+        except SystemExit:  # Ray's own, where another thread shuts it down
+            time.sleep(SECONDS)  # until it has
+            self._check_session()
+            raise
+        self._check_session()
+        return done
+
     def _check_session(self) -> None:
         if not self._is_of_this_session():  # Ray would start another, or join any, by itself
             raise RuntimeError(
@@ -219,9 +230,7 @@ class RayEvaluator:
         while n_missing:
             self._check_session()
             workers.give(generation, left)
-            done = workers.wait()
-            self._check_session()
-            for shard, rollouts in workers.ended(done):
+            for shard, rollouts in workers.ended(self._wait()):
                 if rollouts is not None:
                     parts.put(shard, rollouts)
                     n_missing -= 1

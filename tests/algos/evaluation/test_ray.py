@@ -343,13 +343,10 @@ class TestBits:
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("n_workers", 0, "`n_workers` must be a whole number of at least 1"),
         ("shard_size", 0.5, "`shard_size` must be a whole number of at least 1"),
         ("num_cpus", 0, "`num_cpus` must be"),
-        ("timeout", 0.0, "`timeout` must be"),
         ("start_timeout", -1, "`start_timeout` must be"),
         ("resources", {"GPU": 1}, "`resources` must be amounts above 0 .* not CPU, GPU"),
-        ("resources", {"simulator": 0}, "`resources` must be amounts above 0"),
         ("resources", {"simulator": "two"}, "`resources` must be amounts above 0"),
     ],
 )

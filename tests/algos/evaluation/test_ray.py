@@ -440,7 +440,7 @@ class TestFaults:
             ray.shutdown()
 
         driver = os.getpid()
-        there = evaluator_of(eventful(hang))
+        there = evaluator_of(eventful(hang), n_workers=1)
         other = threading.Thread(target=shut_down)
         other.start()
         try:

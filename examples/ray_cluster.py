@@ -9,7 +9,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import gymnasium as gym
 import typer
 
 import curiosity_gym  # noqa: F401  # registers the mazes
@@ -27,13 +26,12 @@ def main(
     seed: int = 0,
 ) -> None:
     """Train until the budget is spent, with a checkpoint every minute."""
-    env = gym.make(env_id)
-    evaluator = RayEvaluator(env, n_workers=workers, address=address, timeout=600.0)
+    evaluator = RayEvaluator(env_id, n_workers=workers, address=address, timeout=600.0)
     checkpoint = RunFolder(out).checkpoint
     if checkpoint is None:
-        model = CuriosityES(env, evaluator=evaluator, seed=seed)
+        model = CuriosityES(env_id, evaluator=evaluator, seed=seed)
     else:
-        model = CuriosityES.load(checkpoint / "model", env, evaluator=evaluator)
+        model = CuriosityES.load(checkpoint / "model", env_id, evaluator=evaluator)
     rest = timesteps - model.num_timesteps
     if rest > 0:
         model.learn(rest, callback=SaveRun(out), reset_num_timesteps=False, progress_bar=True)

@@ -7,7 +7,6 @@ import math
 from numbers import Real
 from typing import Any
 
-import gymnasium as gym
 import torch as th
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -51,11 +50,6 @@ def use_python_numbers(algorithm: BaseAlgorithm) -> None:
     arguments = inspect.signature(type(algorithm)).parameters
     for name in arguments.keys() & vars(algorithm).keys():
         setattr(algorithm, name, plain(getattr(algorithm, name)))
-
-
-def open_env(env: Any) -> Any:
-    """The environment of an id; anything else as it is."""
-    return gym.make(env) if isinstance(env, str) else env
 
 
 def wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:

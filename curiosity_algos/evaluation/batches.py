@@ -77,32 +77,58 @@ class SingleEnvBatch:
         self.n = len(envs)
         space = envs[0].observation_space
         assert isinstance(space, spaces.Box)  # policies take no other
+        self._shape = space.shape
         # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.
         self._observations = np.zeros((self.n, *space.shape), dtype=space.dtype)
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `Batch`."""
         for i, env in enumerate(self.envs):
-            self._observations[i], _ = env.reset(seed=seed)
+            observation, _ = env.reset(seed=seed)
+            self._keep(i, observation)
         return self._observations.copy()
 
     def step(self, actions: Actions, active: Mask) -> Step:
         """See `Batch`.
 
         Raises:
-            ValueError: If the info of an episode's last step is no dictionary.
+            ValueError: If an observation is not of the space's shape, a reward no number, or the
+                info of an episode's last step no dictionary.
         """
         rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
         infos, behaviors = {}, []
         for i in np.flatnonzero(active).tolist():
             observation, reward, terminated, truncated, info = self.envs[i].step(actions[i])
-            self._observations[i], rewards[i] = observation, float(reward)
+            self._keep(i, observation)
+            rewards[i] = reward if isinstance(reward, float) else _as_number(reward)
             ended[i] = terminated or truncated
             if ended[i]:
                 infos[i] = _checked(info)
             elif isinstance(info, dict) and "behavior" in info:
                 behaviors.append(info["behavior"])
         return Step(self._observations.copy(), rewards, ended, infos, behaviors)
+
+    def _keep(self, i: int, observation: Any) -> None:
+        if getattr(observation, "shape", None) != self._shape != np.shape(observation):
+            raise wrong_shape(np.shape(observation), self._shape)  # numpy would repeat it
+        self._observations[i] = observation
+
+
+def wrong_shape(shape: tuple[int, ...], expected: tuple[int, ...]) -> ValueError:
+    """The error of an observation that is not of its space's shape."""
+    return ValueError(
+        f"`env` must give observations of shape {expected}, as its space is, it gave one of "
+        f"shape {shape}."
+    )
+
+
+def _as_number(reward: Any) -> float:
+    try:
+        return float(reward + 0.0)  # of text `float` alone would make a number
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"`env` must give rewards that are numbers, it gave {reward!r:.60}."
+        ) from error
 
 
 def _checked(info: Any) -> dict[str, Any]:

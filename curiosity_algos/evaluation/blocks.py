@@ -71,12 +71,12 @@ def read_in_blocks(
     """
     n = len(parameters)
     size = _block_size(evaluator, n)
-    gathered = Gathered(n)
+    parts = RolloutParts(n)
     for begin in range(0, n, size):
         block = slice(begin, min(begin + size, n))
         rollouts = evaluator.evaluate(parameters[block], seed)
-        gathered.put(block, rollouts.read(reads, slice(first + begin, first + block.stop)))
-    return gathered.rollouts()
+        parts.put(block, rollouts.read(reads, slice(first + begin, first + block.stop)))
+    return parts.rollouts()
 
 
 def _block_size(evaluator: Evaluator, n: int) -> int:
@@ -84,7 +84,7 @@ def _block_size(evaluator: Evaluator, n: int) -> int:
     return size
 
 
-class Gathered:
+class RolloutParts:
     """Rollouts of a population that come in parts, in whatever order.
 
     Excerpts, the most of them, are put in their place at once: joined at the end, they would be

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -26,6 +28,47 @@ _LIMITS = ("_max_episode_steps", "horizon")
 """Attributes of single envs, of a TimeLimit and of sparse environments."""
 
 MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
+MakeEnv = Callable[[], gym.Env[Any, Any]]
+"""`make()`: a new environment each time."""
+
+
+class MadeVecEnv(DummyVecEnv):
+    """An environment that an id or a function made, and how to make more of its kind.
+
+    Args:
+        env: The first.
+        make: Makes another.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
+        self.make = make
+        super().__init__([lambda: Monitor(env)])
+
+
+def open_env(env: Any, **kwargs: Any) -> Any:
+    """The environment of an id, or of a function that makes one; anything else as it is.
+
+    Args:
+        env: An id, a function without arguments, or an environment.
+        **kwargs: Of `gymnasium.make`, for an id.
+    """
+    if isinstance(env, str):
+        made = gym.make(env, **kwargs)
+        assert made.spec is not None
+        # Of the spec: in another process nobody may have registered the id.
+        return MadeVecEnv(made, partial(gym.make, made.spec))
+    if isinstance(env, gym.Env | VectorEnv | VecEnv) or not _needs_no_arguments(env):
+        return env
+    made = env()
+    return MadeVecEnv(made, env) if isinstance(made, gym.Env) else made
+
+
+def _needs_no_arguments(function: Any) -> bool:
+    try:
+        inspect.signature(function).bind()
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 class GymnasiumView(DummyVecEnv):
@@ -40,12 +83,12 @@ class GymnasiumView(DummyVecEnv):
         super().__init__([lambda: Monitor(env)])
 
 
-def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> Callable[[], gym.Env[Any, Any]]:
+def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
     """How to make one env like those of `env`."""
     inner = env.unwrapped
     makers = getattr(inner, "env_fns", None)
     if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator
-        maker: Callable[[], gym.Env[Any, Any]] = makers[0]
+        maker: MakeEnv = makers[0]
         return maker
     if isinstance(inner, EpisodicVectorEnv):
         return inner.make_single_env
@@ -70,8 +113,8 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     if isinstance(env, gym.Env | VecEnv):
         return env.observation_space, env.action_space
     raise ValueError(
-        "`env` must be an environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv, "
-        f"got {type(env).__name__}."
+        "`env` must be an environment id, a function that makes an environment, a Gymnasium env or "
+        f"VectorEnv, or an SB3 VecEnv, got {type(env).__name__}."
     )
 
 

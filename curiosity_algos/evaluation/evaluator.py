@@ -7,7 +7,13 @@ from typing import Any, Protocol
 
 import gymnasium as gym
 
-from curiosity_algos.evaluation.environments import MadeEnv, describe
+from curiosity_algos.evaluation.environments import (
+    MadeEnv,
+    MadeVecEnv,
+    MakeEnv,
+    describe,
+    open_env,
+)
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -33,7 +39,7 @@ from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
 
-AnyEnv = MadeEnv | str
+AnyEnv = MadeEnv | MakeEnv | str
 
 
 class Evaluator(Protocol):
@@ -72,10 +78,12 @@ def make_evaluator(
     """The fastest evaluator that fits `env`: the first in `EVALUATORS` that does.
 
     Args:
-        env: An id, a Gymnasium env or VectorEnv, or an SB3 VecEnv without wrappers.
+        env: An id, a function that makes an environment, a Gymnasium env or VectorEnv, or an SB3
+            VecEnv without wrappers. Of an id or a function as many environments as pay are made,
+            each anew, where none of the compiled evaluators fits; an environment plays alone.
         policy_kwargs: `net_arch`, widths of the hidden layers (default 32, 16).
-        n_threads: Threads of the compiled evaluators; None: as many as there are processors. Of a
-            single env that has none of these: processes, if they pay; None: this one alone.
+        n_threads: Threads of the compiled evaluators; None: as many as there are processors. Of an
+            id or a function that has none of these: processes; None: this one alone.
 
     Raises:
         ValueError: If the env's spaces or its VecEnv wrappers are not supported, if another
@@ -84,14 +92,16 @@ def make_evaluator(
     """
     if n_threads is not None:
         check_at_least_one(n_threads=n_threads)
-    env = gym.make(env) if isinstance(env, str) else env
-    observation_space, action_space = describe(env)
-    net_arch = check_policy_kwargs(policy_kwargs)
-    mlp = build_mlp(observation_space, action_space, net_arch)
-    env = without_monitors(env)
-    made = next(make(env, mlp, n_threads) for fits, make in EVALUATORS if fits(env))
-    _check_made(made, mlp.n_parameters)
-    return made
+    opened = open_env(env)
+    mlp = build_mlp(*describe(opened), check_policy_kwargs(policy_kwargs))
+    inner = without_monitors(opened)
+    for fits, make in EVALUATORS:
+        if fits(inner):
+            made = make(inner, mlp, n_threads)
+            _check_made(made, mlp.n_parameters)
+            return made
+    make_env = opened.make if isinstance(opened, MadeVecEnv) else None
+    return VectorEvaluator(inner, mlp, make_env, n_threads or 1)
 
 
 def _check_made(made: object, n_parameters: int) -> None:
@@ -213,19 +223,10 @@ def _make_gymnasium_robot(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluato
     )
 
 
-def _is_any(env: Any) -> bool:
-    return True
-
-
-def _make_vector(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    return VectorEvaluator(env, mlp, 1 if n_threads is None else n_threads)
-
-
 EVALUATORS: list[tuple[Fits, Make]] = [
     (_is_maze, _make_maze),
     (_is_control, _make_control),
     (_is_locomotion, _make_locomotion),
     (_is_gymnasium_robot, _make_gymnasium_robot),
-    (_is_any, _make_vector),
 ]
-"""What `make_evaluator` chooses from: the first that fits makes the evaluator."""
+"""What `make_evaluator` chooses from: the first that fits, or else a `VectorEvaluator`."""

@@ -9,20 +9,18 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec
-
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
-from curiosity_algos.evaluation.blocks import Gathered
+from curiosity_algos.evaluation.blocks import RolloutParts
+from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
 from curiosity_algos.evaluation.policies import Float32Array
-from curiosity_algos.evaluation.ray_crew import Crew, Generation, MakeEvaluator
+from curiosity_algos.evaluation.ray_workers import SECONDS, Generation, MakeEvaluator, Workers
 from curiosity_algos.evaluation.rollouts import Read, Rollouts, check_parameters
-from curiosity_algos.evaluation.transparent import without_monitors
+from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 SHARDS_PER_WORKER = 2
@@ -31,25 +29,27 @@ MAX_LOSSES = 5
 """Times that a shard may be lost: an environment that kills its process would go on forever."""
 
 
-def packed(evaluator: Evaluator, env: AnyEnv, policy_kwargs: dict[str, Any] | None) -> bytes:
-    """A pickled function that makes a worker's evaluator: a copy, or one of the env's spec.
+def _packed(evaluator: Evaluator) -> bytes:
+    """A pickled function that makes a worker's evaluator: with environments of its own, or a copy.
 
     Raises:
         ValueError: If workers can have neither.
     """
     try:
-        return _pickled(partial(_itself, evaluator))
+        if not isinstance(evaluator, VectorEvaluator):  # a description, such as that of a maze
+            return _pickled(partial(_itself, evaluator))
+        if evaluator.make_another is not None:
+            return _pickled(evaluator.make_another)
+        reason = "one environment cannot be two"
     except Exception as error:  # of any kind: environments say what they like
-        spec = env.spec if isinstance(env, gym.Env) else None
-        if spec is None:
-            raise ValueError(
-                "`env` must be one that every worker can make: an id, what gymnasium.make returns, "
-                f"or an environment that can be pickled, got {type(env).__name__} ({error})."
-            ) from error
-        return _pickled(partial(_of_spec, spec, policy_kwargs))
+        reason = str(error)
+    raise ValueError(
+        "`env` must be an id or a function that makes the environment, so that each of Ray's "
+        f"workers makes its own ({reason})."
+    )
 
 
-def _pickled(make: MakeEvaluator) -> bytes:
+def _pickled(make: Callable[[], Any]) -> bytes:
     pickled: bytes = ray.cloudpickle.dumps(make)
     ray.cloudpickle.loads(pickled)  # some can be pickled, and not be made of that
     return pickled
@@ -59,19 +59,15 @@ def _itself(evaluator: Evaluator) -> Evaluator:
     return evaluator
 
 
-def _of_spec(spec: EnvSpec, policy_kwargs: dict[str, Any] | None) -> Evaluator:
-    return make_evaluator(gym.make(spec), policy_kwargs, 1)
-
-
 class RayEvaluator:
     """Evaluates populations on the workers of a Ray cluster; the same bits as without.
 
     What algorithms read of trajectories is read by the workers, and nothing else is sent back.
 
     Args:
-        env: As in the algorithms' constructor, but for vector environments with processes of their
-            own. Each worker has a copy; of one that cannot be pickled, one like its spec. Or a
-            function without arguments that returns an evaluator of one's own.
+        env: An id, or a function that makes the environment: each worker makes its own. Of an
+            environment, those that have a compiled evaluator alone. Or a function that makes an
+            evaluator, one's own or that of a vector environment.
         policy_kwargs: `net_arch`, as of the algorithm.
         n_workers: None: as many as the cluster has processors for, at each generation.
         num_cpus: Processors of a worker, which plays with as many threads. A share of one lets
@@ -116,13 +112,13 @@ class RayEvaluator:
         if timeout is not None:
             check_positive(timeout=timeout)
         self.resources = check_resources(resources)
-        if callable(env):
-            self.local: Evaluator = env()
-            self._packed = _pickled(env)
+        opened = open_env(env)
+        if hasattr(opened, "evaluate"):
+            self.local: Evaluator = opened
+            self._packed = _pickled(env)  # type: ignore[arg-type]  # what made an evaluator
         else:
-            inner = without_monitors(gym.make(env) if isinstance(env, str) else env)
-            self.local = make_evaluator(inner, policy_kwargs, max(1, int(num_cpus)))
-            self._packed = packed(self.local, inner, policy_kwargs)
+            self.local = make_evaluator(opened, policy_kwargs, max(1, int(num_cpus)))
+            self._packed = _packed(self.local)
         self.n_parameters = self.local.n_parameters
         self.n_workers = n_workers
         self.num_cpus = num_cpus
@@ -130,11 +126,11 @@ class RayEvaluator:
         self.timeout = timeout
         self.start_timeout = start_timeout
         self.address = address
-        self._crew = self._new_crew()
+        self._workers = self._new_workers()
         self._session: str | None = None
 
-    def _new_crew(self) -> Crew:
-        return Crew(
+    def _new_workers(self) -> Workers:
+        return Workers(
             self._packed,
             num_cpus=self.num_cpus,
             resources=self.resources,
@@ -144,7 +140,7 @@ class RayEvaluator:
     @property
     def n_live(self) -> int:
         """Workers that have started and answer."""
-        return self._crew.n_live
+        return self._workers.n_live
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), with its trajectory."""
@@ -167,18 +163,19 @@ class RayEvaluator:
         pickled = None if reads is None else _pickled_reads(reads)
         self._connect()
         try:
-            self._crew.hire(self._n_wanted())
+            self._workers.start(self._n_wanted())
             shared = ray.put(Generation(parameters, seed, pickled))
             return self._gather(shared, self._shards(len(parameters)))
         except exceptions.RayError as error:
             raise RuntimeError(f"Ray failed in a generation: {error}") from error
         finally:
-            self._crew.stop()
+            if self._is_of_this_session():
+                self._workers.stop()
 
     def close(self) -> None:
         """Let the workers and their processors go; the next generation would start new ones."""
         if self._is_of_this_session():
-            self._crew.close()
+            self._workers.close()
 
     def _connect(self) -> None:
         """Join the cluster, or start one; the workers of a former one are no more."""
@@ -186,7 +183,7 @@ class RayEvaluator:
         own = {name: n_workers * each for name, each in self.resources.items()}
         connect(self.address, math.ceil(n_workers * self.num_cpus), own)
         if not self._is_of_this_session():
-            self._crew = self._new_crew()
+            self._workers = self._new_workers()
             self._session = ray.get_runtime_context().get_worker_id()
 
     def _is_of_this_session(self) -> bool:
@@ -195,6 +192,24 @@ class RayEvaluator:
             return False
         return bool(ray.get_runtime_context().get_worker_id() == self._session)
 
+    def _wait(self) -> list[Any]:
+        """References of what workers have ended."""
+        try:
+            done = self._workers.wait()
+        except SystemExit:  # Ray's own, where another thread shuts it down
+            time.sleep(SECONDS)  # until it has
+            self._check_session()
+            raise
+        self._check_session()
+        return done
+
+    def _check_session(self) -> None:
+        if not self._is_of_this_session():  # Ray would start another, or join any, by itself
+            raise RuntimeError(
+                "Ray was shut down in the midst of a generation: a saved model goes on where it "
+                "was saved."
+            )
+
     def _n_wanted(self) -> int:
         if self.n_workers is not None:
             return self.n_workers
@@ -202,29 +217,30 @@ class RayEvaluator:
         return max(1, int(min(there.get(name, 0.0) / n for name, n in needs.items())))
 
     def _shards(self, n: int) -> list[slice]:
-        size = self.shard_size or math.ceil(n / (SHARDS_PER_WORKER * len(self._crew)))
+        size = self.shard_size or math.ceil(n / (SHARDS_PER_WORKER * len(self._workers)))
         batch = getattr(self.local, "batch_size", 1)
         size = math.ceil(size / batch) * batch
         return [slice(begin, min(begin + size, n)) for begin in range(0, n, size)]
 
     def _gather(self, generation: Any, shards: list[slice]) -> Rollouts:
         """Rollouts of all shards, in whatever order they come."""
-        crew, gathered, losses = self._crew, Gathered(shards[-1].stop), Counter[int]()
+        workers, parts, losses = self._workers, RolloutParts(shards[-1].stop), Counter[int]()
         left, n_missing = deque(shards), len(shards)
         last_live = time.monotonic()
         while n_missing:
-            crew.give(generation, left)
-            for shard, rollouts in crew.ended():
+            self._check_session()
+            workers.give(generation, left)
+            for shard, rollouts in workers.ended(self._wait()):
                 if rollouts is not None:
-                    gathered.put(shard, rollouts)
+                    parts.put(shard, rollouts)
                     n_missing -= 1
                 else:
                     losses[shard.start] += 1
                     _check_losses(losses[shard.start], shard)
                     left.append(shard)
-            last_live = time.monotonic() if crew.n_live else last_live
+            last_live = time.monotonic() if workers.n_live else last_live
             self._check_live(last_live)
-        return gathered.rollouts()
+        return parts.rollouts()
 
     def _check_live(self, last_live: float) -> None:
         if time.monotonic() - last_live > self.start_timeout:

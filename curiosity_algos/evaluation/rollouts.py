@@ -23,13 +23,15 @@ def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32
     """The population as evaluators need it: contiguous float32.
 
     Raises:
-        ValueError: If it is not (P, n_parameters) with at least one individual.
+        ValueError: If it is not (P, n_parameters) with at least one individual, or not finite.
     """
     array = np.ascontiguousarray(parameters, dtype=np.float32)
     if array.ndim != 2 or array.shape[1] != n_parameters or len(array) == 0:
         raise ValueError(
             f"`parameters` must be of shape (P, {n_parameters}), P at least 1, got {array.shape}."
         )
+    if not np.isfinite(array).all():
+        raise ValueError("`parameters` must be finite, as float32, got NaN or infinity.")
     return array
 
 

@@ -161,10 +161,12 @@ class SimulationEvaluator:
             if self.horizon is None:
                 returns[active] += rewards[active]
             if ended.any():
-                lengths[active[ended]], success[active] = t + 1, simulation.success[active]
+                gone = active[ended]
+                lengths[gone], success[gone] = t + 1, simulation.success[gone]
                 active, parameters, chosen = active[~ended], parameters[~ended], chosen[~ended]
             if not len(active):
                 break
+        success[active] = simulation.success[active]  # cut off by `max_steps`
         longest = int(lengths.max())
         if self.horizon is not None:
             returns = sparse_returns(self.horizon, lengths, success)

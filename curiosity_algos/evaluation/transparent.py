@@ -10,6 +10,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.evaluation.environments import MadeVecEnv
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.tasks import LocomotionTask, task_class
@@ -24,7 +25,7 @@ def without_monitors(env: Any) -> Any:
     """The environment without what Stable-Baselines3 put around it to record episodes.
 
     A DummyVecEnv whose envs are all the same maze, task or robot, or that holds one, becomes its
-    first.
+    first; so does what an id or a function made.
 
     Raises:
         ValueError: If a wrapper of a whole batch of environments remains.
@@ -39,9 +40,9 @@ def without_monitors(env: Any) -> Any:
             f"`env` is wrapped in {type(env).__name__}, which the evaluators cannot see through: "
             "wrap each environment before it is vectorized instead."
         )
-    if type(env) is DummyVecEnv and _are_alike(env.envs):
+    if isinstance(env, MadeVecEnv) or (type(env) is DummyVecEnv and _are_alike(env.envs)):
         return without_monitors(env.envs[0])
-    # A monitor's spec cannot make copies of it; what it records is SB3's, not ours.
+    # What it records is SB3's, not ours.
     return without_monitors(env.env) if isinstance(env, Monitor) else env
 
 

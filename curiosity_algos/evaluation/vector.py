@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -10,17 +11,23 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 from gymnasium.vector import VectorEnv
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
+from curiosity_algos.evaluation.batches import (
+    Batch,
+    GymnasiumBatch,
+    Sb3Batch,
+    SingleEnvBatch,
+    wrong_shape,
+)
 from curiosity_algos.evaluation.cells import VisitedCells
-from curiosity_algos.evaluation.copies import alone, env_and_copies, share_state
 from curiosity_algos.evaluation.coverage import coverage_grid
-from curiosity_algos.evaluation.environments import step_limit
+from curiosity_algos.evaluation.environments import MadeEnv, MakeEnv, step_limit
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
-from curiosity_algos.evaluation.processes import Play, Processes
+from curiosity_algos.evaluation.processes import Processes
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
+    check_observations,
     check_parameters,
     concatenate,
     stack_behaviors,
@@ -30,106 +37,90 @@ BLOCK_SIZE = 128
 """Individuals whose trajectories are there at once, or as many as the batch's envs make whole."""
 MAX_EPISODE_STEPS = 10_000
 """Steps of an episode, if no limit of the env allows more, after which it is taken for endless."""
+N_ENVS = 16
+"""Envs side by side, so that one call of the policy serves many of them."""
+HINT = (
+    "`env` is one environment, which plays one episode after the other: give its id, or a function "
+    "that makes it, and as many as pay play side by side."
+)
+LOGGER = logging.getLogger(__name__)
 
 
 class VectorEvaluator:
     """Evaluates populations on any Gymnasium env, VectorEnv or SB3 VecEnv.
 
-    Episodes begin together, as many as the batch has envs, and every reset is seeded: results do
-    not depend on the number of envs, unless a VectorEnv draws all its starts from one generator.
+    Episodes begin together, as many as there are envs, and every reset is seeded: results do not
+    depend on the number of envs, unless a VectorEnv draws all its starts from one generator, or an
+    env remembers in an episode those before it.
 
     Episodes must end: one that is still on its way after `MAX_EPISODE_STEPS` steps, or after those
     of a higher limit that the env has (a TimeLimit, or a `horizon`), is an error.
 
     Args:
-        env: The environment. Copies of a single one step side by side where they can be trusted;
-            otherwise it plays one episode after the other (`curiosity_algos.evaluation.copies`). To
-            tell, two policies of the first seeded wave are played again in the env alone; before
-            it no copy plays, nor without a seed.
+        env: The environment.
         mlp: The policies' shape.
-        n_processes: Processes that a single env is tried on, once that is worth their start; it is
-            played there if it comes to the same, bit for bit, and that is faster
-            (`curiosity_algos.evaluation.processes`). Only episodes with a seed are.
+        make: Makes more like a single env, of which `N_ENVS` step side by side; None: it plays one
+            episode after the other.
+        n_processes: Processes that play on envs of their own, made by `make`; 1: this one plays. It
+            also plays a policy that is alone, and episodes without a seed.
+
+    Raises:
+        ValueError: If there are processes, and `make` cannot be sent to them.
     """
 
     def __init__(
         self,
-        env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv,
+        env: MadeEnv,
         mlp: Mlp,
+        make: MakeEnv | None = None,
         n_processes: int = 1,
     ) -> None:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._grid = coverage_grid(env)
-        self._alone: SingleEnvBatch | None = None
-        self._untried: SingleEnvBatch | None = None
-        self._batch: Batch
-        self._processes: Processes | None = None
-        if isinstance(env, gym.Env):
-            envs, may_play_apart = env_and_copies(env, mlp)
-            self._alone = SingleEnvBatch([env])
-            self._batch = self._untried = SingleEnvBatch(envs)
-            if n_processes > 1 and may_play_apart:
-                self._processes = Processes(env, partial(_make_play, mlp=mlp), n_processes)
-        else:
-            self._batch = _as_batch(env)
+        self._batch = _as_batch(env)
+        self._envs = [env] if isinstance(env, gym.Env) else []
+        self._make = make
+        self._hints_at_more = make is None and bool(self._envs) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # A vector env may have one generator: who plays beside whom then says where one starts.
-        self.batch_size = 1 if isinstance(env, gym.Env) else self._batch.n
+        self.batch_size = self._batch.n
         self._max_steps = max(MAX_EPISODE_STEPS, step_limit(env) or 0)
+        self.make_another: Callable[[], VectorEvaluator] | None = None
+        self._processes: Processes | None = None
+        if make is not None:
+            self.make_another = partial(_evaluator_of, make, mlp, n_processes)
+            if n_processes > 1:
+                self._processes = Processes(partial(_evaluator_of, make, mlp, 1), n_processes)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed.
 
         Raises:
-            ValueError: If an episode does not end, or some end with a behavior and others do not.
+            ValueError: If the env's episodes do not end, or it gives what it must not; if
+                `parameters` are not finite.
+            RuntimeError: If the env has ended a process that played it.
         """
         parameters = check_parameters(parameters, self.n_parameters)
-        if self._processes is None or seed is None:
-            return self._play_here(parameters, seed)
-        return self._processes.play(parameters, seed, self._play_here)
-
-    @property
-    def n_processes(self) -> int:
-        """Processes that play episodes with a seed now; 1 is this one."""
-        return 1 if self._processes is None else self._processes.n_live
-
-    def _play_here(self, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """Play episodes in this process, wave by wave."""
-        if seed is None and self._alone is not None:  # copies would begin like one another
-            return self._play_on(self._alone, parameters, seed)
-        starts, n = range(0, len(parameters), self._batch.n), self._batch.n
-        return concatenate([self._play_wave(parameters[i : i + n], seed) for i in starts])
-
-    def _play_wave(self, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """Play as many policies as there are envs: side by side, once these are to be trusted."""
-        if self._alone is None or self._untried is None:
-            return self._play_on(self._batch, parameters, seed)
-        play_alone = partial(self._play_on, self._alone)
-        if (parameters == parameters[0]).all():  # would tell nothing of the copies
-            return play_alone(parameters, seed)
-        wave = self._play(self._batch, parameters, seed)
-        if self._stays_alone_after(wave, lambda: play_alone(parameters[[-1, 0]], seed)):
-            return play_alone(parameters, seed)
-        return wave
-
-    def _stays_alone_after(self, wave: Rollouts, replay: Callable[[], Rollouts]) -> bool:
-        """Whether a wave of different policies shows that copies are not to be trusted.
-
-        The env then plays alone from now on. Else it is left as the wave left it: its last replay
-        is of the policy that it has just played.
-        """
-        assert self._untried is not None
-        envs, self._untried = self._untried.envs, None
-        if not share_state(wave, replay):
-            return False
-        self._batch = SingleEnvBatch(alone(envs))
-        self._processes = None
-        return True
-
-    def _play_on(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
-        starts = range(0, len(parameters), batch.n)
+        n = len(parameters)
+        if self._hints_at_more and n > 1:
+            self._hints_at_more = False
+            LOGGER.warning(HINT)
+        if self._processes is not None and seed is not None and n > 1:
+            return self._processes.play(parameters, seed)
+        batch = self._batch_of(n, seed)
+        starts = range(0, n, batch.n)
         return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
+
+    def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
+        """What plays so many policies; where more envs can be made, as many as pay."""
+        if self._make is None:
+            return self._batch
+        # Without a seed, envs that have had the same one before would begin alike.
+        n = 1 if seed is None else min(n_policies, N_ENVS)
+        while len(self._envs) < n:
+            self._envs.append(_new(self._make, self._envs))
+        return SingleEnvBatch(self._envs[:n])
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play one episode of each of at most as many policies as the batch has envs."""
@@ -137,7 +128,7 @@ class VectorEvaluator:
         # The last wave may be short: the envs left over repeat its last policy, unrecorded.
         parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
         active = np.arange(n) < n_policies
-        observations = [batch.reset(seed).astype(np.float32)]
+        observations = [self._as_inputs(batch.reset(seed))]
         actions: list[npt.NDArray[Any]] = []
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
         infos: dict[int, dict[str, Any]] = {}
@@ -146,7 +137,7 @@ class VectorEvaluator:
             self._check_length(len(actions))
             actions.append(act(self.mlp, parameters, observations[-1]))
             step = batch.step(actions[-1], active)
-            observations.append(step.observations.astype(np.float32))
+            observations.append(self._as_inputs(step.observations))
             returns[active] += step.rewards[active]
             lengths += active
             infos |= step.infos
@@ -156,6 +147,8 @@ class VectorEvaluator:
         behaviors = stack_behaviors(last)
         visited.add(behaviors)
         stacked = np.stack(observations, axis=1)[:n_policies]
+        for one, length in zip(stacked, lengths, strict=False):
+            check_observations(one[: length + 1])
         return Rollouts(
             returns=returns[:n_policies],
             lengths=lengths[:n_policies],
@@ -167,6 +160,12 @@ class VectorEvaluator:
             visited=None if self._grid is None else visited.indices(),
         )
 
+    def _as_inputs(self, observations: npt.NDArray[Any]) -> Float32Array:
+        """Observations as the policies take them, (n, O)."""
+        if observations.shape[1:] != (self.mlp.sizes[0],):
+            raise wrong_shape(observations.shape[1:], (int(self.mlp.sizes[0]),))
+        return observations.astype(np.float32)
+
     def _check_length(self, n_steps: int) -> None:
         if n_steps == self._max_steps:
             raise ValueError(
@@ -176,12 +175,22 @@ class VectorEvaluator:
             )
 
 
-def _make_play(env: gym.Env[Any, Any], mlp: Mlp) -> Play:
-    """What plays on an env in a process of its own."""
-    return VectorEvaluator(env, mlp).evaluate
+def _new(make: MakeEnv, others: list[gym.Env[Any, Any]]) -> gym.Env[Any, Any]:
+    env = make()
+    if any(env.unwrapped is other.unwrapped for other in others):
+        raise ValueError(
+            "`env` must be a function that makes a new environment each time, it gave one again."
+        )
+    return env
 
 
-def _as_batch(env: VectorEnv[Any, Any, Any] | VecEnv) -> Batch:
+def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:
+    return VectorEvaluator(make(), mlp, make, n_processes)
+
+
+def _as_batch(env: MadeEnv) -> Batch:
+    if isinstance(env, gym.Env):
+        return SingleEnvBatch([env])
     if isinstance(env, VectorEnv):
         return GymnasiumBatch(env)
     if type(env) is DummyVecEnv:

@@ -15,9 +15,11 @@ import gymnasium as gym
 import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.evaluation.arguments import check_learning
+from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
 from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -88,9 +90,9 @@ class RunSpec:
         model: BaseAlgorithm = make(self._make_env(), seed=self.seed, **settings)
         return model
 
-    def _make_env(self) -> gym.Env[Any, Any]:
+    def _make_env(self) -> VecEnv:
         try:
-            env: gym.Env[Any, Any] = gym.make(self.env, **self.env_kwargs)
+            env: VecEnv = open_env(self.env, **self.env_kwargs)
         except TypeError as error:
             raise ValueError(f"`env_kwargs` must be keywords of {self.env}: {error}.") from error
         return env

@@ -23,12 +23,11 @@ from curiosity_algos.evaluation.arguments import (
     check_common,
     check_learning,
     check_order,
-    open_env,
     use_python_numbers,
 )
 from curiosity_algos.evaluation.blocks import play
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space
-from curiosity_algos.evaluation.environments import describe
+from curiosity_algos.evaluation.environments import describe, open_env
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
     Evaluator,
@@ -70,8 +69,8 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
     and the `intrinsic` fitness (P,) of algorithms that have one, else None.
 
     Args:
-        env: An environment id, a Gymnasium env or VectorEnv, or an SB3 VecEnv. Observations must be
-            a 1-D Box, actions a bounded 1-D Box or Discrete.
+        env: An environment id, a function that makes an environment, a Gymnasium env or VectorEnv,
+            or an SB3 VecEnv. Observations must be a 1-D Box, actions a bounded 1-D Box or Discrete.
         policy: "MlpPolicy", or a subclass of it.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
         evaluator: Evaluates populations: "auto", the fastest that fits `env`; "ray", the same
@@ -79,8 +78,8 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
             parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
             takes it again.
         n_threads: Threads of the compiled parts; None: as many as there are processors. Of an
-            environment that has none, processes, if they pay; None: this one alone. Results do not
-            depend on it.
+            environment that has none, and that an id or a function makes: processes; None: this one
+            alone. Results do not depend on it.
         seed: Seed of everything random; None: fresh entropy.
         device: Device of the bonus' networks, as in SB3; policies are evaluated on the CPU.
         verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.
@@ -397,9 +396,12 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
         self.num_timesteps += rollouts.timesteps
         self.generation += 1
         self._coverage.add(rollouts.behaviors, rollouts.visited)
-        self._has_reward |= bool(np.any(rollouts.returns))
-        best = int(np.argmax(rollouts.returns))
-        if rollouts.returns[best] > self._best_return:
+        highest = np.flatnonzero(rollouts.returns == rollouts.returns.max())
+        best = int(highest[np.argmax(rollouts.success[highest])])
+        # A success in the last step pays nothing, and is found all the same.
+        is_found = bool(rollouts.success[best]) and not self._has_reward
+        self._has_reward |= is_found or bool(np.any(rollouts.returns))
+        if rollouts.returns[best] > self._best_return or is_found:
             self._best_return = float(rollouts.returns[best])
             self._best_parameters = parameters[best].copy()
         self._show_best()

@@ -22,8 +22,9 @@ from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_mod
 from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_parts
 from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
-from curiosity_algos.evaluation.arguments import open_env, wrap_env
+from curiosity_algos.evaluation.arguments import wrap_env
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
+from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.validation import check_seed

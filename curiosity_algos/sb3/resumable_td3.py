@@ -41,10 +41,10 @@ from curiosity_algos.evaluation.arguments import (
     check_common,
     check_learning,
     check_order,
-    open_env,
     use_python_numbers,
 )
 from curiosity_algos.evaluation.coverage import Coverage
+from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.from_preset import FromPreset

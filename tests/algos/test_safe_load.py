@@ -241,11 +241,11 @@ def test_a_policy_may_be_named(saved, algorithm, path, assert_same_run):
     assert_same_run(algorithm.load(path, policy="MlpPolicy"), saved)
 
 
-def test_numbers_of_numpy_stay_what_they_are(algorithm, make_model, make_maze, path):
+def test_numbers_of_numpy_become_pythons(algorithm, make_model, make_maze, path):
     settings = {"population_size": np.int64(6), "policy_kwargs": {"net_arch": [np.int64(4)]}}
     make_model(algorithm, make_maze(), **settings).save(path)
     loaded = algorithm.load(path)
-    assert type(loaded.population_size) is np.int64
+    assert type(loaded.population_size) is int
     assert loaded.policy_kwargs == settings["policy_kwargs"]
 
 

@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from curiosity_algos import CuriosityES, make_evaluator
+from curiosity_algos import AURORA, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.blocks import play
 from curiosity_algos.evaluation.rollouts import no_reads
 from curiosity_gym import MazeLayout
@@ -42,7 +42,7 @@ def lengths_of(n):
     return {"lengths": lambda rollouts, some: (rollouts.lengths, places[some])}
 
 
-@pytest.mark.parametrize(("n", "sizes"), [(3, [3]), (4, [4]), (5, [4, 1]), (9, [4, 4, 1])])
+@pytest.mark.parametrize(("n", "sizes"), [(4, [4]), (9, [4, 4, 1])])
 def test_more_than_a_block_are_cut(n, sizes):
     evaluator = Counting(block_size=4)
     rollouts = play(evaluator, make_population(evaluator, n), 0, lengths_of)
@@ -71,7 +71,7 @@ def test_what_was_not_read_is_no_excerpt():
         rollouts.excerpt("observations", lambda n: {"observations": lambda r, _: r.trajectories})
 
 
-@pytest.mark.parametrize("n_envs", [1, 3, 128, 300])
+@pytest.mark.parametrize("n_envs", [3, 300])
 def test_blocks_of_vector_environments_are_whole_batches(n_envs):
     venv = gym.make_vec("CartPole-v1", n_envs, vectorization_mode="sync")
     block_size = make_evaluator(venv).block_size
@@ -79,19 +79,16 @@ def test_blocks_of_vector_environments_are_whole_batches(n_envs):
     assert 128 <= block_size < 128 + n_envs
 
 
-@pytest.mark.parametrize("block_size", [1, 4])
-def test_they_change_no_bit_of_a_search(
-    algorithm, block_size, make_model, make_easy_maze, assert_same_run
-):
+def test_they_change_no_bit_of_a_search(algorithm, make_model, make_easy_maze, assert_same_run):
     whole, cut = (make_model(algorithm, make_easy_maze()) for _ in range(2))
-    cut.evaluator.block_size = block_size
+    cut.evaluator.block_size = 4
     for model in (whole, cut):
         model.learn(1500)
     assert whole.generation > 3
     assert_same_run(whole, cut)
 
 
-@pytest.mark.parametrize("changes", [{"n_states": None}, {"bonus": "icm", "n_states": None}])
+@pytest.mark.parametrize("changes", [{"bonus": "icm", "n_states": None}])
 def test_nor_do_they_where_whole_trajectories_are_scored(
     changes, make_model, make_easy_maze, assert_same_run
 ):
@@ -102,6 +99,7 @@ def test_nor_do_they_where_whole_trajectories_are_scored(
     assert_same_run(whole, cut)
 
 
+@pytest.mark.parametrize("algorithm", [CuriosityES, AURORA])
 def test_callbacks_see_trajectories_of_one_block_alone(algorithm, make_model, make_easy_maze):
     seen = []
     model = make_model(algorithm, make_easy_maze())

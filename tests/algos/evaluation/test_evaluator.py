@@ -26,10 +26,9 @@ PLAIN = {
     "id": lambda: HARD,
     "env": lambda: gym.make(HARD),
     "bare": lambda: MazeEnv("hard"),
-    "unchecked": lambda: gym.make(HARD, disable_env_checker=True),
+    "function": lambda: lambda: MazeEnv("hard"),
     "monitor": lambda: Monitor(gym.make(HARD)),
     "make_vec": lambda: gym.make_vec(HARD, num_envs=2),
-    "dummy": lambda: DummyVecEnv([lambda: gym.make(HARD)] * 2),
     "make_vec_env": lambda: make_vec_env(HARD, n_envs=2),
     "vec_monitor": lambda: VecMonitor(DummyVecEnv([lambda: gym.make(HARD)])),
 }
@@ -84,9 +83,9 @@ def test_mazes_run_compiled(kind):
 
 
 @pytest.mark.parametrize(
-    "outside", [lambda env: env, Monitor, lambda env: DummyVecEnv([lambda: env])]
+    ("change", "outside"),
+    [*((change, lambda env: env) for change in CHANGES), ("subclass", Monitor)],
 )
-@pytest.mark.parametrize("change", CHANGES)
 def test_changed_mazes_keep_their_change(
     change, outside, make_easy_maze, play, assert_equal_episodes
 ):
@@ -102,10 +101,8 @@ def test_changed_mazes_keep_their_change(
 
 LIMITS = {
     "one": lambda env: wrappers.TimeLimit(env, 30),
-    "two": lambda env: wrappers.TimeLimit(wrappers.TimeLimit(env, 30), 40),
     "none that counts": lambda env: wrappers.TimeLimit(env, 1000),
     "monitored": lambda env: Monitor(wrappers.TimeLimit(env, 30)),
-    "wrapped again": lambda env: wrappers.OrderEnforcing(wrappers.TimeLimit(env, 30)),
     "dummy": lambda env: DummyVecEnv([lambda: wrappers.TimeLimit(env, 30)]),
 }
 
@@ -182,26 +179,22 @@ def test_wrapped_vec_envs_are_refused(wrapper):
         make_evaluator(env)
 
 
-@pytest.mark.parametrize("env", [3, None, gym.make, spaces.Discrete(3)])
+@pytest.mark.parametrize("env", [3, gym.make, lambda: 3])
 def test_what_is_no_environment_is_refused(env):
     with pytest.raises(ValueError, match="`env` must be an environment id"):
         make_evaluator(env)
 
 
-@pytest.mark.parametrize("n_threads", [0, -1, 1.5])
-@pytest.mark.parametrize("env", [HARD, "CartPole-v1"])
-def test_threads_are_at_least_one(env, n_threads):
+@pytest.mark.parametrize("n_threads", [0, 1.5])
+def test_threads_are_at_least_one(n_threads):
     with pytest.raises(ValueError, match="`n_threads` must be"):
-        make_evaluator(env, n_threads=n_threads)
+        make_evaluator(HARD, n_threads=n_threads)
 
 
 @pytest.mark.parametrize(
     ("policy_kwargs", "message"),
     [
         ({"activation_fn": "tanh"}, r"`policy_kwargs` may hold `net_arch` alone"),
-        ({"net_arch": [4], "ortho_init": 1}, r"`policy_kwargs` may hold `net_arch` alone"),
-        ({"net_arch": 32}, r"`net_arch` must be a list"),
-        ({"net_arch": "ab"}, r"`net_arch` must be a list"),
         ({"net_arch": {"pi": [4], "qf": [4]}}, r"`net_arch` must be a list"),
         ({"net_arch": [0]}, r"`net_arch` must hold positive"),
     ],
@@ -241,14 +234,6 @@ def test_the_single_env_of_a_vector_env_has_its_keywords():
     env.reset()
     ends = [env.step(np.zeros(2, dtype=np.float32))[3] for _ in range(6)]
     assert ends == [False] * 5 + [True]
-
-
-def test_copies_are_of_the_env_as_it_is():
-    env = gym.make("Pendulum-v1")
-    env.unwrapped.max_torque = 0.1
-    evaluator = make_evaluator(env)
-    rollouts = evaluator.evaluate(np.ones((6, evaluator.n_parameters)), seed=3)
-    assert len(set(rollouts.returns)) == 1
 
 
 class Target(gym.Env):
@@ -297,8 +282,6 @@ class TestRegisterEvaluator:
         "outside",
         [
             lambda env: env,
-            Monitor,
-            lambda env: DummyVecEnv([lambda: Monitor(env)]),
             lambda env: VecMonitor(DummyVecEnv([lambda: env])),
         ],
     )
@@ -334,8 +317,6 @@ class TestRegisterEvaluator:
     @pytest.mark.parametrize(
         "made",
         [
-            None,
-            TargetEvaluator,
             SimpleNamespace(n_parameters=13),
             SimpleNamespace(evaluate=print),
             SimpleNamespace(evaluate=print, n_parameters=12),

@@ -292,6 +292,25 @@ class TestPredict:
         assert mean == model.best_return or horizon != 64
 
 
+@pytest.mark.parametrize("later", [False, True])
+def test_a_success_that_pays_nothing_is_found_and_acted_with(later, make_model, make_easy_maze):
+    model = make_model(CanonicalES, make_easy_maze())
+    played, evaluate = [], model.evaluator.evaluate
+
+    def succeed(parameters, seed=None):
+        played.append(parameters)
+        rollouts = evaluate(parameters, seed)
+        success = np.arange(len(parameters)) == (4 if len(played) > later else -1)
+        return dataclasses.replace(rollouts, success=success, returns=np.zeros(len(parameters)))
+
+    model.evaluator.evaluate = succeed
+    for _ in range(1 + later):
+        model.learn(1)
+    assert len(played) == 1 + later
+    assert model.best_return == 0.0
+    np.testing.assert_array_equal(model.policy.vector, played[-1][4])
+
+
 class TestEnvs:
     @pytest.mark.parametrize(
         "kind", ["id", "classic", "env", "make_vec", "sync", "dummy", "subproc", "monitor"]

@@ -77,7 +77,7 @@ class Worker:
 
 
 @dataclass(eq=False)
-class Member:
+class WorkerHandle:
     """An actor, and what it is waited for.
 
     Attributes:
@@ -110,8 +110,8 @@ class Member:
         return self.awaited is None or self.shard is not None
 
 
-class Crew:
-    """The workers.
+class Workers:
+    """The actors of a search.
 
     Args:
         packed: A pickled function that makes the evaluator of each.
@@ -133,90 +133,96 @@ class Crew:
             num_cpus=num_cpus, resources=dict(resources), max_restarts=-1, max_task_retries=0
         )
         self._timeout = math.inf if timeout is None else timeout
-        self._members: list[Member] = []
+        self._workers: list[WorkerHandle] = []
 
     def __len__(self) -> int:
         """Workers, whether they have started or not."""
-        return len(self._members)
+        return len(self._workers)
 
     @property
     def n_live(self) -> int:
         """Workers that have started and answer."""
-        return sum(member.is_live for member in self._members)
+        return sum(worker.is_live for worker in self._workers)
 
-    def hire(self, n: int) -> None:
+    def start(self, n: int) -> None:
         """Start workers until there are n."""
         if isinstance(self._packed, bytes):
             self._packed = ray.put(self._packed)
-        while len(self._members) < n:
-            member = Member(self._actor.remote(), self._packed)
-            member.start()
-            self._members.append(member)
+        while len(self._workers) < n:
+            worker = WorkerHandle(self._actor.remote(), self._packed)
+            worker.start()
+            self._workers.append(worker)
 
     def give(self, generation: Any, shards: deque[slice]) -> None:
         """Let those that are idle play the first of some shards, which are taken out of them."""
-        for member in self._members:
-            if member.awaited is None and shards:
+        for worker in self._workers:
+            if worker.awaited is None and shards:
                 deadline = time.monotonic() + self._timeout
-                member.play(generation, shards.popleft(), deadline)
+                worker.play(generation, shards.popleft(), deadline)
 
-    def ended(self) -> list[tuple[slice, Rollouts | None]]:
-        """Shards that have ended since, with their rollouts; None: they were lost.
+    def wait(self) -> list[Any]:
+        """References of what has ended since, after half a second at most."""
+        awaited = [each.awaited for each in self._workers if each.awaited is not None]
+        done, _ = ray.wait(awaited, num_returns=1, timeout=SECONDS)
+        return list(done)
 
-        Waits half a second at most.
+    def ended(self, done: list[Any]) -> list[tuple[slice, Rollouts | None]]:
+        """Shards that have ended, with their rollouts; None: they were lost.
+
+        Args:
+            done: References that `wait` gave.
 
         Raises:
             BaseException: What the evaluator raised.
             RuntimeError: If a worker cannot make the evaluator.
         """
-        awaited = {each.awaited: each for each in self._members if each.awaited is not None}
-        done, _ = ray.wait(list(awaited), num_returns=1, timeout=SECONDS)
+        awaited = {each.awaited: each for each in self._workers if each.awaited is not None}
         now = time.monotonic()
-        members = [awaited[each] for each in done]
-        late = [each for each in awaited.values() if each.deadline < now and each not in members]
-        shards = [each.shard for each in (*members, *late)]
-        results = [*map(self._result, members), *map(self._replace, late)]
+        workers = [awaited[each] for each in done]
+        late = [each for each in awaited.values() if each.deadline < now and each not in workers]
+        shards = [each.shard for each in (*workers, *late)]
+        results = [*map(self._result, workers), *map(self._replace, late)]
         pairs = zip(shards, results, strict=True)
         return [(shard, rollouts) for shard, rollouts in pairs if shard is not None]
 
     def stop(self) -> None:
         """Give nobody's shard a further thought: each is ready again once it has ended."""
-        for member in self._members:
-            if member.shard is not None:
-                member.start(time.monotonic() + self._timeout)
+        for worker in self._workers:
+            if worker.shard is not None:
+                worker.start(time.monotonic() + self._timeout)
 
     def close(self) -> None:
         """Let all of them go."""
-        for member in self._members:
-            ray.kill(member.actor, no_restart=True)
-        self._members.clear()
+        for worker in self._workers:
+            ray.kill(worker.actor, no_restart=True)
+        self._workers.clear()
 
-    def _result(self, member: Member) -> Rollouts | None:
-        """What a member has returned; None: that it is ready, or has lost its shard."""
+    def _result(self, worker: WorkerHandle) -> Rollouts | None:
+        """What a worker has returned; None: that it is ready, or has lost its shard."""
         try:
             # Ray's own cannot be written to, and stays in its store as long as any part is held.
-            rollouts: Rollouts | None = copy.deepcopy(ray.get(member.awaited))
+            rollouts: Rollouts | None = copy.deepcopy(ray.get(worker.awaited))
         except exceptions.RayTaskError as error:
-            if member.shard is None:
+            if worker.shard is None:
                 why = f"A worker could not make its environment: {error.cause}"
                 raise RuntimeError(why) from error
             raise error.cause from error
         except exceptions.ActorDiedError:
-            if member.shard is None:  # Ray itself has given it up
-                self._replace(member)
+            if worker.shard is None:  # Ray itself has given it up
+                self._replace(worker)
             else:
-                member.start()
+                worker.start()
             return None
         except LOSSES:
-            member.start()
+            worker.start()
             return None
-        if member.shard is not None and rollouts is None:
-            member.start()
+        if worker.shard is not None and rollouts is None:
+            worker.start()
         else:
-            member.awaited = member.shard = None
+            worker.awaited = worker.shard = None
         return rollouts
 
-    def _replace(self, member: Member) -> None:
-        ray.kill(member.actor, no_restart=True)
-        self._members.remove(member)
-        self.hire(len(self._members) + 1)
+    def _replace(self, worker: WorkerHandle) -> None:
+        ray.kill(worker.actor, no_restart=True)
+        self._workers.remove(worker)
+        self.start(len(self._workers) + 1)

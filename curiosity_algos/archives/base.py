@@ -6,7 +6,7 @@ import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Required, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,17 @@ Int64Array = npt.NDArray[np.int64]
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
+
+
+class ArchiveKeywords(TypedDict, total=False):
+    """Keywords of every archive, see `EliteArchive`."""
+
+    solution_dim: Required[int]
+    qd_score_offset: float
+    seed: int | np.random.SeedSequence | None
+    solution_dtype: npt.DTypeLike
+    extra_fields: Mapping[str, tuple[Any, Any]] | None
+    net_arch: Sequence[int] | None
 
 
 class EliteArchive(ArchiveBase):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence, Sized
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from curiosity_algos.archives.base import (
     IMPROVED,
     NEW,
     NOT_ADDED,
+    ArchiveKeywords,
     EliteArchive,
     Float64Array,
     Int64Array,
@@ -30,15 +31,11 @@ _EPSILON = 1e-6
 class SparseGridArchive(EliteArchive):
     """Keeps the best solution of each cell of a grid; of equals, the first.
 
+    Further keywords are those of every archive, see `EliteArchive`.
+
     Args:
-        solution_dim: See `EliteArchive`, as for every argument not named here.
         dims: Cells along each dimension of the behavior.
         ranges: (lower, upper) bound of each; behaviors beyond count in the cell at the edge.
-        qd_score_offset: See `EliteArchive`.
-        seed: See `EliteArchive`.
-        solution_dtype: See `EliteArchive`.
-        extra_fields: See `EliteArchive`.
-        net_arch: See `EliteArchive`.
 
     Raises:
         ValueError: If `dims` and `ranges` do not fit, or there are 2**63 cells or more.
@@ -47,27 +44,17 @@ class SparseGridArchive(EliteArchive):
     def __init__(
         self,
         *,
-        solution_dim: int,
         dims: Sequence[int],
         ranges: Sequence[tuple[float, float]],
-        qd_score_offset: float = 0.0,
-        seed: int | np.random.SeedSequence | None = None,
-        solution_dtype: npt.DTypeLike = np.float64,
-        extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
-        net_arch: Sequence[int] | None = None,
+        **kwargs: Unpack[ArchiveKeywords],
     ) -> None:
         _check_grid(dims, ranges)
         self.dims = np.array(dims, dtype=np.int64)
         self.lower_bounds, self.upper_bounds = np.array(ranges, dtype=np.float64).T
         self.interval_size = self.upper_bounds - self.lower_bounds
         super().__init__(
-            solution_dim=solution_dim,
             measure_dim=len(self.dims),
-            qd_score_offset=qd_score_offset,
-            seed=seed,
-            solution_dtype=solution_dtype,
-            extra_fields=extra_fields,
-            net_arch=net_arch,
+            **kwargs,
         )
 
     def _begin(self) -> None:
@@ -96,40 +83,13 @@ class SparseGridArchive(EliteArchive):
         if values.shape[1:] != self.dims.shape or not np.isfinite(values).all():
             raise ValueError(f"`measures` must be finite of shape (n, {len(self.dims)}).")
         scaled = (self.dims * (values - self.lower_bounds) + _EPSILON) / self.interval_size
-        return self.grid_to_int_index(np.clip(scaled, 0, self.dims - 1).astype(np.int64))
-
-    def index_of_single(self, measures: npt.ArrayLike) -> int:
-        """Cell of one behavior (measure_dim,)."""
-        return int(self.index_of(np.asarray(measures)[None])[0])
-
-    def grid_to_int_index(self, grid_indices: npt.ArrayLike) -> Int64Array:
-        """Cells (n,) of positions (n, measure_dim) in the grid."""
-        flat: Int64Array = np.ravel_multi_index(tuple(np.asarray(grid_indices).T), tuple(self.dims))
-        return flat.astype(np.int64)
+        positions = np.clip(scaled, 0, self.dims - 1).astype(np.int64)
+        cells: Int64Array = np.ravel_multi_index(tuple(positions.T), tuple(self.dims))
+        return cells.astype(np.int64)
 
     def int_to_grid_index(self, int_indices: npt.ArrayLike) -> Int64Array:
         """Positions (n, measure_dim) in the grid of cells (n,)."""
         return np.asarray(np.unravel_index(np.asarray(int_indices), tuple(self.dims))).T
-
-    def retrieve(self, measures: npt.ArrayLike) -> tuple[npt.NDArray[np.bool_], Batch]:
-        """Whether the cells of behaviors (n, measure_dim) are taken, and by which elites.
-
-        Cells that are not have NaN in the elites' floating fields, -1 as index, and 0 elsewhere.
-        """
-        slots = self._slots_of(self.index_of(measures))
-        is_taken = slots >= 0
-        elites = {}
-        for name in self.field_list:
-            kept = self._read(slots[is_taken], name)
-            empty = -1 if name == "index" else np.nan if kept.dtype.kind == "f" else 0
-            elites[name] = np.full((len(slots), *kept.shape[1:]), empty, dtype=kept.dtype)
-            elites[name][is_taken] = kept
-        return is_taken, elites
-
-    def retrieve_single(self, measures: npt.ArrayLike) -> tuple[bool, dict[str, Any]]:
-        """As `retrieve`, of one behavior (measure_dim,)."""
-        is_taken, elites = self.retrieve(np.asarray(measures)[None])
-        return bool(is_taken[0]), {name: values[0] for name, values in elites.items()}
 
     def _insert(self, data: Batch) -> Batch:
         cells, objective = self.index_of(data["measures"]), data["objective"]

@@ -6,17 +6,17 @@ control has the aim of Grillotti & Cully 2022, by other means) or a whole state 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
 from curiosity_algos.archives.base import (
     IMPROVED,
     NEW,
     NOT_ADDED,
+    ArchiveKeywords,
     EliteArchive,
     Float64Array,
     Int64Array,
@@ -37,19 +37,15 @@ class UnstructuredArchive(EliteArchive):
     more, the closest pairs lose their worse half until `target_size` are left, and the threshold
     becomes the smallest distance that is left.
 
+    Further keywords are those of every archive, see `EliteArchive`.
+
     Args:
-        solution_dim: See `EliteArchive`, as for every argument not named here.
         measure_dim: See `EliteArchive`.
         target_size: Elites held, within 10 % once there are so many.
         k_neighbors: Neighbors that count for `novelty` and `local_competition`; None: `add` tells
             neither.
         threshold: Of the first elites; 0 after `clear`, and after `set_measures` while there are
             fewer than `target_size`.
-        qd_score_offset: See `EliteArchive`.
-        seed: See `EliteArchive`.
-        solution_dtype: See `EliteArchive`.
-        extra_fields: See `EliteArchive`.
-        net_arch: See `EliteArchive`.
 
     Attributes:
         threshold: Smallest distance from all elites that makes a solution new.
@@ -61,16 +57,11 @@ class UnstructuredArchive(EliteArchive):
     def __init__(
         self,
         *,
-        solution_dim: int,
         measure_dim: int,
         target_size: int,
         k_neighbors: int | None,
         threshold: float = 0.0,
-        qd_score_offset: float = 0.0,
-        seed: int | np.random.SeedSequence | None = None,
-        solution_dtype: npt.DTypeLike = np.float64,
-        extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
-        net_arch: Sequence[int] | None = None,
+        **kwargs: Unpack[ArchiveKeywords],
     ) -> None:
         check_at_least_one(target_size=target_size)
         if k_neighbors is not None:
@@ -80,13 +71,8 @@ class UnstructuredArchive(EliteArchive):
         self.k_neighbors = k_neighbors
         self.threshold = threshold
         super().__init__(
-            solution_dim=solution_dim,
             measure_dim=measure_dim,
-            qd_score_offset=qd_score_offset,
-            seed=seed,
-            solution_dtype=solution_dtype,
-            extra_fields=extra_fields,
-            net_arch=net_arch,
+            **kwargs,
         )
 
     @property

@@ -75,22 +75,3 @@ def _decode(current: Any, value: Any) -> Any:
     else:
         load_foreign_state(current, content)
     return current
-
-
-class ForeignPart:
-    """Another library's object, held where a checkpoint asks for `state_dict`.
-
-    Args:
-        part: The object.
-    """
-
-    def __init__(self, part: Any) -> None:
-        self.part = part
-
-    def state_dict(self) -> dict[str, Any]:
-        """Its attributes, see `foreign_state`."""
-        return foreign_state(self.part)
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        load_foreign_state(self.part, state)

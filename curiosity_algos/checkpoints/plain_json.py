@@ -76,13 +76,7 @@ def _decode_kind(kind: str, description: Any) -> Any:
         if kind == ":array:":
             return _array(**description)
         return _KINDS[kind][2](**decode(description))
-    except (
-        AssertionError,
-        AttributeError,
-        LookupError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except (AssertionError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise ValueError(f"The description of a {kind.strip(':')} is damaged.") from error
 
 
@@ -105,24 +99,19 @@ def _box(low: npt.NDArray[Any], high: npt.NDArray[Any]) -> spaces.Box[Any]:
 
 def _describe_generator(rng: np.random.Generator) -> dict[str, Any]:
     kind = type(rng.bit_generator)
-    if kind not in _BIT_GENERATORS.values():
+    if kind is not np.random.PCG64:  # numpy's and Gymnasium's default
         raise TypeError(f"JSON has no description of a generator of {kind.__name__}.")
-    return {"kind": kind.__name__, "state": rng.bit_generator.state}
+    return {"kind": "PCG64", "state": rng.bit_generator.state}
 
 
-def _generator(kind: str, state: dict[str, Any]) -> np.random.Generator:
-    bit_generator = _BIT_GENERATORS[kind]()
+def _generator(kind: str, state: Any) -> np.random.Generator:
+    if kind != "PCG64":
+        raise ValueError
+    bit_generator = np.random.PCG64()
     bit_generator.state = state
     return np.random.Generator(bit_generator)
 
 
-_BIT_GENERATORS: dict[str, Callable[[], np.random.BitGenerator]] = {
-    "PCG64": np.random.PCG64,
-    "PCG64DXSM": np.random.PCG64DXSM,
-    "MT19937": np.random.MT19937,
-    "Philox": np.random.Philox,
-    "SFC64": np.random.SFC64,
-}
 _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any]]] = {
     ":box:": (spaces.Box, lambda box: {"low": box.low, "high": box.high}, _box),
     ":discrete:": (
@@ -133,11 +122,7 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
     ":tuple:": (tuple, lambda items: {"items": list(items)}, lambda items: (*items,)),
     ":path:": (type(Path()), lambda path: {"path": str(path)}, lambda path: Path(path)),
     ":deque:": (deque, lambda items: {"iterable": list(items), "maxlen": items.maxlen}, deque),
-    ":generator:": (
-        np.random.Generator,
-        _describe_generator,
-        _generator,
-    ),
+    ":generator:": (np.random.Generator, _describe_generator, _generator),
     ":coverage_grid:": (
         CoverageGrid,
         lambda grid: {field.name: getattr(grid, field.name) for field in fields(grid)},

@@ -65,16 +65,11 @@ def pareto_best(objectives: Float64, n: int) -> Int64:
 
     Args:
         objectives: (n_rows, d), finite.
-        n: How many, 0 to n_rows.
+        n: Rows to take, 0 to n_rows.
 
     Returns:
         (n,) indices of rows, the best first.
-
-    Raises:
-        ValueError: There are fewer than `n` rows.
     """
-    if not 0 <= n <= len(objectives):
-        raise ValueError(f"`n` must be from 0 to the {len(objectives)} rows there are, got {n!r}.")
     ordered = [np.empty(0, dtype=np.int64)]
     for front in pareto_fronts(objectives):
         by_distance = np.argsort(-crowding_distances(objectives[front]), kind="stable")

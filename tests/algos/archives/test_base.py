@@ -64,7 +64,7 @@ class TestNoAliases:
         archive.add_single(solution, 3.0, measures)
         solution[:], measures[:] = 9.0, 0.9
         np.testing.assert_array_equal(archive.data("solution"), np.ones((1, 4)))
-        assert archive.retrieve_single([0.5, 0.5])[0]
+        np.testing.assert_array_equal(archive.data("measures"), np.full((1, 2), 0.5))
 
     @pytest.mark.parametrize(
         "read",
@@ -73,7 +73,6 @@ class TestNoAliases:
             lambda archive: dict(enumerate(archive.data(return_type="tuple"))),
             lambda archive: {name: archive.data(name) for name in archive.field_list},
             lambda archive: archive.sample_elites(50),
-            lambda archive: archive.retrieve(make_batch()["measures"])[1],
             lambda archive: {"behaviors": archive.behaviors},
             lambda archive: {"nearest": archive.nearest([0.1, 0.2, 0.3])},
             lambda archive: {k: v for k, v in archive.best_elite.items() if np.ndim(v)},
@@ -86,8 +85,6 @@ class TestNoAliases:
         for array in read(archive).values():
             array[...] = 0
         assert_same_data(archive, twin)
-        cells = archive.index_of(make_batch()["measures"])
-        assert archive.retrieve(make_batch()["measures"])[1]["index"].tolist() == cells.tolist()
 
     def test_of_a_state_that_was_taken_over(self):
         archive, twin = make_archive(extra_fields=EXTRA), make_full()

@@ -109,12 +109,11 @@ def test_coverage_grids_stay_equal():
 
 
 def test_generators_go_on():
-    for kind in ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64"):
-        rng = np.random.Generator(getattr(np.random, kind)(3))
-        rng.standard_normal(5)
-        read = round_trip(rng)
-        assert type(read.bit_generator) is type(rng.bit_generator)
-        np.testing.assert_array_equal(read.standard_normal(9), rng.standard_normal(9))
+    rng = np.random.default_rng(3)
+    rng.standard_normal(5)
+    np.testing.assert_array_equal(round_trip(rng).standard_normal(9), rng.standard_normal(9))
+    with pytest.raises(TypeError, match="a generator of Philox"):
+        encode(np.random.Generator(np.random.Philox(3)))
 
 
 @pytest.mark.parametrize(

@@ -133,9 +133,3 @@ def test_best_by_hand():
     # The ends, then those with the most room; the dominated rows come last.
     assert pareto_best(objectives, 7).tolist() == [1, 5, 4, 3, 2, 0, 6]
     assert pareto_best(objectives, 3).tolist() == [1, 5, 4]
-
-
-@pytest.mark.parametrize("n", [4, -1])
-def test_more_rows_than_there_are_is_an_error(n):
-    with pytest.raises(ValueError, match=r"^`n` must be from 0 to the 3 rows there are, got"):
-        pareto_best(np.zeros((3, 2)), n)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -47,18 +46,6 @@ def load_runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
     for name in {"first_success_timesteps", "best_return"} & set(runs.columns):
         runs[name] = runs[name].astype(float)  # None: NaN
     return runs
-
-
-def load_runs_of(folders: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
-    """`load_runs` of several folders; a run that is in two of them counts once.
-
-    Raises:
-        FileNotFoundError: If there is no run in one of the folders.
-        ValueError: If a run is of another format, or damaged.
-    """
-    table = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
-    is_known = table["run"].map(lambda run: Path(run).resolve()).duplicated()
-    return table[~is_known].reset_index(drop=True)
 
 
 def _row(path: Path) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from curiosity_algos.experiments.labels import label_runs
-from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs_of
+from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import Survival, survival
@@ -31,7 +32,7 @@ EPISODES = 56
 
 
 def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
-    """`load_runs` of several folders, named for comparison.
+    """`load_runs` of several folders, named for comparison; a run in two of them counts once.
 
     Returns:
         A row for each run. `env` has the keywords that tell environments of one name apart,
@@ -42,7 +43,9 @@ def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
         FileNotFoundError: If there is no run in one of the folders.
         ValueError: If a run is of another format, or damaged.
     """
-    runs = load_runs_of(folders)
+    runs = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
+    is_known = runs["run"].map(lambda run: Path(run).resolve()).duplicated()
+    runs = runs[~is_known].reset_index(drop=True)
     runs["env"] = _titles(runs)
     has_begun = runs["n_episodes"] > 0 if "n_episodes" in runs else False
     return runs.assign(label=label_runs(runs), has_begun=has_begun)

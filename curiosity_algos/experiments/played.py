@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +14,6 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.environments import step_limit
-from curiosity_algos.evaluation.policies import MlpPolicy, act
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.experiments.description import vec_wrappers
 from curiosity_algos.experiments.run_folder import write_arrays
@@ -34,20 +33,12 @@ def episode(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[S
     """One episode of a policy; of an environment without a limit, its first 10,000 steps."""
     observation, info = env.reset(seed=seed)
     yield Step(observation, None, 0.0, info)
-    choose = _actor(policy)
     for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
-        action = choose(observation)
+        action, _ = policy.predict(observation, deterministic=True)
         observation, reward, terminated, truncated, info = env.step(action)
         yield Step(observation, action, float(reward), info)
         if terminated or truncated:
             return
-
-
-def _actor(policy: BasePolicy) -> Callable[[Any], Any]:
-    """`predict`, of a flat policy without the tensors around it, in a third of the time."""
-    if isinstance(policy, MlpPolicy):
-        return lambda observation: act(policy.mlp, policy.vector[None], observation[None])[0]
-    return lambda observation: policy.predict(observation, deterministic=True)[0]
 
 
 def can_be_played(env: VecEnv | None, spec: EnvSpec) -> bool:

@@ -86,15 +86,3 @@ class ProgressLog(KVWriter):
 
     def close(self) -> None:
         """Nothing is open."""
-
-
-def last_timesteps(path: Path) -> int:
-    """Timesteps at the last row of a log; 0 where there is none, or it begins otherwise."""
-    if not path.is_file():
-        return 0
-    with open(path, "rb") as file:
-        begins = file.readline().startswith(TIMESTEPS.encode())
-        file.seek(max(file.tell(), path.stat().st_size - 10_000))
-        rows = file.read().split(b"\n")[:-1]  # whole ones
-    number = rows[-1].partition(b",")[0] if begins and rows else b""
-    return int(number) if number.isdigit() else 0

@@ -14,7 +14,6 @@ task has a single run, nothing says how much runs differ: the bounds are NaN.
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -56,7 +55,7 @@ class Curve:
     """A curve and its 95 % intervals, one at each point.
 
     Attributes:
-        x: (n,) thresholds, timesteps or seconds.
+        x: (n,) timesteps or seconds.
         estimate: (n,) heights.
         low: (n,) lower bounds, NaN where there is a single run.
         high: (n,) upper bounds, NaN where there is a single run.
@@ -131,30 +130,6 @@ def stratified_bootstrap(
         return values
 
     return Interval(*_bootstrap(statistic, _runs("scores", scores), seed).tolist())
-
-
-def performance_profile(
-    scores: npt.ArrayLike, thresholds: npt.ArrayLike, *, seed: Seed = 0
-) -> Curve:
-    """Share of runs whose score is above each threshold, averaged over tasks.
-
-    Args:
-        scores: (runs, tasks), (runs,), or a list of (runs,).
-        thresholds: (n,).
-        seed: Seed of the resamples, or the generator that draws them.
-
-    Returns:
-        The shares over the thresholds.
-
-    Raises:
-        ValueError: A task has no runs, a score or threshold is not finite, or `seed` is not valid.
-    """
-    x = _vector("thresholds", thresholds)
-
-    def shares_above(tasks: list[Float64]) -> Any:
-        return np.mean([np.less.outer(x, runs).mean(axis=-1) for runs in tasks], axis=0)
-
-    return Curve(x, *_bootstrap(shares_above, _runs("scores", scores), seed))
 
 
 def probability_of_improvement(
@@ -244,7 +219,8 @@ def _median(curve: Curve) -> float | None:
 
 def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64, Any]:
     """Time at which each run was last seen without reward or first with it, and which it was."""
-    first = _array("first_rewards", [np.inf if _is_missing(t) else t for t in first_rewards])
+    first = _array("first_rewards", list(first_rewards))  # None becomes NaN
+    first = np.where(np.isnan(first), np.inf, first)
     if first.ndim != 1 or not len(first) or not (first > 0.0).all():
         raise ValueError(
             "`first_rewards` must hold a number above 0 for each run, or None where it found none."
@@ -255,35 +231,12 @@ def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Floa
     return np.minimum(first, ends), first <= ends
 
 
-def _is_missing(time: float | None) -> bool:
-    """Whether there is none; a column of a table has NaN for None."""
-    return time is None or (isinstance(time, float) and math.isnan(time))
-
-
 # -- curves over timesteps or seconds -------------------------------------------------------------
 
 
-def step_values(x: npt.ArrayLike, values: npt.ArrayLike, grid: npt.ArrayLike) -> Float64:
-    """A run's curve on another grid: at each point the value of the last generation that ended.
-
-    Before the first generation ended, it is 0: nothing is visited, nothing earned. After the last
-    one, it stays as it is.
-
-    Args:
-        x: (n,) timesteps or seconds at which generations ended, ascending, at least 0.
-        values: (n,) the value from then on.
-        grid: (m,) timesteps or seconds.
-
-    Returns:
-        (m,) values.
-
-    Raises:
-        ValueError: An array is empty or not finite, `x` does not ascend from at least 0, or
-            `values` are not as many.
-    """
-    ends, heights = _points(x, values)
-    heights = np.concatenate([[0.0], heights])
-    return heights[np.searchsorted(ends, _vector("grid", grid), side="right")]
+def _heights(ends: Float64, values: Float64, grid: Float64) -> Float64:
+    """A run's curve on another grid: the value of the last generation that ended, 0 before any."""
+    return np.concatenate([[0.0], values])[np.searchsorted(ends, grid, side="right")]
 
 
 def curve_interval(
@@ -298,14 +251,16 @@ def curve_interval(
     or over values that a run no longer had. The bootstrap draws whole runs.
 
     Args:
-        curves: `x` and `values` of each run, as in `step_values`.
+        curves: For each run `x`, (n,) ends of its generations in timesteps or seconds, ascending,
+            at least 0, and `values`, (n,) the value from then on; before the first it is 0.
         grid: (m,) timesteps or seconds, of which those after the end of the shortest run are left
             out; None: `N_POINTS`, evenly from 0 to that end.
         seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: There are no curves, no point of the grid is before the end of the shortest run,
-            `seed` is not valid, or as in `step_values`.
+            `seed` is not valid, an array is empty or not finite, `x` does not ascend from at least
+            0, or `values` are not as many.
     """
     runs = [_points(x, values) for x, values in curves]
     if not runs:
@@ -315,14 +270,14 @@ def curve_interval(
     points = points[points <= end]
     if not len(points):
         raise ValueError(f"`grid` must begin before the shortest run ends, at {end:g}.")
-    heights = np.stack([step_values(x, values, points) for x, values in runs], axis=-1)
+    heights = np.stack([_heights(x, values, points) for x, values in runs], axis=-1)
     return Curve(points, *_bootstrap(interquartile_mean, [heights], seed))
 
 
 def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> float:
     """Mean height of a run's coverage from 0 to its budget.
 
-    The curve is that of `step_values`: 0 before its first point, and its last value to the end.
+    The curve is 0 before its first point, and stays at its last value to the end.
     What comes after the budget does not count.
 
     Args:
@@ -334,7 +289,8 @@ def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> 
         A share, 0 to 1.
 
     Raises:
-        ValueError: As in `step_values`, a value is no share, or `budget` is not above 0.
+        ValueError: An array is empty or not finite, `x` does not ascend from at least 0, `values`
+            are not as many or no shares, or `budget` is not above 0.
     """
     check_positive(budget=budget)
     ends, shares = _points(x, values)

@@ -25,7 +25,6 @@ from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.experiments.tracking import Project, TrackRun
-from curiosity_algos.experiments.values import check_value
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,6 @@ class RunSpec:
             raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
         except (AssertionError, TypeError) as error:  # of classes that take what they are given
             raise ValueError(f"`hyperparams` must fit {cls.__name__}: {error}") from error
-        for name, value in self.settings.items():  # what constructors took as it was
-            if name in parameters:
-                check_value(name, value, str(parameters[name].annotation))
 
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 
 from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -59,10 +60,11 @@ def replay_rewarding(run: Path) -> Rewarding:
 
     Raises:
         FileNotFoundError: If there is no run.
+        ValueError: If its environment is not one that is known here.
     """
     folder = RunFolder(run)
     described, checkpoint = folder.describe(), folder.checkpoint
-    env = gym.make(described["env"], **described["env_kwargs"])
+    env = gym.make(decode_spec(described.get("env_spec") or {}))
     evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
     assert checkpoint is not None
     with np.load(checkpoint / "rewarding.npz") as kept:

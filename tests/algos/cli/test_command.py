@@ -104,7 +104,6 @@ def test_help_says_what_there_is(run_here):
         (["train", "--conf-file", "no.yml"], "no.yml"),
         (["train", "--device", "cuda:99"], "`device` must be"),
         (["sweep", "--interval", "0"], "`interval` must be"),
-        (["train", "--hyperparams", "phi:auto"], '`phi` must be from 0 to 1, or "adaptive"'),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
         (["sweep", "--backend", "slurm"], "`backend` must be one of local, ray"),
         (["sweep", "--address", "auto"], "`address` must be left out unless `backend` is ray"),

@@ -79,20 +79,15 @@ def append(text):
 
 
 DAMAGES = {
-    "no algorithm": describe(algorithm=None),
     "settings are text": describe(settings="many"),
     "keywords are a list": describe(env_kwargs=[1], wrappers=None),
     "a spec of nothing": describe(env_spec={}),
-    "a spec of other types": describe(env_spec={"id": 3, "additional_wrappers": 4}),
     "timesteps are none": result(timesteps=None),
     "coverage is a list": result(coverage=[0.5]),
     "shares are text": result(coverage={"reachable": "half"}),
-    "best return is text": result(best_return="high"),
-    "episodes are text": result(n_episodes="many", seconds=None),
     "surplus entries": append("1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21\n"),
     "no rewards": without("rewards"),
     "a huge trajectory": huge(lambda run: run.best_trajectory),
-    "huge final states": huge(final_states),
     "a huge sample": huge(lambda run: run.checkpoint / "rewarding.npz"),
     "an array alone": lambda run: np.save(open(final_states(run), "wb"), np.zeros(3)),  # noqa: SIM115
 }

@@ -59,14 +59,16 @@ def without_clock(folder):
     return load_progress(folder).drop(columns=["run", *CLOCK], errors="ignore").sort_index(axis=1)
 
 
+# An algorithm for each loop; that all of them resume, tests of the algorithms say.
+@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites, TD3ICM])
 def test_the_folder_holds_the_run_which_is_the_same_as_without(
-    any_algorithm, make_model, make_easy_maze, folder, assert_same_run
+    algorithm, make_model, make_easy_maze, folder, assert_same_run
 ):
-    model, other = (make_model(any_algorithm, make_easy_maze()) for _ in range(2))
+    model, other = (make_model(algorithm, make_easy_maze()) for _ in range(2))
     model.learn(400, SaveRun(folder, interval=1e-9), log_interval=1)
     assert_same_run(model, other.learn(400))
     (run,) = load_runs(folder.parent).to_dict("records")
-    assert (run["algorithm"], run["run"]) == (any_algorithm.__name__, str(folder))
+    assert (run["algorithm"], run["run"]) == (algorithm.__name__, str(folder))
     assert (run["timesteps"], run["best_return"]) == (model.num_timesteps, model.best_return)
     for name, share in model.coverage_shares.items():
         assert run[f"coverage.{name}"] == share
@@ -78,22 +80,23 @@ def test_the_folder_holds_the_run_which_is_the_same_as_without(
     assert progress["coverage/all"].iloc[-1] == model.coverage_shares["all"]
     assert (progress["seed"] == 0).all()
     assert progress["time/seconds"].is_monotonic_increasing
-    loaded = any_algorithm.load(RunFolder(folder).checkpoint / "model")
+    loaded = algorithm.load(RunFolder(folder).checkpoint / "model")
     assert loaded.num_timesteps == model.num_timesteps
 
 
+@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites, TD3ICM])
 def test_a_killed_run_goes_on_to_the_same_files(
-    any_algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
+    algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
 ):
-    timesteps = 1 if any_algorithm is MAPElites else 500  # before the first checkpoint, or after
+    timesteps = 1 if algorithm is MAPElites else 500  # before the first checkpoint, or after
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    expected = make_model(any_algorithm, make_easy_maze())
+    expected = make_model(algorithm, make_easy_maze())
     expected.learn(1200, SaveRun(whole), log_interval=1)
-    model = make_model(any_algorithm, make_easy_maze())
+    model = make_model(algorithm, make_easy_maze())
     with pytest.raises(KilledError):
         model.learn(1200, [SaveRun(killed, interval=1e-9), Kill(timesteps)], log_interval=1)
     checkpoint = RunFolder(killed).checkpoint
-    model = any_algorithm.load(checkpoint / "model", env=make_easy_maze())
+    model = algorithm.load(checkpoint / "model", env=make_easy_maze())
     assert model.num_timesteps == int(checkpoint.name) <= timesteps
     rest = 1200 - model.num_timesteps
     model.learn(rest, SaveRun(killed), log_interval=1, reset_num_timesteps=False)
@@ -102,7 +105,7 @@ def test_a_killed_run_goes_on_to_the_same_files(
     assert without_clock(killed).equals(without_clock(whole))
     for name in ("rewarding.npz", "best_policy.npz"):
         files = [RunFolder(path).checkpoint / name for path in (killed, whole)]
-        if any_algorithm is TD3ICM and name == "best_policy.npz":
+        if algorithm is TD3ICM and name == "best_policy.npz":
             assert not any(path.exists() for path in files)
         else:
             one, other = (dict(np.load(path)) for path in files)

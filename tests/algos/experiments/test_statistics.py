@@ -14,9 +14,7 @@ from curiosity_algos.experiments.statistics import (
     area_under_curve,
     curve_interval,
     interquartile_mean,
-    performance_profile,
     probability_of_improvement,
-    step_values,
     stratified_bootstrap,
     survival,
 )
@@ -29,11 +27,6 @@ FEW = settings(
 SCORES = st.lists(st.integers(0, 6), min_size=2, max_size=6)
 TASKS = st.lists(SCORES, min_size=1, max_size=3)
 NAN = float("nan")
-
-
-def assert_same_curve(curve, other):
-    for name in ("x", "estimate", "low", "high"):
-        np.testing.assert_array_equal(getattr(curve, name), getattr(other, name))
 
 
 def mean(tasks):
@@ -137,31 +130,6 @@ class TestStratifiedBootstrap:
         for seed in (None, -1, 0.5, "0"):
             with pytest.raises(ValueError, match="`seed` must be"):
                 stratified_bootstrap([1, 2, 3], mean, seed=seed)
-
-
-class TestPerformanceProfile:
-    def test_by_hand(self):
-        # Above 0 are 3 runs of 4 and 0 of 2, the mean of which is 3 / 8; above 0.5 (2 / 4 + 0) / 2.
-        profile = performance_profile([[0, 0.5, 1, 1], [0, 0]], [-1, 0, 0.5, 1])
-        np.testing.assert_array_equal(profile.x, [-1, 0, 0.5, 1])
-        np.testing.assert_array_equal(profile.estimate, [1, 0.375, 0.25, 0])
-
-    @FEW
-    @given(TASKS)
-    def test_each_point_is_the_share_above_with_its_interval(self, tasks):
-        profile = performance_profile(tasks, [0.5, 3.0], seed=5)
-        for i, threshold in enumerate(profile.x):
-            above = [[float(score > threshold) for score in runs] for runs in tasks]
-            expected = stratified_bootstrap(above, mean, seed=5)
-            found = [getattr(profile, name)[i] for name in ("estimate", "low", "high")]
-            assert found == [expected.estimate, expected.low, expected.high]
-            assert found[1] <= found[0] <= found[2]
-
-    def test_same_seed_same_bits(self):
-        scores, thresholds = np.random.default_rng(0).random((7, 2)), np.linspace(0, 1, 9)
-        one = performance_profile(scores, thresholds, seed=1)
-        assert_same_curve(performance_profile(scores, thresholds, seed=1), one)
-        assert (np.diff(one.estimate) <= 0).all()
 
 
 class TestProbabilityOfImprovement:
@@ -303,17 +271,6 @@ CURVES = st.lists(
 
 
 class TestCurves:
-    def test_steps_by_hand(self):
-        # 0 until the generation that ends at 2, whose value holds until the one that ends at 5.
-        values = step_values([2, 5], [0.5, 1.0], [0, 1.9, 2, 4.9, 5, 100])
-        np.testing.assert_array_equal(values, [0, 0, 0.5, 0.5, 1, 1])
-
-    @given(CURVES)
-    def test_steps_are_the_last_value_before(self, curve):
-        grid = np.arange(0, 14, 0.5)
-        expected = [height(*curve, time) for time in grid]
-        np.testing.assert_array_equal(step_values(*curve, grid), expected)
-
     def test_area_by_hand(self):
         # 0 for 2, 0.5 for 3 and 1 for 5 of 10 steps: (1.5 + 5) / 10
         assert area_under_curve([2, 5], [0.5, 1.0], 10) == 0.65
@@ -349,7 +306,7 @@ class TestCurves:
         runs = [(x, rng.random(len(x))) for x in ends]
         grid = np.linspace(0, 1, 5)
         curve = curve_interval(runs, grid, seed=2)
-        heights = np.array([step_values(*run, grid) for run in runs])
+        heights = np.array([[height(*run, time) for time in grid] for run in runs])
         for i in range(len(grid)):
             expected = stratified_bootstrap(heights[:, i], interquartile_mean, seed=2)
             assert Interval(curve.estimate[i], curve.low[i], curve.high[i]) == expected
@@ -393,7 +350,7 @@ class TestCurves:
                 area_under_curve(x, values, budget)
         for grid in ([], [NAN], [[0, 1]], 3):
             with pytest.raises(ValueError, match="`grid` must"):
-                step_values([1], [1], grid)
+                curve_interval([([1], [1])], grid)
 
 
 BAD_SCORES = [

@@ -76,7 +76,6 @@ def test_gradients_are_trained_too(tmp_path):
         (RunSpec("nses", "Nothing-v3", 0, 1), "`env` "),
         (small(sigm=1), "`hyperparams` sigm is unknown: did you mean sigma"),
         (small(sigma=-1.0), "`sigma` must be"),
-        (small(verbose="abc"), "`verbose` must be a whole number from 0 to 2"),
         (small(preset="best"), "`preset` must be one of"),
         (RunSpec("td3icm", US, 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
         (RunSpec("td3icm", US, 0, 1, {}, {"extrinsic": "no"}), "True or False"),

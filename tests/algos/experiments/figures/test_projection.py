@@ -106,6 +106,15 @@ def test_both_panels_show_every_policy(has_ink):
     assert has_ink(figure, right)
 
 
+def test_an_environment_of_strangers_is_not_made(make_runs):
+    (run,) = make_runs(MAPElites, seeds=(7,))
+    described = RunFolder(run).describe()
+    described["env_spec"]["entry_point"] = "somebody:Else"
+    RunFolder(run).begin(described)
+    with pytest.raises(ValueError, match="`trust` must be given"):
+        replay_rewarding(run)
+
+
 def test_there_must_be_something_to_project(make_runs):
     (run,) = make_runs(NSES, seeds=(0,), timesteps=60, goal_radius=2.0, n_parents=2)
     none = replay_rewarding(run)

@@ -45,7 +45,8 @@ def write_run(tmp_path):
     def write(places, timesteps, env="Unknown-v0", **described):
         run = RunFolder(tmp_path / f"{len([*tmp_path.iterdir()])}")
         run.begin({"algorithm": "A", "env": env, "seed": 0} | described)
-        columns = {"behavior": places, "timesteps": timesteps, "return": np.zeros(len(places))}
+        zeros = np.zeros(len(places))
+        columns = {"behavior": places, "timesteps": timesteps, "return": zeros, "generation": zeros}
         run.add_final_states(0, {name: np.array(each) for name, each in columns.items()})
         return pd.DataFrame({"run": [str(run.path)], "label": ["A"]})
 

@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
 from benchmarks.population import DEVIATION
 from curiosity_algos import make_evaluator
-from curiosity_algos.evaluation.blocks import read_in_blocks
-from curiosity_algos.evaluation.rollouts import Read
+from curiosity_algos.evaluation.blocks import summarize_in_blocks
+from curiosity_algos.evaluation.rollouts import Summarizer
 from curiosity_algos.motivations.curiosity import make_motivation
 from curiosity_gym.processors import available_cpus
 
@@ -101,13 +101,13 @@ def _task(evaluator: Any, workload: Workload) -> Task:
     rng = np.random.default_rng(0)
     parameters = rng.normal(0.0, DEVIATION, (workload.n, evaluator.n_parameters))
     parameters = parameters.astype(np.float32)
-    reads = _reads(workload.env_id, workload.n)
+    summarizers = _summarizers(workload.env_id, workload.n)
 
     def play() -> None:
-        if hasattr(evaluator, "evaluate_and_read"):
-            evaluator.evaluate_and_read(parameters, 0, reads)
+        if hasattr(evaluator, "evaluate_and_summarize"):
+            evaluator.evaluate_and_summarize(parameters, 0, summarizers)
         else:
-            read_in_blocks(evaluator, parameters, 0, reads)
+            summarize_in_blocks(evaluator, parameters, 0, summarizers)
 
     play()  # compiles, and starts the workers
     while getattr(evaluator, "n_live", workload.n_workers) < workload.n_workers:
@@ -115,9 +115,9 @@ def _task(evaluator: Any, workload: Workload) -> Task:
     return lambda: seconds(play)
 
 
-def _reads(env_id: str, n: int) -> Mapping[str, Read]:
+def _summarizers(env_id: str, n: int) -> Mapping[str, Summarizer]:
     env = gym.make(env_id)
-    return make_motivation(env.observation_space, env.action_space, seed=0).reads(n)
+    return make_motivation(env.observation_space, env.action_space, seed=0).summarizers(n)
 
 
 def _seconds_of_a_shard(plan: Plan) -> float:
@@ -127,8 +127,8 @@ def _seconds_of_a_shard(plan: Plan) -> float:
     n = plan.size(SHARDS, 4)
     evaluator = RayEvaluator(Nothing, n_workers=1, num_cpus=0.1, shard_size=1)
     parameters = np.zeros((n, 1), dtype=np.float32)
-    evaluator.evaluate_and_read(parameters, 0, {})
-    return seconds(lambda: evaluator.evaluate_and_read(parameters, 0, {})) / n
+    evaluator.evaluate_and_summarize(parameters, 0, {})
+    return seconds(lambda: evaluator.evaluate_and_summarize(parameters, 0, {})) / n
 
 
 class Nothing:
@@ -152,13 +152,13 @@ def _bytes(n: int) -> Table:
     rng = np.random.default_rng(0)
     parameters = rng.normal(0.0, DEVIATION, (n, evaluator.n_parameters)).astype(np.float32)
     whole = evaluator.evaluate(parameters, 0)
-    reads = _reads(MAZE, n)
+    summarizers = _summarizers(MAZE, n)
     contents = {
         "trajectories and all": whole,
-        "what CuriosityES reads": whole.read(reads, slice(0, n)),
+        "what CuriosityES reads": whole.summarize(summarizers, slice(0, n)),
         "what novelty search reads": whole.without_trajectories(),
         "parameters": parameters,
-        "what is to be read": reads,
+        "what is to be read": summarizers,
     }
     rows = [
         Row(name, [len(pickle.dumps(each, protocol=5)) / 1e6], "MB")

@@ -17,7 +17,7 @@ from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.quality_diversity import (
     Fields,
     FieldTypes,
@@ -135,8 +135,8 @@ class AURORA(QualityDiversity):
             self._train(states)
         return self._encoder.encode(states)
 
-    def _reads(self) -> MakeReads | None:
-        return self._encoder.reads if self._encoder.shape is not None else None
+    def _summarizers(self) -> MakeSummarizers | None:
+        return self._encoder.summarizers if self._encoder.shape is not None else None
 
     def _is_training_due(self) -> bool:
         n_intervals, rest = divmod(len(self.history), self.training_interval)

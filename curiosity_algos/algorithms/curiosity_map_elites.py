@@ -17,7 +17,7 @@ from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.make import stored_action_size
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
 from curiosity_algos.motivations.elites import EliteCuriosity
@@ -110,8 +110,8 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
             seed=seed,
         )
 
-    def _reads(self) -> MakeReads | None:
-        return lambda n: self._motivation.learning(n) | self._curiosity.reads(n)
+    def _summarizers(self) -> MakeSummarizers | None:
+        return lambda n: self._motivation.learning(n) | self._curiosity.summarizers(n)
 
     def _fields(self, rollouts: Rollouts) -> Fields:
         kept = self._curiosity.fields(rollouts)

@@ -18,7 +18,7 @@ import torch as th
 
 from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.evaluation.rollouts import Excerpt, Read, Rollouts, check_observations
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -30,11 +30,11 @@ HIDDEN = (32, 16)
 
 @dataclass(frozen=True)
 class EvenStates:
-    """N states of each trajectory, evenly spaced from first to last; a `Read`."""
+    """N states of each trajectory, evenly spaced from first to last; a `Summarizer`."""
 
     n: int
 
-    def __call__(self, rollouts: Rollouts, individuals: slice) -> Excerpt:
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Summary:
         """One array, (P, n, O)."""
         observations, _ = rollouts.trajectories
         times = np.round(np.linspace(0.0, rollouts.lengths, self.n)).astype(np.int64).T
@@ -108,9 +108,9 @@ class TrajectoryEncoder:
     def states(self, rollouts: Rollouts) -> Float32Array:
         """What the encoder sees of each trajectory, (P, n_states, O)."""
         assert self.shape is not None
-        return rollouts.excerpt(STATES, self.reads)[0]
+        return rollouts.summary(STATES, self.summarizers)[0]
 
-    def reads(self, n_individuals: int) -> dict[str, Read]:
+    def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
         """What `states` needs of trajectories."""
         assert self.shape is not None
         return {STATES: EvenStates(self.shape[0])}

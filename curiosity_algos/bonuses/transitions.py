@@ -1,6 +1,6 @@
 """Which transitions of a trajectory are looked at: drawn, or evenly spaced.
 
-Both are `Read`: they take them out of rollouts wherever these were played, and can be pickled.
+Both are `Summarizer`: they take them out of rollouts where these were played, and can be pickled.
 """
 
 from __future__ import annotations

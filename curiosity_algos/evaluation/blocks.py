@@ -14,50 +14,62 @@ import numpy as np
 
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
-from curiosity_algos.evaluation.rollouts import Excerpt, MakeReads, Read, Rollouts, concatenate
+from curiosity_algos.evaluation.rollouts import (
+    MakeSummarizers,
+    Rollouts,
+    Summarizer,
+    Summary,
+    concatenate,
+)
 
 
 @runtime_checkable
-class ReadingEvaluator(Protocol):
+class SummarizingEvaluator(Protocol):
     """An evaluator that reads trajectories where it plays them, and returns no more of them."""
 
-    def evaluate_and_read(
-        self, parameters: Float32Array, seed: int | None, reads: Mapping[str, Read] | None
+    def evaluate_and_summarize(
+        self,
+        parameters: Float32Array,
+        seed: int | None,
+        summarizers: Mapping[str, Summarizer] | None,
     ) -> Rollouts:
-        """One episode of each policy (P, n_parameters), and what is read of its trajectory."""
+        """One episode of each policy (P, n_parameters), and the summaries of its trajectory."""
         ...
 
 
 def play(
-    evaluator: Evaluator, parameters: Float32Array, seed: int, make_reads: MakeReads | None
+    evaluator: Evaluator,
+    parameters: Float32Array,
+    seed: int,
+    make_summarizers: MakeSummarizers | None,
 ) -> Rollouts:
     """One episode of each policy, in blocks where there are more than the evaluator's `block_size`.
 
-    Excerpts take the place of trajectories then, and are the same as of the whole. An evaluator
+    Summaries take the place of trajectories then, and are the same as of the whole. An evaluator
     without a `block_size` gets all policies at once.
 
     Args:
         evaluator: Plays them.
         parameters: (P, n_parameters).
         seed: Of every episode's reset.
-        make_reads: Called once, before anything is played, where blocks are; None: trajectories are
-            needed whole.
+        make_summarizers: Called once, before anything is played, where blocks are; None:
+            trajectories are needed whole.
     """
     n = len(parameters)
-    if make_reads is None:
+    if make_summarizers is None:
         return evaluator.evaluate(parameters, seed)
-    if isinstance(evaluator, ReadingEvaluator):
-        return evaluator.evaluate_and_read(parameters, seed, make_reads(n))
+    if isinstance(evaluator, SummarizingEvaluator):
+        return evaluator.evaluate_and_summarize(parameters, seed, make_summarizers(n))
     if n <= _block_size(evaluator, n):
         return evaluator.evaluate(parameters, seed)
-    return read_in_blocks(evaluator, parameters, seed, make_reads(n))
+    return summarize_in_blocks(evaluator, parameters, seed, make_summarizers(n))
 
 
-def read_in_blocks(
+def summarize_in_blocks(
     evaluator: Evaluator,
     parameters: Float32Array,
     seed: int | None,
-    reads: Mapping[str, Read],
+    summarizers: Mapping[str, Summarizer],
     first: int = 0,
 ) -> Rollouts:
     """Play policies in blocks, and read what is needed of the trajectories of each.
@@ -66,7 +78,7 @@ def read_in_blocks(
         evaluator: Plays them.
         parameters: (P, n_parameters).
         seed: Of every episode's reset.
-        reads: What is read, by name.
+        summarizers: By the name of their summary.
         first: Number of the first policy in the population that these are a part of.
     """
     n = len(parameters)
@@ -75,7 +87,7 @@ def read_in_blocks(
     for begin in range(0, n, size):
         block = slice(begin, min(begin + size, n))
         rollouts = evaluator.evaluate(parameters[block], seed)
-        parts.put(block, rollouts.read(reads, slice(first + begin, first + block.stop)))
+        parts.put(block, rollouts.summarize(summarizers, slice(first + begin, first + block.stop)))
     return parts.rollouts()
 
 
@@ -87,7 +99,7 @@ def _block_size(evaluator: Evaluator, n: int) -> int:
 class RolloutParts:
     """Rollouts of a population that come in parts, in whatever order.
 
-    Excerpts, the most of them, are put in their place at once: joined at the end, they would be
+    Summaries, the most of them, are put in their place at once: joined at the end, they would be
     there twice.
 
     Args:
@@ -97,19 +109,19 @@ class RolloutParts:
     def __init__(self, n: int) -> None:
         self._n = n
         self._parts: dict[int, Rollouts] = {}
-        self._excerpts: dict[str, Excerpt] = {}
+        self._summaries: dict[str, Summary] = {}
 
     def put(self, individuals: slice, part: Rollouts) -> None:
         """Take the rollouts of some individuals."""
-        for name, arrays in part.excerpts.items():
-            if name not in self._excerpts:
+        for name, arrays in part.summaries.items():
+            if name not in self._summaries:
                 shapes = [((self._n, *array.shape[1:]), array.dtype) for array in arrays]
-                self._excerpts[name] = tuple(np.empty(*each) for each in shapes)
-            for whole, array in zip(self._excerpts[name], arrays, strict=True):
+                self._summaries[name] = tuple(np.empty(*each) for each in shapes)
+            for whole, array in zip(self._summaries[name], arrays, strict=True):
                 whole[individuals] = array
-        self._parts[individuals.start] = replace(part, excerpts={})
+        self._parts[individuals.start] = replace(part, summaries={})
 
     def rollouts(self) -> Rollouts:
         """Of all individuals, in their order."""
         joined = concatenate([self._parts[begin] for begin in sorted(self._parts)])
-        return replace(joined, excerpts=self._excerpts)
+        return replace(joined, summaries=self._summaries)

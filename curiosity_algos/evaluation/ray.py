@@ -19,7 +19,7 @@ from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
 from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.ray_workers import SECONDS, Generation, MakeEvaluator, Workers
-from curiosity_algos.evaluation.rollouts import Read, Rollouts, check_parameters
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -144,23 +144,26 @@ class RayEvaluator:
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), with its trajectory."""
-        return self.evaluate_and_read(parameters, seed, None)
+        return self.evaluate_and_summarize(parameters, seed, None)
 
-    def evaluate_and_read(
-        self, parameters: Float32Array, seed: int | None, reads: Mapping[str, Read] | None
+    def evaluate_and_summarize(
+        self,
+        parameters: Float32Array,
+        seed: int | None,
+        summarizers: Mapping[str, Summarizer] | None,
     ) -> Rollouts:
         """One episode of each policy (P, n_parameters), and what is read of its trajectory.
 
         Args:
             parameters: (P, n_parameters).
             seed: Of every episode's reset.
-            reads: By name; None: trajectories are returned whole.
+            summarizers: By name; None: trajectories are returned whole.
 
         Raises:
             RuntimeError: If no worker is left, or Ray fails.
         """
         parameters = check_parameters(parameters, self.n_parameters)
-        pickled = None if reads is None else _pickled_reads(reads)
+        pickled = None if summarizers is None else _pickled_summarizers(summarizers)
         self._connect()
         try:
             self._workers.start(self._n_wanted())
@@ -261,9 +264,9 @@ def _check_losses(n: int, shard: slice) -> None:
         )
 
 
-def _pickled_reads(reads: Mapping[str, Read]) -> bytes:
+def _pickled_summarizers(summarizers: Mapping[str, Summarizer]) -> bytes:
     try:
-        pickled: bytes = ray.cloudpickle.dumps(reads)
+        pickled: bytes = ray.cloudpickle.dumps(summarizers)
     except Exception as error:  # of any kind, of bonuses of one's own
         raise ValueError(
             f"`bonus` must be one that can be pickled, as workers score with it ({error})."

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from curiosity_algos.common.clusters import exceptions, ray
-from curiosity_algos.evaluation.blocks import read_in_blocks
+from curiosity_algos.evaluation.blocks import summarize_in_blocks
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -44,12 +44,12 @@ class Generation:
     Attributes:
         parameters: (P, n_parameters).
         seed: Of every episode's reset.
-        reads: What is read of trajectories, pickled: what Ray unpickles cannot be written to.
+        summarizers: Of trajectories, pickled: what Ray unpickles cannot be written to.
     """
 
     parameters: Float32Array
     seed: int | None
-    reads: bytes | None
+    summarizers: bytes | None
 
 
 class Worker:
@@ -70,10 +70,12 @@ class Worker:
         if self._evaluator is None:
             return None
         parameters = np.array(generation.parameters[shard])
-        if generation.reads is None:
+        if generation.summarizers is None:
             return self._evaluator.evaluate(parameters, generation.seed)
-        reads = ray.cloudpickle.loads(generation.reads)
-        return read_in_blocks(self._evaluator, parameters, generation.seed, reads, shard.start)
+        summarizers = ray.cloudpickle.loads(generation.summarizers)
+        return summarize_in_blocks(
+            self._evaluator, parameters, generation.seed, summarizers, shard.start
+        )
 
 
 @dataclass(eq=False)

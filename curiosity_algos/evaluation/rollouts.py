@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
-Excerpt = tuple[npt.NDArray[Any], ...]
+Summary = tuple[npt.NDArray[Any], ...]
 """What is kept of the trajectories of P individuals: arrays (P, ...)."""
-Read = Callable[["Rollouts", slice], Excerpt]
-"""`read(rollouts, individuals)`: the excerpt of rollouts of those individuals of a population."""
-MakeReads = Callable[[int], Mapping[str, Read]]
-"""`make_reads(P)`: what is to be read of the trajectories of so many individuals, by name."""
+Summarizer = Callable[["Rollouts", slice], Summary]
+"""`summarize(rollouts, individuals)`: of rollouts of those individuals of a population."""
+MakeSummarizers = Callable[[int], Mapping[str, Summarizer]]
+"""`make_summarizers(P)`: what summarizes the trajectories of so many individuals, by name."""
 
 
 def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32Array:
@@ -84,8 +84,8 @@ def check_same_shape(behaviors: Sequence[Float64Array]) -> None:
         )
 
 
-def no_reads(n_individuals: int) -> dict[str, Read]:
-    """`MakeReads` of a search that needs nothing of trajectories."""
+def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
+    """`MakeSummarizers` of a search that needs nothing of trajectories."""
     return {}
 
 
@@ -109,7 +109,7 @@ class Rollouts:
             of any individual ended (`curiosity_algos.evaluation.cells`). None: not counted; then
             the cells of `behaviors` are all that is known to have been visited, as observations and
             actions do not tell behaviors.
-        excerpts: What was read of the trajectories where they were played, by name; trajectories
+        summaries: Summaries of the trajectories, made where they were played, by name; trajectories
             may be None then.
     """
 
@@ -121,7 +121,7 @@ class Rollouts:
     observations: Float32Array | None = None
     actions: npt.NDArray[np.float32] | npt.NDArray[np.int64] | None = None
     visited: npt.NDArray[np.int64] | None = None
-    excerpts: Mapping[str, Excerpt] = field(default_factory=dict)
+    summaries: Mapping[str, Summary] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of individuals."""
@@ -142,15 +142,15 @@ class Rollouts:
             )
         return self.observations, self.actions
 
-    def excerpt(self, name: str, make_reads: MakeReads) -> Excerpt:
-        """What was read of the trajectories under a name; what was not is read now.
+    def summary(self, name: str, make_summarizers: MakeSummarizers) -> Summary:
+        """The summary of a name, made now unless it was where the trajectories were played.
 
         Raises:
-            ValueError: If it was not, and there are no trajectories.
+            ValueError: If there is neither such a summary nor trajectories.
         """
-        if name in self.excerpts:
-            return self.excerpts[name]
-        return make_reads(len(self))[name](self, slice(0, len(self)))
+        if name in self.summaries:
+            return self.summaries[name]
+        return make_summarizers(len(self))[name](self, slice(0, len(self)))
 
     def only(self, individuals: slice) -> Rollouts:
         """Those of some individuals; which cells those alone visited is not known."""
@@ -158,21 +158,21 @@ class Rollouts:
         parts: dict[str, Any] = {name: getattr(self, name)[individuals] for name in names}
         observations, actions = (each[individuals] for each in self.trajectories)
         parts |= {"observations": observations, "actions": actions}
-        return replace(self, **parts, visited=None, excerpts={})
+        return replace(self, **parts, visited=None, summaries={})
 
-    def read(self, reads: Mapping[str, Read], individuals: slice) -> Rollouts:
-        """The same with an excerpt of each name in the place of trajectories.
+    def summarize(self, summarizers: Mapping[str, Summarizer], individuals: slice) -> Rollouts:
+        """The same with a summary of each name in the place of trajectories.
 
         Args:
-            reads: What is read, by name.
+            summarizers: By the name of their summary.
             individuals: Which ones of a population these are.
         """
-        excerpts = {name: read(self, individuals) for name, read in reads.items()}
-        return replace(self.without_trajectories(), excerpts=excerpts)
+        summaries = {name: each(self, individuals) for name, each in summarizers.items()}
+        return replace(self.without_trajectories(), summaries=summaries)
 
     def without_trajectories(self) -> Rollouts:
         """The same, but for observations, actions and what was read of them."""
-        return replace(self, observations=None, actions=None, excerpts={})
+        return replace(self, observations=None, actions=None, summaries={})
 
     @property
     def timesteps(self) -> int:
@@ -215,7 +215,7 @@ def padded_rollouts(
 
 
 def concatenate(waves: list[Rollouts]) -> Rollouts:
-    """Join waves without excerpts into one record, padded to the longest episode.
+    """Join waves without summaries into one record, padded to the longest episode.
 
     Raises:
         ValueError: If the behaviors of one wave have another shape than those of another.

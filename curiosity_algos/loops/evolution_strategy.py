@@ -19,7 +19,7 @@ from curiosity_algos.common.randomness import generator_state, load_generator_st
 from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.motivations.base import Motivation
 from curiosity_algos.motivations.phi import Phi, check_phi, make_phi
@@ -195,8 +195,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         """Fitness of each individual, shape (P,), and metrics to log."""
         return standardize(rollouts.returns), {}
 
-    def _reads(self) -> MakeReads | None:
-        return no_reads
+    def _summarizers(self) -> MakeSummarizers | None:
+        return no_summarizers
 
     def _ask(self) -> Float32Array:
         return self._search.ask()
@@ -271,8 +271,8 @@ class MotivatedStrategy(EvolutionStrategy):
         self._fitness = Fitness(make_phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
 
-    def _reads(self) -> MakeReads | None:
-        return getattr(self._motivation, "reads", None)
+    def _summarizers(self) -> MakeSummarizers | None:
+        return getattr(self._motivation, "summarizers", None)
 
     def _forget_behaviors(self) -> None:
         self._fitness.phi.forget()

@@ -36,7 +36,7 @@ from curiosity_algos.evaluation.evaluator import (
 )
 from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
-from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.generation import as_step
 from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
@@ -159,10 +159,10 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
     def _center(self) -> Float32Array:
         """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
 
-    def _reads(self) -> MakeReads | None:
+    def _summarizers(self) -> MakeSummarizers | None:
         """The parts of trajectories that `_tell` needs; None: all of them.
 
-        Where it is said, large populations are played in blocks, and rollouts hold excerpts alone.
+        Where it is said, large populations are played in blocks, and rollouts hold summaries alone.
         """
         return None
 
@@ -354,7 +354,7 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
         """Run a generation; the entries of callbacks' `locals`, see `as_step`."""
         assert self.evaluator is not None
         parameters = self._ask()
-        rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._reads())
+        rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())
         if len(rollouts) != len(parameters):
             raise ValueError(
                 f"`evaluator` must give one episode of each of {len(parameters)} policies, got "

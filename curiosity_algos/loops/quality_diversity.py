@@ -24,7 +24,7 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeReads, Rollouts, no_reads
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters
@@ -60,7 +60,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
     A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). Where they
     are not the environment's behaviors, it also says what places a policy in the archive
     (`_measures`, `_measure_dim`); what is kept of each elite (`_fields`, `_field_types`); and what
-    these need of trajectories (`_reads`). Further keywords are those of every algorithm, see
+    these need of trajectories (`_summarizers`). Further keywords are those of every algorithm, see
     `EvolutionaryAlgorithm`.
 
     Args:
@@ -157,8 +157,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "net_arch": self.policy.net_arch,
         }
 
-    def _reads(self) -> MakeReads | None:
-        return no_reads
+    def _summarizers(self) -> MakeSummarizers | None:
+        return no_summarizers
 
     # -- the search -----------------------------------------------------------------------------
 

@@ -16,8 +16,8 @@ Float64Array = npt.NDArray[np.float64]
 class Motivation(Protocol):
     """What makes an individual interesting, beside reward.
 
-    One that also has `reads`, a `MakeReads`, says what it needs of trajectories: it gets rollouts
-    that hold excerpts alone where populations are large.
+    One that also has `summarizers`, a `MakeSummarizers`, says what it needs of trajectories: of
+    large populations it gets rollouts that hold summaries alone.
     """
 
     def score(self, rollouts: Rollouts) -> Float64Array:

@@ -22,7 +22,7 @@ from curiosity_algos.common.randomness import (
     integer_seed,
     load_generator_state,
 )
-from curiosity_algos.evaluation.rollouts import Excerpt, Read, Rollouts, check_observations
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
 
@@ -32,7 +32,7 @@ N_TOGETHER = 8
 
 @dataclass(frozen=True)
 class WeightedSum:
-    """`sum_t gamma^(T-1-t) c_t` of each trajectory (eq. 10): a `Read` that scores it.
+    """`sum_t gamma^(T-1-t) c_t` of each trajectory (eq. 10): a `Summarizer` that scores it.
 
     Attributes:
         bonus: Gives the curiosity `c_t` of each transition.
@@ -48,7 +48,7 @@ class WeightedSum:
         """Pickle for a worker elsewhere, which scores on a thread of its own."""
         return WeightedSum, (self.bonus, self.gamma, ThreadPool(1))
 
-    def __call__(self, rollouts: Rollouts, individuals: slice) -> Excerpt:
+    def __call__(self, rollouts: Rollouts, individuals: slice) -> Summary:
         """One array, (P,), of some individuals."""
         observations, actions = rollouts.trajectories
         scores = np.empty(len(rollouts))
@@ -121,32 +121,32 @@ class CuriosityMotivation:
         self.batch_size = batch_size
         self._rng = np.random.default_rng(seed)
         self._pool = ThreadPool(n_threads)
-        # Its own names of what it reads: rollouts may be read by another motivation, too.
+        # Its own names of summaries: rollouts may be those of another motivation, too.
         self._scored, self._learned = f"{id(self)} scored", f"{id(self)} learned"
         if isinstance(bonus, NetworkBonus):
             bonus.pool = self._pool
 
-    def scoring(self, n_individuals: int) -> dict[str, Read]:
+    def scoring(self, n_individuals: int) -> dict[str, Summarizer]:
         """What `score` needs of trajectories: it may be read where and when they are played."""
         if self.n_states is None:
             return {self._scored: WeightedSum(self.bonus, self.gamma, self._pool)}
         return {self._scored: EvenlySpaced(self.n_states)}
 
-    def learning(self, n_individuals: int) -> dict[str, Read]:
+    def learning(self, n_individuals: int) -> dict[str, Summarizer]:
         """What `update` needs of the trajectories of so many individuals; it is drawn now."""
         horizon = horizon_of(self.bonus)
         return {
             self._learned: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)
         }
 
-    def reads(self, n_individuals: int) -> dict[str, Read]:
+    def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
         """All that is needed of the trajectories of a generation."""
         return self.scoring(n_individuals) | self.learning(n_individuals)
 
     def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """Curiosity of each individual's trajectory, shape (P,)."""
-        excerpt = rollouts.excerpt(self._scored, self.scoring)
-        scores = excerpt[0] if self.n_states is None else self._of_some(*excerpt)
+        summary = rollouts.summary(self._scored, self.scoring)
+        scores = summary[0] if self.n_states is None else self._of_some(*summary)
         check_observations(scores)  # they are finite where all that they come from is
         return scores
 
@@ -177,8 +177,8 @@ class CuriosityMotivation:
             )
 
     def _remember(self, rollouts: Rollouts) -> None:
-        excerpt = rollouts.excerpt(self._learned, self.learning)
-        seen, actions, next_seen = (th.from_numpy(flat(each)) for each in excerpt)
+        summary = rollouts.summary(self._learned, self.learning)
+        seen, actions, next_seen = (th.from_numpy(flat(each)) for each in summary)
         self.bonus.observe(seen)
         self.buffer.add(seen, actions, next_seen)
 

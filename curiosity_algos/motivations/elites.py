@@ -12,7 +12,7 @@ from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.transitions import draw_transitions, flat
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.evaluation.rollouts import Read, Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 
 KEPT = "kept"
 """Name of what is read of trajectories."""
@@ -37,13 +37,13 @@ class EliteCuriosity:
         self.n_transitions = n_transitions
         self._rng = np.random.default_rng(seed)
 
-    def reads(self, n_individuals: int) -> dict[str, Read]:
+    def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
         """What `fields` needs of the trajectories of so many individuals; it is drawn now."""
         return {KEPT: draw_transitions(self._rng, n_individuals, self.n_transitions)}
 
     def fields(self, rollouts: Rollouts) -> Batch:
         """What is kept of each individual: observations (P, n, O), actions, ..., length (P,)."""
-        drawn = rollouts.excerpt(KEPT, self.reads)
+        drawn = rollouts.summary(KEPT, self.summarizers)
         names = ("observations", "actions", "next_observations")
         return {**dict(zip(names, drawn, strict=True)), "length": rollouts.lengths}
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_reads
+from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_summarizers
 from curiosity_algos.motivations.novelty_archive import NoveltyArchive
 from curiosity_gym.validation import check_choice
 
@@ -66,7 +66,7 @@ class NoveltyMotivation:
         self.behavior = behavior
         self.archive = NoveltyArchive(n_dimensions)
 
-    reads = staticmethod(no_reads)
+    summarizers = staticmethod(no_summarizers)
     """Behaviors are no part of trajectories."""
 
     def score(self, rollouts: Rollouts) -> Float64Array:

@@ -6,7 +6,7 @@ import pytest
 
 from curiosity_algos import AURORA, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.blocks import play
-from curiosity_algos.evaluation.rollouts import no_reads
+from curiosity_algos.evaluation.rollouts import no_summarizers
 from curiosity_gym import MazeLayout
 
 LAYOUT = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
@@ -37,7 +37,7 @@ class Counting:
 
 
 def lengths_of(n):
-    """A `MakeReads` of how long each trajectory is, and which individual's it is."""
+    """A `MakeSummarizers` of how long each trajectory is, and which individual's it is."""
     places = np.arange(n)
     return {"lengths": lambda rollouts, some: (rollouts.lengths, places[some])}
 
@@ -48,7 +48,7 @@ def test_more_than_a_block_are_cut(n, sizes):
     rollouts = play(evaluator, make_population(evaluator, n), 0, lengths_of)
     assert evaluator.sizes == sizes
     assert (rollouts.observations is None) == (n > 4)
-    lengths, places = rollouts.excerpt("lengths", lengths_of)
+    lengths, places = rollouts.summary("lengths", lengths_of)
     np.testing.assert_array_equal(lengths, rollouts.lengths)
     np.testing.assert_array_equal(places, np.arange(n))
     whole = make_evaluator(make_maze()).evaluate(make_population(evaluator, n), 0)
@@ -56,19 +56,19 @@ def test_more_than_a_block_are_cut(n, sizes):
         np.testing.assert_array_equal(getattr(rollouts, name), getattr(whole, name))
 
 
-@pytest.mark.parametrize(("block_size", "reads"), [(4, None), (None, no_reads)])
-def test_some_are_given_whole(block_size, reads):
+@pytest.mark.parametrize(("block_size", "summarizers"), [(4, None), (None, no_summarizers)])
+def test_some_are_given_whole(block_size, summarizers):
     evaluator = Counting(block_size)
-    rollouts = play(evaluator, make_population(evaluator, 9), 0, reads)
+    rollouts = play(evaluator, make_population(evaluator, 9), 0, summarizers)
     assert evaluator.sizes == [9]
     assert rollouts.trajectories[0].shape[:2] == (9, 13)
 
 
-def test_what_was_not_read_is_no_excerpt():
+def test_without_trajectories_there_is_no_new_summary():
     evaluator = Counting(block_size=4)
-    rollouts = play(evaluator, make_population(evaluator, 9), 0, no_reads)
+    rollouts = play(evaluator, make_population(evaluator, 9), 0, no_summarizers)
     with pytest.raises(ValueError, match="hold no trajectories"):
-        rollouts.excerpt("observations", lambda n: {"observations": lambda r, _: r.trajectories})
+        rollouts.summary("observations", lambda n: {"observations": lambda r, _: r.trajectories})
 
 
 @pytest.mark.parametrize("n_envs", [3, 300])

@@ -373,7 +373,7 @@ def test_so_is_a_function_that_cannot_travel():
 
 
 def last_states(n):
-    """A `MakeReads`, as of a search."""
+    """A `MakeSummarizers`, as of a search."""
     places = np.arange(n)
     return {"last": lambda rollouts, some: (rollouts.trajectories[0][:, 0], places[some])}
 
@@ -385,10 +385,10 @@ class TestFaults:
         here = make_evaluator(make_cartpole)
         population = make_population(here)
         for seed in (0, 1):
-            mine = there.evaluate_and_read(population, seed, last_states(POPULATION))
+            mine = there.evaluate_and_summarize(population, seed, last_states(POPULATION))
             its = here.evaluate(population, seed)
             assert_equal(mine, its)
-            first, places = mine.excerpts["last"]
+            first, places = mine.summaries["last"]
             np.testing.assert_array_equal(first, its.trajectories[0][:, 0])
             np.testing.assert_array_equal(places, np.arange(POPULATION))
 

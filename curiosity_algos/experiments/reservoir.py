@@ -29,10 +29,6 @@ class Reservoir:
         self._kept: list[dict[str, Any]] = []
         self._rng = np.random.default_rng(seed)
 
-    def __len__(self) -> int:
-        """Policies kept."""
-        return len(self._kept)
-
     def add(self, policy: Mapping[str, Any]) -> None:
         """See one more policy: a value for each of `FIELDS`."""
         self.n_seen += 1

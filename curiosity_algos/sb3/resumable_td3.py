@@ -186,6 +186,8 @@ class ResumableTD3(FromPreset, Resumable, TD3):
         check_whole(0, LARGEST_COUNT, learning_starts=self.learning_starts)
         check_at_least_one(policy_delay=self.policy_delay)
         check_not_negative(target_policy_noise=self.target_policy_noise)
+        check_not_negative(target_noise_clip=self.target_noise_clip)
+        check_at_least_one(stats_window_size=self._stats_window_size)
         seeds = np.random.SeedSequence(self.seed).spawn(3)
         self._generators = GlobalGenerators(seeds[0], self.device)
         self._record = EpisodeRecord(self._coverage_grid)

@@ -24,7 +24,7 @@ def filled(size, n, seed=0):
 def test_it_keeps_as_many_as_it_may():
     for n, kept in [(0, 0), (1, 1), (5, 5), (6, 5), (100, 5)]:
         reservoir = filled(5, n)
-        assert (len(reservoir), reservoir.n_seen) == (kept, n)
+        assert reservoir.n_seen == n
         arrays = reservoir.arrays()
         assert len(arrays["parameters"]) == len(arrays["return"]) == kept
         assert len(set(arrays["generation"].tolist())) == kept

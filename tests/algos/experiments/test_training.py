@@ -78,6 +78,8 @@ def test_gradients_are_trained_too(tmp_path):
         (small(sigma=-1.0), "`sigma` must be"),
         (small(preset="best"), "`preset` must be one of"),
         (RunSpec("td3icm", US, 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"target_noise_clip": "abc"}), "`target_noise_clip`"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"stats_window_size": "abc"}), "`stats_window_size`"),
         (RunSpec("td3icm", US, 0, 1, {}, {"extrinsic": "no"}), "True or False"),
         (small(device="gpu"), "`device` must be"),
         (small(timesteps=-1), "`total_timesteps` must be finite and at least 0"),

@@ -122,11 +122,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     @abstractmethod
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
-        """Begin an episode in the envs of `mask` and write their rows of `_observations`.
-
-        Raises:
-            ValueError: If an option is not what it may be; no episode has changed then.
-        """
+        """Begin episodes in `mask`, write their rows of `_observations`; check options before."""
 
     @abstractmethod
     def _advance(self, actions: Float32Array, resets: Mask) -> tuple[Mask, Mask]:
@@ -147,15 +143,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     @abstractmethod
     def _set_physics(self, physics: Float64Array, observations: FloatArray) -> None:
-        """Go on from a result of `_physics`.
-
-        Args:
-            physics: (num_envs, S), an array that the environments may keep.
-            observations: (num_envs, O), what was observed there.
-
-        Raises:
-            ValueError: If these environments cannot be there; nothing has changed then.
-        """
+        """Go on from a result of `_physics`, to keep; ValueError, unchanged, if it cannot be."""
 
     @abstractmethod
     def _frames(self) -> tuple[Frame, ...]:
@@ -300,10 +288,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     ) -> dict[str, Any]:
         """Infos in the form that Gymnasium's vector environments give.
 
-        Args:
-            mask: The envs to tell of.
-            stepped: Those that have taken a step, rather than begun an episode; None: none.
-            success: Those at the goal; None: none.
+        They tell of `mask`, of which `stepped` took a step rather than began an episode.
         """
         none = np.zeros(self.num_envs, dtype=np.bool_)
         stepped = none if stepped is None else stepped & mask

@@ -20,15 +20,9 @@ class ControlVectorEnv(EpisodicVectorEnv):
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. There
     is no process an env: MuJoCo's threads step them all.
 
+    The other arguments are those of `ControlEnv`.
+
     Args:
-        task: "ball_in_cup", "finger" or "stacker". The ids give it.
-        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
-        width: Of a frame (pixels).
-        height: Of a frame (pixels).
-        success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
-            success, from above 0 to 1; None: 0.1, as in the paper's code.
-        random_start: Whether each episode begins where dm_control begins one, drawn anew, rather
-            than at the paper's fixed start.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.

@@ -81,9 +81,6 @@ class ControlVectorEnv(EpisodicVectorEnv):
         return ControlEnv(**self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
-        self._reset_simulations(mask)
-
-    def _reset_simulations(self, mask: Mask) -> None:
         ids = np.flatnonzero(mask)
         self._simulation.reset(ids, [self._rngs[i] for i in ids] if self._rngs else ())
 
@@ -92,7 +89,7 @@ class ControlVectorEnv(EpisodicVectorEnv):
         going = np.flatnonzero(~resets)
         success[going] = self._simulation.step(actions[going], going)
         if resets.any():
-            self._reset_simulations(resets)
+            self._begin(resets, None)
         return success, success
 
     def _info_arrays(self) -> dict[str, Float64Array]:

@@ -57,6 +57,8 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     """
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
+    _single_class: type[EpisodicEnv]
+    _keywords: dict[str, Any]
 
     def __init__(
         self,
@@ -111,14 +113,10 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     def make_single_env(self) -> gym.Env[FloatArray, Float32Array]:
         """A single env that gives, step for step, what each of these gives."""
-        env = self._make_bare_env()
+        env: EpisodicEnv = self._single_class(**self._keywords)
         return env if self.max_episode_steps is None else TimeLimit(env, self.max_episode_steps)
 
     # -- what a subclass implements ---------------------------------------------------------------
-
-    @abstractmethod
-    def _make_bare_env(self) -> EpisodicEnv:
-        """A single env of the same keywords."""
 
     @abstractmethod
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:

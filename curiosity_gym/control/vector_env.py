@@ -39,6 +39,8 @@ class ControlVectorEnv(EpisodicVectorEnv):
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
     """
 
+    _single_class = ControlEnv
+
     def __init__(
         self,
         task: str | None = None,
@@ -76,9 +78,6 @@ class ControlVectorEnv(EpisodicVectorEnv):
         self.task = config.task
         self._simulation = Simulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
-
-    def _make_bare_env(self) -> ControlEnv:
-        return ControlEnv(**self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
         ids = np.flatnonzero(mask)

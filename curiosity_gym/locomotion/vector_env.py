@@ -42,6 +42,8 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
     """
 
+    _single_class = LocomotionEnv
+
     def __init__(
         self,
         env_id: str | None = None,
@@ -84,9 +86,6 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         self.sparse = config.sparse
         self._simulation = LocomotionSimulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
-
-    def _make_bare_env(self) -> LocomotionEnv:
-        return LocomotionEnv(**self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
         ids = np.flatnonzero(mask)

@@ -72,6 +72,8 @@ class MazeVectorEnv(EpisodicVectorEnv):
         ValueError: If an argument is not what it may be.
     """
 
+    _single_class = MazeEnv
+
     def __init__(
         self,
         layout: MazeLayout | str | os.PathLike[str] | None = None,
@@ -108,15 +110,12 @@ class MazeVectorEnv(EpisodicVectorEnv):
             render_mode=render_mode,
             copy=copy,
         )
-        self._keywords = keywords
+        self._keywords = {"layout": config.layout, **keywords}
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
         self._pool = ThreadPool(n_threads)
         self._states = np.tile(self.maze.start, (num_envs, 1))
-
-    def _make_bare_env(self) -> MazeEnv:
-        return MazeEnv(self.layout, **self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
         self._states[mask] = start_state(self.layout, self.maze, options)

@@ -12,15 +12,7 @@ AnyArray = npt.NDArray[Any]
 
 
 def checked_state(state: Mapping[str, Any], like: Mapping[str, Any]) -> dict[str, AnyArray]:
-    """The entries of `state` as new arrays, each finite, of the shape and type that `like` has.
-
-    Args:
-        state: What a user gives to `load_state_dict`.
-        like: A state of the same environment, entry by entry.
-
-    Raises:
-        ValueError: If an entry is not so, is missing, or is one too many.
-    """
+    """The entries of `state` as new arrays, each finite, of the shape and type that `like` has."""
     if not isinstance(state, Mapping) or set(state) != set(like):
         raise ValueError(f"`state` must hold {', '.join(like)}, as state_dict() gives them.")
     return {key: _checked_entry(key, state[key], np.asarray(like[key])) for key in like}
@@ -41,11 +33,7 @@ def _checked_entry(key: str, value: object, like: AnyArray) -> AnyArray:
 
 
 def generator_states(rngs: Sequence[np.random.Generator]) -> dict[str, AnyArray]:
-    """The entry of a state that holds generators, (k, 6) uint64; none where there are none.
-
-    Args:
-        rngs: k of them, of Gymnasium's kind, PCG64.
-    """
+    """The entry of a state that holds k generators, PCG64: (k, 6) uint64; none where k is 0."""
     return {"generators": np.stack([_to_words(rng) for rng in rngs])} if rngs else {}
 
 
@@ -81,13 +69,7 @@ def _from_words(words: list[int]) -> dict[str, Any]:
 
 
 def check_steps(steps: AnyArray, ended: AnyArray, limit: int) -> None:
-    """Raise ValueError unless episodes of at most `limit` steps can be where they are said to be.
-
-    Args:
-        steps: Steps taken in each episode.
-        ended: Whether each has ended.
-        limit: Steps after which an episode is truncated.
-    """
+    """Raise ValueError unless episodes of at most `limit` steps can be where they say."""
     # A step has ended those that have ended; the others have one left before the limit.
     if ((steps < ended) | (steps >= limit + ended)).any():
         raise ValueError(f"`state` must be of episodes of at most {limit} steps.")

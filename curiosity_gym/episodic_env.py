@@ -61,19 +61,11 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
 
     @abstractmethod
     def _begin(self, options: dict[str, Any] | None) -> None:
-        """Begin an episode and write its first `_observation`.
-
-        Raises:
-            ValueError: If an option is not what it may be; the episode has not changed then.
-        """
+        """Begin an episode and write its first `_observation`; check options before."""
 
     @abstractmethod
     def _advance(self, action: Float32Array) -> tuple[bool, bool]:
-        """Act for one step and write `_observation`.
-
-        Returns:
-            Whether the episode has come to an end, and whether that is the goal.
-        """
+        """Act and write `_observation`; whether the episode ended, and whether at the goal."""
 
     @abstractmethod
     def _info_arrays(self) -> dict[str, Float64Array]:
@@ -85,15 +77,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
 
     @abstractmethod
     def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
-        """Go on from a result of `_physics`.
-
-        Args:
-            physics: (S,), an array that the environment may keep.
-            observation: (O,), what was observed there.
-
-        Raises:
-            ValueError: If this environment cannot be there; nothing has changed then.
-        """
+        """Go on from a result of `_physics`, to keep; ValueError, unchanged, if it cannot be."""
 
     @abstractmethod
     def _frame(self) -> Frame:

@@ -57,6 +57,8 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     """
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
+    _single_class: type[EpisodicEnv]
+    _keywords: dict[str, Any]
 
     def __init__(
         self,
@@ -111,22 +113,14 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     def make_single_env(self) -> gym.Env[FloatArray, Float32Array]:
         """A single env that gives, step for step, what each of these gives."""
-        env = self._make_bare_env()
+        env: EpisodicEnv = self._single_class(**self._keywords)
         return env if self.max_episode_steps is None else TimeLimit(env, self.max_episode_steps)
 
     # -- what a subclass implements ---------------------------------------------------------------
 
     @abstractmethod
-    def _make_bare_env(self) -> EpisodicEnv:
-        """A single env of the same keywords."""
-
-    @abstractmethod
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
-        """Begin an episode in the envs of `mask` and write their rows of `_observations`.
-
-        Raises:
-            ValueError: If an option is not what it may be; no episode has changed then.
-        """
+        """Begin episodes in `mask`, write their rows of `_observations`; check options before."""
 
     @abstractmethod
     def _advance(self, actions: Float32Array, resets: Mask) -> tuple[Mask, Mask]:
@@ -147,15 +141,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     @abstractmethod
     def _set_physics(self, physics: Float64Array, observations: FloatArray) -> None:
-        """Go on from a result of `_physics`.
-
-        Args:
-            physics: (num_envs, S), an array that the environments may keep.
-            observations: (num_envs, O), what was observed there.
-
-        Raises:
-            ValueError: If these environments cannot be there; nothing has changed then.
-        """
+        """Go on from a result of `_physics`, to keep; ValueError, unchanged, if it cannot be."""
 
     @abstractmethod
     def _frames(self) -> tuple[Frame, ...]:
@@ -300,10 +286,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     ) -> dict[str, Any]:
         """Infos in the form that Gymnasium's vector environments give.
 
-        Args:
-            mask: The envs to tell of.
-            stepped: Those that have taken a step, rather than begun an episode; None: none.
-            success: Those at the goal; None: none.
+        They tell of `mask`, of which `stepped` took a step rather than began an episode.
         """
         none = np.zeros(self.num_envs, dtype=np.bool_)
         stepped = none if stepped is None else stepped & mask

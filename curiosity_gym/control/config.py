@@ -8,19 +8,15 @@ import numpy as np
 from gymnasium import spaces
 
 from curiosity_gym.control.tasks import TASKS, ControlTask
-from curiosity_gym.core import CoverageGrid
-from curiosity_gym.mujoco_viewer import MujocoViewer
+from curiosity_gym.mujoco_viewer import MujocoConfig
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 
 @dataclass(frozen=True)
-class ControlConfig:
+class ControlConfig(MujocoConfig):
     """A checked task, its spaces and its viewer."""
 
     task: ControlTask
-    horizon: int
-    width: int
-    height: int
 
     @property
     def observation_space(self) -> spaces.Box[np.float32]:
@@ -33,23 +29,9 @@ class ControlConfig:
         return spaces.Box(-1.0, 1.0, (self.task.n_actions,), np.float32)
 
     @property
-    def behavior_space(self) -> spaces.Box[np.float64]:
-        """Bounds of `info["behavior"]`."""
-        return spaces.Box(self.task.behavior_low, self.task.behavior_high, dtype=np.float64)
-
-    @property
-    def coverage_grid(self) -> CoverageGrid:
-        """The cells of the behavior that coverage counts."""
-        return self.task.coverage_grid
-
-    @property
     def fps(self) -> int:
         """Control steps a second."""
         return round(1.0 / float(self.task.model.opt.timestep * self.task.n_substeps))
-
-    def make_viewer(self) -> MujocoViewer:
-        """A new viewer of the task."""
-        return MujocoViewer(self.task.model, width=self.width, height=self.height)
 
 
 def configure_control(
@@ -73,4 +55,4 @@ def configure_control(
     assert task is not None
     own = {} if success_threshold is None else {"success_threshold": success_threshold}
     made = TASKS[task](random_start=random_start, **own)
-    return ControlConfig(made, int(horizon), int(width), int(height))
+    return ControlConfig(int(horizon), int(width), int(height), made)

@@ -20,15 +20,9 @@ class ControlVectorEnv(EpisodicVectorEnv):
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. There
     is no process an env: MuJoCo's threads step them all.
 
+    The other arguments are those of `ControlEnv`.
+
     Args:
-        task: "ball_in_cup", "finger" or "stacker". The ids give it.
-        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
-        width: Of a frame (pixels).
-        height: Of a frame (pixels).
-        success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
-            success, from above 0 to 1; None: 0.1, as in the paper's code.
-        random_start: Whether each episode begins where dm_control begins one, drawn anew, rather
-            than at the paper's fixed start.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
@@ -44,6 +38,8 @@ class ControlVectorEnv(EpisodicVectorEnv):
         TypeError: If `success_threshold` is given for another task than stacker.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
     """
+
+    _single_class = ControlEnv
 
     def __init__(
         self,
@@ -83,13 +79,7 @@ class ControlVectorEnv(EpisodicVectorEnv):
         self._simulation = Simulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
 
-    def _make_bare_env(self) -> ControlEnv:
-        return ControlEnv(**self._keywords)
-
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
-        self._reset_simulations(mask)
-
-    def _reset_simulations(self, mask: Mask) -> None:
         ids = np.flatnonzero(mask)
         self._simulation.reset(ids, [self._rngs[i] for i in ids] if self._rngs else ())
 
@@ -98,7 +88,7 @@ class ControlVectorEnv(EpisodicVectorEnv):
         going = np.flatnonzero(~resets)
         success[going] = self._simulation.step(actions[going], going)
         if resets.any():
-            self._reset_simulations(resets)
+            self._begin(resets, None)
         return success, success
 
     def _info_arrays(self) -> dict[str, Float64Array]:

@@ -14,13 +14,12 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.envs.registration import load_env_creator
 
-from curiosity_gym.core import CoverageGrid
 from curiosity_gym.extras import import_extra
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import BEHAVIORS, TASKS, LocomotionTask
 from curiosity_gym.locomotion.worlds import World
-from curiosity_gym.mujoco_viewer import MujocoViewer
+from curiosity_gym.mujoco_viewer import MujocoConfig
 from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
 
 OF_PICTURES = {
@@ -37,14 +36,11 @@ OF_PICTURES = {
 
 
 @dataclass(frozen=True)
-class LocomotionConfig:
+class LocomotionConfig(MujocoConfig):
     """A checked task, its spaces and its viewer."""
 
     task: LocomotionTask
     sparse: bool
-    horizon: int
-    width: int
-    height: int
 
     @property
     def observation_space(self) -> spaces.Box[np.float64]:
@@ -59,24 +55,9 @@ class LocomotionConfig:
         return space
 
     @property
-    def behavior_space(self) -> spaces.Box[np.float64]:
-        """Bounds of `info["behavior"]`."""
-        return spaces.Box(self.task.behavior_low, self.task.behavior_high, dtype=np.float64)
-
-    @property
-    def coverage_grid(self) -> CoverageGrid:
-        """The cells of the behavior that coverage counts."""
-        assert self.task.coverage_grid is not None
-        return self.task.coverage_grid
-
-    @property
     def fps(self) -> int:
         """Steps a second."""
         return round(1.0 / self.task.dt)
-
-    def make_viewer(self) -> MujocoViewer:
-        """A new viewer of the robot."""
-        return MujocoViewer(self.task.model, width=self.width, height=self.height)
 
 
 def configure_locomotion(
@@ -107,7 +88,7 @@ def configure_locomotion(
     made = None if world is None else World(world)
     task = TASKS[env_id](original, behavior=behavior, world=made)
     _try(task)
-    return LocomotionConfig(task, bool(sparse), int(horizon), int(width), int(height))
+    return LocomotionConfig(int(horizon), int(width), int(height), task, bool(sparse))
 
 
 def _make_original(task: type[LocomotionTask], keywords: object) -> gym.Env[Any, Any]:

@@ -24,22 +24,9 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. There
     is no process an env: threads step them all.
 
+    The other arguments are those of `LocomotionEnv`.
+
     Args:
-        env_id: Gymnasium's environment. The ids give it.
-        behavior: "position", where the torso is at last: x (m), and y where the robot can leave its
-            plane, within +-30. "feet": the share of the episode's steps at whose end each foot was
-            under a force from outside, as in QDax's "uni" tasks; Swimmer has none.
-        world: Walls and a goal around Ant or Humanoid: "trap", "small_trap", "maze", a `MazeLayout`
-            in meters, or what `CuriosityMaze-v0` takes for one. Observations then begin with x and
-            y, with the world's bounds at -1 and 1, and episodes end within 2 m of the goal. None:
-            open ground.
-        sparse: Reward `1 - t / horizon` in the step t that reaches the goal, and nothing else.
-            False: as Gymnasium does, but in a world the speed along x is that towards the goal, as
-            the crow flies: deceptive where walls are between.
-        horizon: Steps after which an episode is truncated.
-        width: Of a frame (pixels).
-        height: Of a frame (pixels).
-        env_kwargs: Keywords of Gymnasium's environment, but for those of its pictures; None: none.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
@@ -54,6 +41,8 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         ValueError: If an argument is not what it may be.
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
     """
+
+    _single_class = LocomotionEnv
 
     def __init__(
         self,
@@ -97,9 +86,6 @@ class LocomotionVectorEnv(EpisodicVectorEnv):
         self.sparse = config.sparse
         self._simulation = LocomotionSimulation(config.task, num_envs, n_threads)
         self._observations = self._simulation.observations
-
-    def _make_bare_env(self) -> LocomotionEnv:
-        return LocomotionEnv(**self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
         ids = np.flatnonzero(mask)

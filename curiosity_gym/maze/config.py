@@ -137,14 +137,7 @@ def start_state(layout: MazeLayout, maze: Maze, options: dict[str, Any] | None) 
 def check_states(
     layout: MazeLayout, maze: Maze, states: Float64Array, observations: Float32Array
 ) -> None:
-    """Raise ValueError unless robots can have come to `states` (n, 4) and see this maze there.
-
-    Args:
-        layout: The maze.
-        maze: The same for the compiled functions.
-        states: x, y, vx, vy of each robot, finite.
-        observations: (n, O) what they saw.
-    """
+    """Raise ValueError unless robots can have come to `states` (n, 4) and see this maze there."""
     _check_robots(layout, maze, states, name="state")
     expected = np.empty_like(observations)
     for state, row in zip(states, expected, strict=True):

@@ -55,17 +55,9 @@ class MazeVectorEnv(EpisodicVectorEnv):
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it.
     `reset(options={"state": (x, y, vx, vy)})` starts elsewhere.
 
+    The other arguments are those of `MazeEnv`.
+
     Args:
-        layout: "snake", "us", "hard", "labyrinth", a `MazeLayout`, a path to its `.json` file, or
-            ASCII text. The ids give it, but for `CuriosityMaze-v0`, which needs it.
-        horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
-        max_speed: Bound of each velocity component (maze units per s).
-        max_acceleration: Acceleration of an action of 1 (maze units per s^2).
-        n_beams: Number of LIDAR beams.
-        lidar_range: Reach of the beams (maze units); None: 20 % of the map's diagonal.
-        restitution: Share of the velocity into a wall that bounces back, from 0 (it stops there) to
-            1. Bouncing robots find most goals by chance.
-        goal_radius: How near the goal is near enough (maze units).
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
@@ -79,6 +71,8 @@ class MazeVectorEnv(EpisodicVectorEnv):
     Raises:
         ValueError: If an argument is not what it may be.
     """
+
+    _single_class = MazeEnv
 
     def __init__(
         self,
@@ -116,15 +110,12 @@ class MazeVectorEnv(EpisodicVectorEnv):
             render_mode=render_mode,
             copy=copy,
         )
-        self._keywords = keywords
+        self._keywords = {"layout": config.layout, **keywords}
         self.layout = config.layout
         self.maze = config.maze
         self.lidar_range = config.lidar_range
         self._pool = ThreadPool(n_threads)
         self._states = np.tile(self.maze.start, (num_envs, 1))
-
-    def _make_bare_env(self) -> MazeEnv:
-        return MazeEnv(self.layout, **self._keywords)
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
         self._states[mask] = start_state(self.layout, self.maze, options)

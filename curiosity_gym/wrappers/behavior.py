@@ -97,22 +97,14 @@ class BehaviorRecorder:
     def reset(
         self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]
     ) -> dict[str, Any]:
-        """The info of a reset with its `behavior`, a copy.
-
-        Raises:
-            ValueError: If the behavior has another shape than its space, or is not finite.
-        """
+        """The info of a reset with its `behavior`, a copy; ValueError if that is wrong."""
         self._accumulator.reset(env, observation, info)
         return {**info, "behavior": self._result()}
 
     def step(
         self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]
     ) -> dict[str, Any]:
-        """The info of a step with its `behavior`, a copy.
-
-        Raises:
-            ValueError: If the behavior has another shape than its space, or is not finite.
-        """
+        """The info of a step with its `behavior`, a copy; ValueError if that is wrong."""
         self._accumulator.step(env, observation, info)
         return {**info, "behavior": self._result()}
 

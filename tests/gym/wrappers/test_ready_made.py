@@ -204,7 +204,7 @@ class TestMazes:
                 _, is_success = play(env, waypoint_controller(env.unwrapped.env.unwrapped.maze), 0)
                 assert is_success
 
-    @pytest.mark.parametrize("env_id", MAZES)
+    @pytest.mark.parametrize("env_id", MAZES[:1])
     @pytest.mark.parametrize("bad", [{"qvel": math.nan}, {"qpos": math.nan}, {"qpos": 1e12}])
     def test_unstable_physics_end_the_episode_with_an_error(
         self, env_id, bad, tmp_path, monkeypatch

@@ -95,21 +95,16 @@ from curiosity_algos import TD3ICM, CanonicalES
 class Hanging(gym.Env):
     observation_space = gym.spaces.Box(-1, 1, (2,))
     action_space = gym.spaces.Box(-1, 1, (1,))
-    does_hang = False
 
     def reset(self, *, seed=None, options=None):
         return self.observation_space.sample(), {}
 
     def step(self, action):
         print("steps", flush=True)
-        while self.does_hang:
+        while True:
             time.sleep(0.01)
-        return self.observation_space.sample(), 0.0, True, False, {}
 
-model = ALGORITHM(Hanging(), device="cpu")
-print("learns", flush=True)
-Hanging.does_hang = True  # only now: the env is tried out as the model is made
-model.learn(1000)
+ALGORITHM(Hanging, device="cpu").learn(1000)
 """
 
 
@@ -119,7 +114,6 @@ def test_a_hanging_env_is_left_by_the_second_ctrl_c(algorithm):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen([sys.executable, "-W", "ignore", "-c", code], **pipes)
     try:
-        assert "learns\n" in iter(process.stdout.readline, "")
         assert process.stdout.readline() == "steps\n"
         process.send_signal(signal.SIGINT)
         assert process.stderr.readline().startswith("Ctrl-C: waiting for the end of the ")

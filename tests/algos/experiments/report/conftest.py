@@ -7,6 +7,7 @@ import pytest
 
 from curiosity_algos import NSES, CanonicalES, MAPElites
 from curiosity_algos.experiments import SaveRun
+from curiosity_algos.experiments.measures import load_compared
 from curiosity_gym import BehaviorWrapper
 
 POPULATION = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
@@ -52,3 +53,19 @@ def runs_folder(tmp_path_factory):
     described = json.loads((trained / "0" / "run.json").read_text())
     (new / "run.json").write_text(json.dumps(described | {"seed": 2}))
     return folder
+
+
+@pytest.fixture
+def runs(runs_folder):
+    runs = load_compared([runs_folder])
+    return runs[runs["has_begun"]]
+
+
+@pytest.fixture
+def maze(runs):
+    return runs[runs["env"] == "CuriosityMaze-Hard-v0"]
+
+
+@pytest.fixture
+def mountain(runs):
+    return runs[runs["env"].str.startswith("Mountain")]

@@ -4,7 +4,6 @@ import pytest
 
 from curiosity_algos.experiments import load_final_states
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.pictures import (
     MOST_POINTS,
@@ -20,22 +19,6 @@ from curiosity_algos.experiments.report.pictures import (
 from curiosity_algos.experiments.run_folder import RunFolder
 
 SQUARE = Plane(np.zeros(2), np.ones(2))
-
-
-@pytest.fixture
-def runs(runs_folder):
-    runs = load_compared([runs_folder])
-    return runs[runs["has_begun"]]
-
-
-@pytest.fixture
-def maze(runs):
-    return runs[runs["env"] == "CuriosityMaze-Hard-v0"]
-
-
-@pytest.fixture
-def mountain(runs):
-    return runs[runs["env"].str.startswith("Mountain")]
 
 
 @pytest.fixture

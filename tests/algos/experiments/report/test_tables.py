@@ -1,30 +1,12 @@
 import re
 
 import pandas as pd
-import pytest
 from html_tables import first_table
 
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report.tables import configurations, percent, summary
 
 NOTHING = "\N{EN DASH}"
-
-
-@pytest.fixture
-def runs(runs_folder):
-    runs = load_compared([runs_folder])
-    return runs[runs["has_begun"]]
-
-
-@pytest.fixture
-def maze(runs):
-    return runs[runs["env"] == "CuriosityMaze-Hard-v0"]
-
-
-@pytest.fixture
-def mountain(runs):
-    return runs[runs["env"].str.startswith("Mountain")]
 
 
 def rows_of(runs):

@@ -19,6 +19,8 @@ from hypothesis import settings
 with contextlib.suppress(ImportError):
     import triton  # noqa: F401
 
+# Beside other tests, torch's threads only wait for each other.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -32,14 +34,19 @@ settings.load_profile("gate")
 
 TESTS = Path(__file__).parent
 SLOW = [
+    "algos/algorithms/test_cma_me.py",
+    "algos/bonuses/test_checks.py",
     "algos/cli",
     "algos/evaluation/test_processes.py",
     "algos/evaluation/test_ray.py",
+    "algos/evaluation/test_simulation.py",
     "algos/experiments",
+    "algos/test_imports.py",
     "algos/test_resume.py",
     "algos/test_stable_baselines.py",
     "gym/control",
     "gym/locomotion",
+    "gym/test_compiled.py",
     "gym/wrappers/test_ready_made.py",
     "test_benchmark_results.py",
     "test_benchmarks.py",

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from scripts import ROOT, cut_budgets, run_python
+from scripts import ROOT, cut_budgets, run_script
 
 ARGUMENTS = {
     "check_bonus.py": ["--updates", "100"],
@@ -30,12 +30,12 @@ def test_every_example_is_here():
 
 @pytest.mark.parametrize("name", sorted(ARGUMENTS))
 def test_example(name, tmp_path):
-    assert run_python([ROOT / "examples" / name, *ARGUMENTS[name]], tmp_path).strip()
+    assert run_script(ROOT / "examples" / name, tmp_path, ARGUMENTS[name]).strip()
 
 
 def test_training_example_writes_its_report(tmp_path):
     arguments = ["--env", "CuriosityMaze-US-v0", "--timesteps", "2e5", "--out", "report"]
-    printed = run_python([ROOT / "examples" / "train_curiosity_es.py", *arguments], tmp_path)
+    printed = run_script(ROOT / "examples" / "train_curiosity_es.py", tmp_path, arguments)
     names = {path.name for path in (tmp_path / "report").iterdir()}
     pictures = {"final_positions.png", "coverage_and_return.png", "best_policy.gif"}
     assert names == {"model.zip", "progress.csv", *pictures}
@@ -51,4 +51,4 @@ def test_snippets_of_a_page_run_in_their_order(program, tmp_path):
     lines = program.splitlines()
     script = tmp_path / "snippets.py"
     script.write_text("if __name__ == '__main__':\n" + "".join(f"    {line}\n" for line in lines))
-    run_python([script], tmp_path)
+    run_script(script, tmp_path)

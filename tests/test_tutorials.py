@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import jupytext
 import pytest
-from scripts import ROOT, cut_budgets, run_python
+from scripts import ROOT, cut_budgets, run_script
 
 from docs.notebooks import link, pages, write
 
@@ -33,7 +33,7 @@ def test_a_tutorial_runs_as_a_script(name, tmp_path):
     script = tmp_path / f"{name}.py"
     program = jupytext.writes(jupytext.read(PAGES[name]), fmt="py:percent")
     script.write_text(cut_budgets(program))
-    printed = run_python([script], tmp_path).splitlines()
+    printed = run_script(script, tmp_path).splitlines()
     promised = PROMISED.get(name, [])
     assert [line for line in printed if line in promised] == promised
     assert len(printed) >= 2

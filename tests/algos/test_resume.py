@@ -1,7 +1,6 @@
 """An interrupted run, resumed, is the run that was never interrupted, in every bit."""
 
 import csv
-import os
 import pathlib
 import random
 import signal
@@ -67,11 +66,8 @@ def kill_ten_times():
     """Trains an algorithm in processes that are killed, one after the other, at random moments."""
     moments = np.random.default_rng(0).uniform(0.0, 0.1, 10).tolist()
     code = KILLER.format(tests=str(pathlib.Path(__file__).parent), moments=moments)
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen(
-        [sys.executable, "-c", code], cwd=ROOT, env=environment, **pipes
-    ) as killer:
+    with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, **pipes) as killer:
 
         def kill(algorithm, folder):
             interval = 37 if algorithm is TD3ICM else 1

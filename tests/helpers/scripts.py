@@ -1,7 +1,9 @@
 """Programs of the documentation, shortened and run as users run them."""
 
+import multiprocessing
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -16,10 +18,31 @@ def cut_budgets(program):
 
 def run_python(arguments, folder):
     """What Python prints with these arguments, in a folder."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "SDL_VIDEODRIVER": "dummy"}
-    environment["OMP_NUM_THREADS"] = "1"  # beside other tests, torch's threads only wait
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     result = subprocess.run(
         [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True
     )
     assert result.returncode == 0, result.stderr
     return result.stdout
+
+
+def run_script(script, folder, arguments=()):
+    """What a script prints in a folder, in a process that has our packages imported already."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["curiosity_algos.experiments"])
+    printed = folder / "printed.log"
+    process = context.Process(target=_run, args=(script, folder, arguments, printed))
+    process.start()
+    process.join()
+    assert process.exitcode == 0, printed.read_text()
+    process.close()
+    return printed.read_text()
+
+
+def _run(script, folder, arguments, printed):
+    with printed.open("w") as file:
+        for descriptor in (1, 2):
+            os.dup2(file.fileno(), descriptor)
+    os.chdir(folder)
+    sys.argv = [str(script), *arguments]
+    runpy.run_path(str(script), run_name="__main__")

@@ -11,7 +11,7 @@ from curiosity_algos.cli import main
 
 ROOT = pathlib.Path(__file__).parents[3]
 COMMAND = [sys.executable, "-c", "from curiosity_algos.cli import main; main()"]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
 @pytest.fixture

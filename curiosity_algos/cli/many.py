@@ -13,7 +13,6 @@ from curiosity_gym.validation import check_at_least_one, check_positive
 
 if TYPE_CHECKING:
     from curiosity_algos.experiments.sweep import Backend
-    from curiosity_algos.experiments.tracking import Project
     from curiosity_algos.experiments.training import RunSpec
 
 
@@ -24,7 +23,6 @@ def train_all(
     jobs: int | None = None,
     backend: Backend | None = None,
     interval: float = 60.0,
-    track: Project | None = None,
 ) -> None:
     """Train what is not finished, and print what each run has come to.
 
@@ -34,7 +32,6 @@ def train_all(
         jobs: Runs at a time; None: one a processor.
         backend: Trains them elsewhere; None: on this machine.
         interval: Seconds between two checkpoints of a run.
-        track: Project of Weights & Biases that keeps the runs; None: none.
 
     Raises:
         ValueError: If an argument is out of its range; if runs failed.
@@ -56,6 +53,6 @@ def train_all(
             bar.update()
 
         backend = backend or Processes(jobs)
-        sweep(runs, folder, backend=backend, interval=interval, track=track, report=report)
+        sweep(runs, folder, backend=backend, interval=interval, report=report)
     if errors:
         raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from curiosity_algos.experiments.tracking import Project
     from curiosity_algos.experiments.training import RunSpec
 
 TIMESTEPS = 1e7
@@ -38,9 +37,6 @@ Device = Annotated[str | None, typer.Option(help="Where networks are: auto, cpu,
 ConfFile = Annotated[
     Path | None, typer.Option(help="A YAML file, as rl-zoo3's: keywords by environment.")
 ]
-Track = Annotated[bool, typer.Option("--track", help="Send logs to Weights & Biases.")]
-ProjectName = Annotated[str, typer.Option("--wandb-project-name", help="There.")]
-Entity = Annotated[str | None, typer.Option("--wandb-entity", help="There: a team.")]
 
 
 def make_runs(
@@ -77,17 +73,6 @@ def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:
     """Keywords of an algorithm: its hyperparameters, and what other options give."""
     given = {name: value for name, value in others.items() if value is not None}
     return keywords("hyperparams", hyperparams) | given
-
-
-def find_project(track: bool, name: str, entity: str | None) -> Project | None:
-    """The project that tracks runs, if they are to be tracked."""
-    from curiosity_algos.experiments.tracking import Project
-
-    if not track:
-        return None
-    project = Project(name, entity)
-    project.check()
-    return project
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:

@@ -12,13 +12,10 @@ from curiosity_algos.cli.many import train_all
 from curiosity_algos.cli.options import (
     ConfFile,
     Device,
-    Entity,
     Keywords,
     LogFolder,
     Preset,
-    ProjectName,
     Timesteps,
-    Track,
 )
 from curiosity_gym.validation import check_choice
 
@@ -52,9 +49,6 @@ def sweep(
         ),
     ] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
-    track: Track = False,
-    wandb_project_name: ProjectName = "curiosity",
-    wandb_entity: Entity = None,
 ) -> None:
     """Train each algorithm on each environment with each seed; what is finished is left alone.
 
@@ -69,7 +63,6 @@ def sweep(
         settings=options.settings(hyperparams, preset=preset, device=device),
         conf_file=conf_file,
     )
-    project = options.find_project(track, wandb_project_name, wandb_entity)
     train_all(
         runs,
         log_folder,
@@ -82,7 +75,6 @@ def sweep(
             resources=options.keywords("resources", resources) or None,
         ),
         interval=interval,
-        track=project,
     )
 
 

@@ -12,14 +12,11 @@ from curiosity_algos.cli.options import (
     Algo,
     ConfFile,
     Device,
-    Entity,
     Env,
     Keywords,
     LogFolder,
     Preset,
-    ProjectName,
     Timesteps,
-    Track,
 )
 
 
@@ -36,9 +33,6 @@ def train(
     device: Device = None,
     num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
     progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
-    track: Track = False,
-    wandb_project_name: ProjectName = "curiosity",
-    wandb_entity: Entity = None,
 ) -> None:
     """Train one model and keep its run in a folder; one that was interrupted goes on.
 
@@ -55,9 +49,8 @@ def train(
         settings=options.settings(hyperparams, preset=preset, device=device, n_threads=num_threads),
         conf_file=conf_file,
     )
-    project = options.find_project(track, wandb_project_name, wandb_entity)
     folder = run.folder(log_folder)
-    if not training.train(run, folder, progress_bar=progress, track=project):
+    if not training.train(run, folder, progress_bar=progress):
         typer.echo(f"{folder} is finished.")
         return
     typer.echo(options.summary(folder))

@@ -17,7 +17,6 @@ from typing import Any, TypeAlias
 import torch as th
 
 from curiosity_algos.experiments.names import find_algorithm
-from curiosity_algos.experiments.tracking import Project
 from curiosity_algos.experiments.training import RunSpec, is_finished, train
 
 Report: TypeAlias = Callable[[RunSpec, bool | BaseException], None]
@@ -43,7 +42,6 @@ def sweep(
     *,
     backend: Backend,
     interval: float = 60.0,
-    track: Project | None = None,
     report: Report,
 ) -> None:
     """Train every run in its folder; one that fails does not stop the others.
@@ -53,7 +51,6 @@ def sweep(
         folder: Parent of the folders of all runs.
         backend: Trains those that are not finished: `Processes`, or `RayBackend`.
         interval: Seconds between two checkpoints of a run.
-        track: Project of Weights & Biases that keeps the runs; None: none.
         report: Is told of each run.
     """
     left = []
@@ -66,18 +63,18 @@ def sweep(
         except (OSError, ValueError) as error:  # another run is there, or other files
             report(run, error)
     # Processes of other machines have another working directory.
-    alone = partial(_train_alone, folder=folder.absolute(), interval=interval, track=track)
+    alone = partial(_train_alone, folder=folder.absolute(), interval=interval)
     if left:
         backend(left, alone, report)
 
 
-def _train_alone(run: RunSpec, *, folder: Path, interval: float, track: Project | None) -> bool:
+def _train_alone(run: RunSpec, *, folder: Path, interval: float) -> bool:
     th.set_num_threads(1)
     settings = {"device": "cpu", **run.settings}
     if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
         settings["n_threads"] = 1
     run = replace(run, settings=settings)
-    return train(run, run.folder(folder), interval=interval, track=track)
+    return train(run, run.folder(folder), interval=interval)
 
 
 class Processes:

@@ -12,18 +12,14 @@ import typer
 if TYPE_CHECKING:
     from curiosity_algos.experiments.training import RunSpec
 
-TIMESTEPS = 1e7
-
 Algo = Annotated[
     str,
     typer.Option("--algo", help="An algorithm, in any spelling: curiosity_es, NSES, map-elites."),
 ]
 Env = Annotated[str, typer.Option("--env", help="Id of an environment.")]
 Timesteps = Annotated[
-    float | None,
-    typer.Option(
-        "--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget; None: 1e7."
-    ),
+    float,
+    typer.Option("--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget."),
 ]
 LogFolder = Annotated[
     Path, typer.Option("--log-folder", "-f", help="Where runs are: FOLDER/algorithm/env/seed.")
@@ -34,9 +30,6 @@ Keywords = Annotated[
 ]
 Preset = Annotated[str | None, typer.Option(help="Settings to begin with: paper or tuned.")]
 Device = Annotated[str | None, typer.Option(help="Where networks are: auto, cpu, cuda.")]
-ConfFile = Annotated[
-    Path | None, typer.Option(help="A YAML file, as rl-zoo3's: keywords by environment.")
-]
 
 
 def make_runs(
@@ -44,21 +37,21 @@ def make_runs(
     envs: Sequence[str],
     seeds: Sequence[int],
     *,
-    timesteps: float | None,
+    timesteps: float,
     env_kwargs: list[str] | None,
-    settings: dict[str, Any],
-    conf_file: Path | None,
+    hyperparams: list[str] | None,
+    **others: Any,
 ) -> list[RunSpec]:
-    """A run of each algorithm, environment and seed, all of which can begin."""
-    from curiosity_algos.experiments import conf_file as files
+    """A run of each algorithm, environment and seed, all of which can begin.
+
+    Keywords of the algorithms that other options give count more than `hyperparams`.
+    """
     from curiosity_algos.experiments.sweep import grid
 
-    common = {"timesteps": TIMESTEPS if timesteps is None else timesteps, "settings": settings}
-    common["env_kwargs"] = keywords("env-kwargs", env_kwargs)
-    runs = grid(algos, envs, seeds, **common)
-    if conf_file is not None:
-        table = files.read_conf_file(conf_file)
-        runs = [files.complete(run, table, timesteps) for run in runs]
+    made_with = keywords("env-kwargs", env_kwargs)
+    given = {name: value for name, value in others.items() if value is not None}
+    settings = keywords("hyperparams", hyperparams) | given
+    runs = grid(algos, envs, seeds, timesteps=timesteps, settings=settings, env_kwargs=made_with)
     check_all(runs)
     return runs
 
@@ -67,12 +60,6 @@ def check_all(runs: Sequence[RunSpec]) -> None:
     """Check that runs can begin, one of each algorithm and environment."""
     for run in {(run.variant, run.algorithm, run.env): run for run in runs}.values():
         run.check()
-
-
-def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:
-    """Keywords of an algorithm: its hyperparameters, and what other options give."""
-    given = {name: value for name, value in others.items() if value is not None}
-    return keywords("hyperparams", hyperparams) | given
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:

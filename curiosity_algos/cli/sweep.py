@@ -10,7 +10,6 @@ import typer
 from curiosity_algos.cli import options
 from curiosity_algos.cli.many import train_all
 from curiosity_algos.cli.options import (
-    ConfFile,
     Device,
     Keywords,
     LogFolder,
@@ -27,12 +26,11 @@ def sweep(
     algos: Annotated[str, typer.Option(help="Algorithms, with commas.")] = "curiosity_es,nses",
     envs: Annotated[str, typer.Option(help="Ids, with commas.")] = "CuriosityMaze-US-v0",
     seeds: Annotated[str, typer.Option(help="Whole numbers, with commas.")] = "0,1,2",
-    timesteps: Timesteps = None,
+    timesteps: Timesteps = 1e7,
     log_folder: LogFolder = Path("runs"),
     env_kwargs: Keywords = None,
     hyperparams: Keywords = None,
     preset: Preset = None,
-    conf_file: ConfFile = None,
     device: Device = None,
     jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
     backend: Annotated[str, typer.Option(help="local, or ray: on a cluster.")] = "local",
@@ -60,8 +58,9 @@ def sweep(
         options.numbers("seeds", seeds),
         timesteps=timesteps,
         env_kwargs=env_kwargs,
-        settings=options.settings(hyperparams, preset=preset, device=device),
-        conf_file=conf_file,
+        hyperparams=hyperparams,
+        preset=preset,
+        device=device,
     )
     train_all(
         runs,

@@ -10,7 +10,6 @@ import typer
 from curiosity_algos.cli import options
 from curiosity_algos.cli.options import (
     Algo,
-    ConfFile,
     Device,
     Env,
     Keywords,
@@ -23,13 +22,12 @@ from curiosity_algos.cli.options import (
 def train(
     algo: Algo = "curiosity_es",
     env: Env = "CuriosityMaze-Hard-v0",
-    timesteps: Timesteps = None,
+    timesteps: Timesteps = 1e7,
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
     log_folder: LogFolder = Path("runs"),
     env_kwargs: Keywords = None,
     hyperparams: Keywords = None,
     preset: Preset = None,
-    conf_file: ConfFile = None,
     device: Device = None,
     num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
     progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
@@ -46,8 +44,10 @@ def train(
         [seed],
         timesteps=timesteps,
         env_kwargs=env_kwargs,
-        settings=options.settings(hyperparams, preset=preset, device=device, n_threads=num_threads),
-        conf_file=conf_file,
+        hyperparams=hyperparams,
+        preset=preset,
+        device=device,
+        n_threads=num_threads,
     )
     folder = run.folder(log_folder)
     if not training.train(run, folder, progress_bar=progress):

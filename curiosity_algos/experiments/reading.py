@@ -41,8 +41,6 @@ RESULT: Fields = {
 """Fields of `result.json` that are read."""
 FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 """Columns of final states that are read, and their dimensions."""
-TRAJECTORY = {"rewards": 1}
-"""Arrays of `best_trajectory.npz` that are read."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
 """Arrays of `rewarding.npz` that are read."""
 READ = ("time/", "coverage/")

@@ -29,9 +29,7 @@ from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.reading import (
     DESCRIPTION,
     RESULT,
-    TRAJECTORY,
     damaged,
-    read_arrays,
     read_final_states,
     read_json,
 )
@@ -159,17 +157,6 @@ class RunFolder:
     def _final_state_files(self) -> list[Path]:
         files = self._final_states.glob("*.npz")
         return sorted(path for path in files if path.stem.isdecimal())
-
-    # -- the best policy's episode --------------------------------------------------------------
-
-    def trajectory(self) -> dict[str, npt.NDArray[Any]]:
-        """Every column of `best_trajectory.npz`; empty before `learn` has ended.
-
-        Raises:
-            ValueError: If the file is damaged.
-        """
-        is_there = self.best_trajectory.is_file()
-        return read_arrays(self.best_trajectory, TRAJECTORY) if is_there else {}
 
     # -- going on -------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -11,9 +12,10 @@ import numpy.typing as npt
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
+from curiosity_algos.evaluation.environments import step_limit
+from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
-from curiosity_algos.experiments.played import episode
 from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -51,8 +53,8 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
     check_choice((".gif", ".mp4"), out=path.suffix)
     policy, env = _open(source, trust, render_mode="rgb_array")
     frames, total = [], 0.0
-    for t, step in enumerate(episode(policy, env, seed)):
-        total += step.reward
+    for t, reward in enumerate(_rewards(policy, env, seed)):
+        total += reward
         if t % stride == 0:
             frames.append(_frame(env))
     frames.append(_frame(env))
@@ -84,9 +86,21 @@ def play(source: Source, *, seed: int, trust: bool = False, **rendering: Any) ->
         ValueError: If it cannot be played.
     """
     policy, env = _open(source, trust, **rendering)
-    total = sum(step.reward for step in episode(policy, env, seed))
+    total = sum(_rewards(policy, env, seed))
     env.close()
     return total
+
+
+def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:
+    """0 at the reset, then the reward of each step; without a limit, of the first 10,000."""
+    observation, _ = env.reset(seed=seed)
+    yield 0.0
+    for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
+        action, _ = policy.predict(observation, deterministic=True)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        yield float(reward)
+        if terminated or truncated:
+            return
 
 
 def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:

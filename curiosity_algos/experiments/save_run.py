@@ -15,9 +15,8 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
+from curiosity_algos.experiments.description import describe_run, is_same_run
 from curiosity_algos.experiments.locks import FileLock
-from curiosity_algos.experiments.played import can_be_played, write_trajectory
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
 from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
@@ -161,7 +160,6 @@ class SaveRun(BaseCallback):
         assert self._log is not None
         self._log.end(self.logger.name_to_value)
         self._save(exclude=["buffer"])
-        self._save_trajectory()
         self.folder.end()
         self.close()
 
@@ -261,12 +259,6 @@ class SaveRun(BaseCallback):
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }
-
-    def _save_trajectory(self) -> None:
-        env = self.model.get_env()
-        spec = spec_of(env)
-        if spec is not None and can_be_played(env, spec):
-            write_trajectory(self.model, spec, self.folder.best_trajectory)
 
 
 def _warn_of_what_is_lost(model: object) -> None:

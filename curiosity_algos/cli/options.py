@@ -85,16 +85,3 @@ def numbers(option: str, text: str) -> list[int]:
     if not all(part.strip().isdecimal() for part in text.split(",")):
         raise ValueError(f"--{option} must be whole numbers with commas, got {text}.")
     return [int(part) for part in text.split(",")]
-
-
-def summary(folder: Path) -> str:
-    """A run's result in a line."""
-    from curiosity_algos.experiments import RunFolder
-
-    result = RunFolder(folder).result()
-    first = result["first_success_timesteps"]
-    found = "no success" if first is None else f"first success after {first:,} timesteps"
-    shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
-    coverage = f", coverage {', '.join(shares)}" if shares else ""
-    best = result["best_return"]
-    return f"{folder}: best return {'none' if best is None else f'{best:.3f}'}, {found}{coverage}"

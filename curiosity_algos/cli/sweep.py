@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.many import train_all
 from curiosity_algos.cli.options import (
     Device,
     Keywords,
@@ -52,6 +51,8 @@ def sweep(
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
     """
+    from curiosity_algos.experiments import sweep as sweeps
+
     runs = options.make_runs(
         algos.split(","),
         envs.split(","),
@@ -62,29 +63,26 @@ def sweep(
         preset=preset,
         device=device,
     )
-    train_all(
-        runs,
-        log_folder,
-        jobs=jobs,
-        backend=_make_backend(
-            backend,
-            jobs,
-            address=address,
-            num_cpus=num_cpus,
-            resources=options.keywords("resources", resources) or None,
-        ),
-        interval=interval,
+    made = _make_backend(
+        backend,
+        jobs,
+        address=address,
+        num_cpus=num_cpus,
+        resources=options.keywords("resources", resources) or None,
     )
+    sweeps.sweep(runs, log_folder, backend=made, interval=interval)
 
 
-def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend | None:
-    """The backend of a cluster, with those of its settings that are given; None: this machine."""
+def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend:
+    """A backend, with those of a cluster's settings that are given."""
     check_choice(("local", "ray"), backend=name)
     given = {option: value for option, value in settings.items() if value is not None}
     if name == "local":
+        from curiosity_algos.experiments.sweep import Processes
+
         if given:
             raise ValueError(f"`{next(iter(given))}` must be left out unless `backend` is ray.")
-        return None
+        return Processes(jobs)
     if jobs is not None:
         raise ValueError(
             "`jobs` must be left out with ray: it begins what `num_cpus` leave room for."

@@ -53,4 +53,4 @@ def train(
     if not training.train(run, folder, progress_bar=progress):
         typer.echo(f"{folder} is finished.")
         return
-    typer.echo(options.summary(folder))
+    typer.echo(training.summary(folder))

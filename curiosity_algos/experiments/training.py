@@ -150,3 +150,14 @@ def train(
     finally:
         save.close()
     return True
+
+
+def summary(folder: Path) -> str:
+    """A run's result in a line."""
+    result = RunFolder(folder).result()
+    first = result["first_success_timesteps"]
+    found = "no success" if first is None else f"first success after {first:,} timesteps"
+    shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
+    coverage = f", coverage {', '.join(shares)}" if shares else ""
+    best = result["best_return"]
+    return f"{folder}: best return {'none' if best is None else f'{best:.3f}'}, {found}{coverage}"

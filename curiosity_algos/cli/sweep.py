@@ -8,13 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.options import (
-    Device,
-    Keywords,
-    LogFolder,
-    Preset,
-    Timesteps,
-)
 from curiosity_gym.validation import check_choice
 
 if TYPE_CHECKING:
@@ -25,12 +18,12 @@ def sweep(
     algos: Annotated[str, typer.Option(help="Algorithms, with commas.")] = "curiosity_es,nses",
     envs: Annotated[str, typer.Option(help="Ids, with commas.")] = "CuriosityMaze-US-v0",
     seeds: Annotated[str, typer.Option(help="Whole numbers, with commas.")] = "0,1,2",
-    timesteps: Timesteps = 1e7,
-    log_folder: LogFolder = Path("runs"),
-    env_kwargs: Keywords = None,
-    hyperparams: Keywords = None,
-    preset: Preset = None,
-    device: Device = None,
+    timesteps: options.Timesteps = 1e7,
+    log_folder: options.LogFolder = Path("runs"),
+    env_kwargs: options.Keywords = None,
+    hyperparams: options.Keywords = None,
+    preset: options.Preset = None,
+    device: options.Device = None,
     jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
     backend: Annotated[str, typer.Option(help="local, or ray: on a cluster.")] = "local",
     address: Annotated[

@@ -8,27 +8,18 @@ from typing import Annotated
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.options import (
-    Algo,
-    Device,
-    Env,
-    Keywords,
-    LogFolder,
-    Preset,
-    Timesteps,
-)
 
 
 def train(
-    algo: Algo = "curiosity_es",
-    env: Env = "CuriosityMaze-Hard-v0",
-    timesteps: Timesteps = 1e7,
+    algo: options.Algo = "curiosity_es",
+    env: options.Env = "CuriosityMaze-Hard-v0",
+    timesteps: options.Timesteps = 1e7,
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
-    log_folder: LogFolder = Path("runs"),
-    env_kwargs: Keywords = None,
-    hyperparams: Keywords = None,
-    preset: Preset = None,
-    device: Device = None,
+    log_folder: options.LogFolder = Path("runs"),
+    env_kwargs: options.Keywords = None,
+    hyperparams: options.Keywords = None,
+    preset: options.Preset = None,
+    device: options.Device = None,
     num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
     progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
 ) -> None:

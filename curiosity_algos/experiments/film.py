@@ -1,10 +1,13 @@
-"""The best policy of a run, or one that comes with the package, in a window or in a file."""
+"""The best policy of a run, or one that comes with the package, in a window or in a file.
+
+All raise FileNotFoundError if there is no run, ValueError if it cannot be played.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import gymnasium as gym
 import numpy as np
@@ -25,15 +28,8 @@ from curiosity_gym.validation import check_choice
 Frame = npt.NDArray[np.uint8]
 
 
-class Pretrained(NamedTuple):
-    """A policy that comes with the package."""
-
-    algorithm: str
-    env_id: str
-
-
-Source: TypeAlias = Path | Pretrained
-"""The folder of a run, or a policy of the package."""
+Source: TypeAlias = Path | tuple[str, str]
+"""The folder of a run, or the algorithm and environment of a policy of the package."""
 
 
 def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = False) -> float:
@@ -45,10 +41,6 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
         stride: Steps from frame to frame.
         seed: Seed of the environment.
         trust: Also run code that the folder of the run names or holds.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it cannot be played; if the path is of another kind of file.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
     policy, env = _open(source, trust, render_mode="rgb_array")
@@ -65,12 +57,7 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
 
 
 def watch(source: Source, *, seed: int, trust: bool = False) -> float:
-    """Play one episode in a window; its return.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it cannot be played, or no window can be opened.
-    """
+    """Play one episode in a window; its return."""
     (pygame,) = import_extra("render", "pygame")
     try:
         return play(source, seed=seed, trust=trust, render_mode="human")
@@ -79,12 +66,7 @@ def watch(source: Source, *, seed: int, trust: bool = False) -> float:
 
 
 def play(source: Source, *, seed: int, trust: bool = False, **rendering: Any) -> float:
-    """Play one episode; its return.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it cannot be played.
-    """
+    """Play one episode; its return."""
     policy, env = _open(source, trust, **rendering)
     total = sum(_rewards(policy, env, seed))
     env.close()
@@ -105,8 +87,8 @@ def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[
 
 def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
     """A policy, and an environment as it was trained in."""
-    if isinstance(source, Pretrained):
-        return load_pretrained(*source), gym.make(source.env_id, **rendering)
+    if isinstance(source, tuple):
+        return load_pretrained(*source), gym.make(source[1], **rendering)
     described, checkpoint = _described(source)
     spec = decode_spec(described["env_spec"], trust=trust)
     policy = _load_policy(described["algorithm"], checkpoint, trust=trust)

@@ -56,10 +56,6 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
     """Coverage, best return and share of runs without a success, one above the other.
 
     Those that an environment does not tell are left out.
-
-    Args:
-        runs: On one environment, as `load_compared` gives them.
-        colors: Colors of labels.
     """
     panels = [("best return so far", "~g", best_return)]
     if has_coverage(runs):
@@ -211,10 +207,7 @@ def _ends(run: str) -> tuple[Float64, Float64]:
 def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     """Each cell in which an episode of any of the runs ended, colored by when one first did.
 
-    Args:
-        runs: Runs of one label.
-        plane: Plane that they are drawn in.
-        longest: Timesteps of the last color.
+    The last color is that of `longest` timesteps.
     """
     first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
     for points, timesteps in map(_ends, runs["run"]):

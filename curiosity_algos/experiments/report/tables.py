@@ -28,7 +28,9 @@ def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
         for label, here in runs.groupby("label")
     }
     table = pd.DataFrame.from_dict(rows, orient="index")
-    return _as_html(table, "Interquartile means (IQM) of runs, with 95 % intervals")
+    html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
+    about = "Interquartile means (IQM) of runs, with 95 % intervals"
+    return f'<div class="scroll" role="region" tabindex="0" aria-label="{about}">{html}</div>'
 
 
 def swatch(color: str) -> str:
@@ -81,9 +83,3 @@ def _interval(values: npt.ArrayLike, text: Callable[[float], str]) -> str:
 def percent(share: float) -> str:
     """0.1234 as "12.3 %", with a space that does not break."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
-
-
-def _as_html(table: pd.DataFrame, about: str) -> str:
-    """A table of HTML in a box of its own that scrolls."""
-    html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
-    return f'<div class="scroll" role="region" tabindex="0" aria-label="{about}">{html}</div>'

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +48,7 @@ class SaveRun(BaseCallback):
         folder: Folder of the run: empty or missing, or that of the run that the model goes on with.
         interval: Seconds between two checkpoints, above 0. One more is taken when `learn` ends,
             without the transitions that bonuses and TD3 are trained on: a run that goes on from
-            there collects them anew, and `SaveRun` warns of it.
+            there collects them anew, and the model warns of it.
         n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
         verbose: As in SB3.
 
@@ -135,8 +134,6 @@ class SaveRun(BaseCallback):
         if isinstance(self._found, ExplorationCallback):
             found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
             self._found.load_state_dict(found)
-        if not result.get("has_transitions", True):
-            _warn_of_what_is_lost(self.model)
         for name, (value, count) in result["pending_log"].items():
             self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
 
@@ -231,8 +228,7 @@ class SaveRun(BaseCallback):
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
-        result = self._result() | {"has_transitions": not exclude}
-        (folder / "result.json").write_text(json.dumps(result, indent=2))
+        (folder / "result.json").write_text(json.dumps(self._result(), indent=2))
 
     def _result(self) -> dict[str, Any]:
         model, found = self.model, self._found
@@ -259,13 +255,3 @@ class SaveRun(BaseCallback):
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }
-
-
-def _warn_of_what_is_lost(model: object) -> None:
-    """Warn if the model is trained on transitions, which its last checkpoint does not hold."""
-    if hasattr(model, "trained_bonus"):
-        warnings.warn(
-            "The run had ended, and goes on without the transitions that it was trained on: it "
-            "collects them anew, and is not the run that would never have ended.",
-            stacklevel=2,
-        )

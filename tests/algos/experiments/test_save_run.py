@@ -449,7 +449,7 @@ def test_it_warns_where_a_run_goes_on_without_its_transitions(
 ):
     make_model(algorithm, make_easy_maze()).learn(300, SaveRun(folder))
     model = algorithm.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
-    with pytest.warns(UserWarning, match="without the transitions"):
+    with pytest.warns(UserWarning, match="without its buffer"):
         model.learn(300, SaveRun(folder), reset_num_timesteps=False)
 
 

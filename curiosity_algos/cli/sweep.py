@@ -32,12 +32,6 @@ def sweep(
     num_cpus: Annotated[
         float | None, typer.Option(help="Processors of a run on a cluster; None: one.")
     ] = None,
-    resources: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="NAME:VALUE, others that a run needs on a cluster.", metavar="NAME:VALUE"
-        ),
-    ] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
 ) -> None:
     """Train each algorithm on each environment with each seed; what is finished is left alone.
@@ -56,13 +50,7 @@ def sweep(
         preset=preset,
         device=device,
     )
-    made = _make_backend(
-        backend,
-        jobs,
-        address=address,
-        num_cpus=num_cpus,
-        resources=options.keywords("resources", resources) or None,
-    )
+    made = _make_backend(backend, jobs, address=address, num_cpus=num_cpus)
     sweeps.sweep(runs, log_folder, backend=made, interval=interval)
 
 

@@ -90,7 +90,7 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
     if isinstance(source, tuple):
         return load_pretrained(*source), gym.make(source[1], **rendering)
     described, checkpoint = _described(source)
-    spec = decode_spec(described["env_spec"], trust=trust)
+    spec = decode_spec(described.get("env_spec"), trust=trust)
     policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
     try:
         env = gym.make(spec, **rendering)
@@ -113,11 +113,6 @@ def _described(folder: Path) -> tuple[dict[str, Any], Path]:
         raise ValueError(
             f"`run` must be of an algorithm of this package, {folder} is of "
             f"{described['algorithm']}: load its model, and call `predict`."
-        )
-    if described.get("env_spec") is None:
-        raise ValueError(
-            f"`run` must say how its environment is made, run.json in {folder} does not: it has no "
-            "id, or arguments that no file can hold."
         )
     return described, checkpoint
 

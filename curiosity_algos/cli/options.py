@@ -12,11 +12,6 @@ import typer
 if TYPE_CHECKING:
     from curiosity_algos.experiments.training import RunSpec
 
-Algo = Annotated[
-    str,
-    typer.Option("--algo", help="An algorithm, in any spelling: curiosity_es, NSES, map-elites."),
-]
-Env = Annotated[str, typer.Option("--env", help="Id of an environment.")]
 Timesteps = Annotated[
     float,
     typer.Option("--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget."),

@@ -45,7 +45,7 @@ def enjoy(
     from curiosity_algos.experiments import film
 
     check_at_least_one(stride=stride)
-    source = Path(run) if pretrained is None else film.Pretrained(pretrained, run)
+    source = Path(run) if pretrained is None else (pretrained, run)
     if no_render:
         typer.echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")
     elif out is None and has_screen():

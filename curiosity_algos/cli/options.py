@@ -10,21 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from curiosity_algos.experiments.tracking import Project
     from curiosity_algos.experiments.training import RunSpec
 
-TIMESTEPS = 1e7
-
-Algo = Annotated[
-    str,
-    typer.Option("--algo", help="An algorithm, in any spelling: curiosity_es, NSES, map-elites."),
-]
-Env = Annotated[str, typer.Option("--env", help="Id of an environment.")]
 Timesteps = Annotated[
-    float | None,
-    typer.Option(
-        "--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget; None: 1e7."
-    ),
+    float,
+    typer.Option("--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget."),
 ]
 LogFolder = Annotated[
     Path, typer.Option("--log-folder", "-f", help="Where runs are: FOLDER/algorithm/env/seed.")
@@ -35,12 +25,6 @@ Keywords = Annotated[
 ]
 Preset = Annotated[str | None, typer.Option(help="Settings to begin with: paper or tuned.")]
 Device = Annotated[str | None, typer.Option(help="Where networks are: auto, cpu, cuda.")]
-ConfFile = Annotated[
-    Path | None, typer.Option(help="A YAML file, as rl-zoo3's: keywords by environment.")
-]
-Track = Annotated[bool, typer.Option("--track", help="Send logs to Weights & Biases.")]
-ProjectName = Annotated[str, typer.Option("--wandb-project-name", help="There.")]
-Entity = Annotated[str | None, typer.Option("--wandb-entity", help="There: a team.")]
 
 
 def make_runs(
@@ -48,21 +32,21 @@ def make_runs(
     envs: Sequence[str],
     seeds: Sequence[int],
     *,
-    timesteps: float | None,
+    timesteps: float,
     env_kwargs: list[str] | None,
-    settings: dict[str, Any],
-    conf_file: Path | None,
+    hyperparams: list[str] | None,
+    **others: Any,
 ) -> list[RunSpec]:
-    """A run of each algorithm, environment and seed, all of which can begin."""
-    from curiosity_algos.experiments import conf_file as files
+    """A run of each algorithm, environment and seed, all of which can begin.
+
+    Keywords of the algorithms that other options give count more than `hyperparams`.
+    """
     from curiosity_algos.experiments.sweep import grid
 
-    common = {"timesteps": TIMESTEPS if timesteps is None else timesteps, "settings": settings}
-    common["env_kwargs"] = keywords("env-kwargs", env_kwargs)
-    runs = grid(algos, envs, seeds, **common)
-    if conf_file is not None:
-        table = files.read_conf_file(conf_file)
-        runs = [files.complete(run, table, timesteps) for run in runs]
+    made_with = keywords("env-kwargs", env_kwargs)
+    given = {name: value for name, value in others.items() if value is not None}
+    settings = keywords("hyperparams", hyperparams) | given
+    runs = grid(algos, envs, seeds, timesteps=timesteps, settings=settings, env_kwargs=made_with)
     check_all(runs)
     return runs
 
@@ -71,23 +55,6 @@ def check_all(runs: Sequence[RunSpec]) -> None:
     """Check that runs can begin, one of each algorithm and environment."""
     for run in {(run.variant, run.algorithm, run.env): run for run in runs}.values():
         run.check()
-
-
-def settings(hyperparams: list[str] | None, **others: Any) -> dict[str, Any]:
-    """Keywords of an algorithm: its hyperparameters, and what other options give."""
-    given = {name: value for name, value in others.items() if value is not None}
-    return keywords("hyperparams", hyperparams) | given
-
-
-def find_project(track: bool, name: str, entity: str | None) -> Project | None:
-    """The project that tracks runs, if they are to be tracked."""
-    from curiosity_algos.experiments.tracking import Project
-
-    if not track:
-        return None
-    project = Project(name, entity)
-    project.check()
-    return project
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:
@@ -113,16 +80,3 @@ def numbers(option: str, text: str) -> list[int]:
     if not all(part.strip().isdecimal() for part in text.split(",")):
         raise ValueError(f"--{option} must be whole numbers with commas, got {text}.")
     return [int(part) for part in text.split(",")]
-
-
-def summary(folder: Path) -> str:
-    """A run's result in a line."""
-    from curiosity_algos.experiments import RunFolder
-
-    result = RunFolder(folder).result()
-    first = result["first_success_timesteps"]
-    found = "no success" if first is None else f"first success after {first:,} timesteps"
-    shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
-    coverage = f", coverage {', '.join(shares)}" if shares else ""
-    best = result["best_return"]
-    return f"{folder}: best return {'none' if best is None else f'{best:.3f}'}, {found}{coverage}"

@@ -12,7 +12,7 @@ def report(
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or with runs in them.")],
     out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("report.html"),
 ) -> None:
-    """Compare runs in one HTML file: tables, curves, maps and replays (extra `report`).
+    """Compare runs in one HTML file: tables, curves and maps (extra `report`).
 
     Example: curiosity report runs --out report.html
     """

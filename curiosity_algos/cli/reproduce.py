@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.many import train_all
 
 
 def reproduce(
@@ -41,6 +40,7 @@ def reproduce(
     """
     from curiosity_algos.experiments.figures import canvas, paper
     from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
+    from curiosity_algos.experiments.sweep import Processes, sweep
     from curiosity_gym.validation import check_choice
 
     check_choice(tuple(BUDGETS), budget=budget)
@@ -52,11 +52,11 @@ def reproduce(
         canvas.check_out(path)
     chosen = BUDGETS[budget].seeds if seeds is None else options.numbers("seeds", seeds)
     plan = Plan(folder, BUDGETS[budget], preset, chosen)
-    jobs = plan.budget.jobs if jobs is None else jobs
+    backend = Processes(plan.budget.jobs if jobs is None else jobs)
     needed = {run.folder(folder): run for figure in figures for run in plan.runs(figure)}
     runs = list(needed.values())
     options.check_all(runs)
-    train_all(runs, folder, jobs=jobs, interval=interval)
+    sweep(runs, folder, backend=backend, interval=interval)
     for figure, path in paths.items():
         canvas.save(paper.draw(figure, plan), path)
         typer.echo(f"{path}")

@@ -8,18 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.many import train_all
-from curiosity_algos.cli.options import (
-    ConfFile,
-    Device,
-    Entity,
-    Keywords,
-    LogFolder,
-    Preset,
-    ProjectName,
-    Timesteps,
-    Track,
-)
 from curiosity_gym.validation import check_choice
 
 if TYPE_CHECKING:
@@ -30,13 +18,12 @@ def sweep(
     algos: Annotated[str, typer.Option(help="Algorithms, with commas.")] = "curiosity_es,nses",
     envs: Annotated[str, typer.Option(help="Ids, with commas.")] = "CuriosityMaze-US-v0",
     seeds: Annotated[str, typer.Option(help="Whole numbers, with commas.")] = "0,1,2",
-    timesteps: Timesteps = None,
-    log_folder: LogFolder = Path("runs"),
-    env_kwargs: Keywords = None,
-    hyperparams: Keywords = None,
-    preset: Preset = None,
-    conf_file: ConfFile = None,
-    device: Device = None,
+    timesteps: options.Timesteps = 1e7,
+    log_folder: options.LogFolder = Path("runs"),
+    env_kwargs: options.Keywords = None,
+    hyperparams: options.Keywords = None,
+    preset: options.Preset = None,
+    device: options.Device = None,
     jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
     backend: Annotated[str, typer.Option(help="local, or ray: on a cluster.")] = "local",
     address: Annotated[
@@ -45,55 +32,38 @@ def sweep(
     num_cpus: Annotated[
         float | None, typer.Option(help="Processors of a run on a cluster; None: one.")
     ] = None,
-    resources: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="NAME:VALUE, others that a run needs on a cluster.", metavar="NAME:VALUE"
-        ),
-    ] = None,
     interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
-    track: Track = False,
-    wandb_project_name: ProjectName = "curiosity",
-    wandb_entity: Entity = None,
 ) -> None:
     """Train each algorithm on each environment with each seed; what is finished is left alone.
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
     """
+    from curiosity_algos.experiments import sweep as sweeps
+
     runs = options.make_runs(
         algos.split(","),
         envs.split(","),
         options.numbers("seeds", seeds),
         timesteps=timesteps,
         env_kwargs=env_kwargs,
-        settings=options.settings(hyperparams, preset=preset, device=device),
-        conf_file=conf_file,
+        hyperparams=hyperparams,
+        preset=preset,
+        device=device,
     )
-    project = options.find_project(track, wandb_project_name, wandb_entity)
-    train_all(
-        runs,
-        log_folder,
-        jobs=jobs,
-        backend=_make_backend(
-            backend,
-            jobs,
-            address=address,
-            num_cpus=num_cpus,
-            resources=options.keywords("resources", resources) or None,
-        ),
-        interval=interval,
-        track=project,
-    )
+    made = _make_backend(backend, jobs, address=address, num_cpus=num_cpus)
+    sweeps.sweep(runs, log_folder, backend=made, interval=interval)
 
 
-def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend | None:
-    """The backend of a cluster, with those of its settings that are given; None: this machine."""
+def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend:
+    """A backend, with those of a cluster's settings that are given."""
     check_choice(("local", "ray"), backend=name)
     given = {option: value for option, value in settings.items() if value is not None}
     if name == "local":
+        from curiosity_algos.experiments.sweep import Processes
+
         if given:
             raise ValueError(f"`{next(iter(given))}` must be left out unless `backend` is ray.")
-        return None
+        return Processes(jobs)
     if jobs is not None:
         raise ValueError(
             "`jobs` must be left out with ray: it begins what `num_cpus` leave room for."

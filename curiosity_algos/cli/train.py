@@ -8,37 +8,22 @@ from typing import Annotated
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_algos.cli.options import (
-    Algo,
-    ConfFile,
-    Device,
-    Entity,
-    Env,
-    Keywords,
-    LogFolder,
-    Preset,
-    ProjectName,
-    Timesteps,
-    Track,
-)
 
 
 def train(
-    algo: Algo = "curiosity_es",
-    env: Env = "CuriosityMaze-Hard-v0",
-    timesteps: Timesteps = None,
+    algo: Annotated[
+        str, typer.Option(help="An algorithm, in any spelling: curiosity_es, NSES, map-elites.")
+    ] = "curiosity_es",
+    env: Annotated[str, typer.Option(help="Id of an environment.")] = "CuriosityMaze-Hard-v0",
+    timesteps: options.Timesteps = 1e7,
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
-    log_folder: LogFolder = Path("runs"),
-    env_kwargs: Keywords = None,
-    hyperparams: Keywords = None,
-    preset: Preset = None,
-    conf_file: ConfFile = None,
-    device: Device = None,
+    log_folder: options.LogFolder = Path("runs"),
+    env_kwargs: options.Keywords = None,
+    hyperparams: options.Keywords = None,
+    preset: options.Preset = None,
+    device: options.Device = None,
     num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
     progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
-    track: Track = False,
-    wandb_project_name: ProjectName = "curiosity",
-    wandb_entity: Entity = None,
 ) -> None:
     """Train one model and keep its run in a folder; one that was interrupted goes on.
 
@@ -52,12 +37,13 @@ def train(
         [seed],
         timesteps=timesteps,
         env_kwargs=env_kwargs,
-        settings=options.settings(hyperparams, preset=preset, device=device, n_threads=num_threads),
-        conf_file=conf_file,
+        hyperparams=hyperparams,
+        preset=preset,
+        device=device,
+        n_threads=num_threads,
     )
-    project = options.find_project(track, wandb_project_name, wandb_entity)
     folder = run.folder(log_folder)
-    if not training.train(run, folder, progress_bar=progress, track=project):
+    if not training.train(run, folder, progress_bar=progress):
         typer.echo(f"{folder} is finished.")
         return
-    typer.echo(options.summary(folder))
+    typer.echo(training.summary(folder))

@@ -28,7 +28,10 @@ def deferred_interrupt(what: str) -> Iterator[None]:
     def hold(number: int, frame: FrameType | None) -> None:
         received.append(number)
         signal.signal(signal.SIGINT, previous)
-        _say(f"Ctrl-C: waiting for the end of {what}; press it again to stop at once.")
+        line = f"Ctrl-C: waiting for the end of {what}; press it again to stop at once."
+        # A write that the signal came into, or a closed stderr: neither must end the block.
+        with suppress(OSError, RuntimeError, ValueError):
+            print(line, file=sys.stderr, flush=True)
 
     # Only Python's own Ctrl-C is held: another handler is the user's, and stays in charge.
     is_default = previous is signal.default_int_handler
@@ -41,9 +44,3 @@ def deferred_interrupt(what: str) -> Iterator[None]:
             signal.signal(signal.SIGINT, previous)
     if received:
         raise KeyboardInterrupt
-
-
-def _say(line: str) -> None:
-    # A write that the signal came into, or a closed stderr: neither must end the block.
-    with suppress(OSError, RuntimeError, ValueError):
-        print(line, file=sys.stderr, flush=True)

@@ -90,10 +90,7 @@ def _slots(thing: object) -> Iterator[Any]:
 
 
 class EpisodeSeeds:
-    """Draws the seed of each generation's episodes.
-
-    Args:
-        seed: Where the draws begin.
+    """Draws the seed of each generation's episodes, from `seed` on.
 
     Attributes:
         current: The seed drawn last.
@@ -118,11 +115,7 @@ class EpisodeSeeds:
 
 
 class SpaceGenerator:
-    """The generator that a space samples from, as a part of a checkpoint.
-
-    Args:
-        space: Any.
-    """
+    """The generator that a space samples from, as a part of a checkpoint."""
 
     def __init__(self, space: spaces.Space[Any]) -> None:
         self._space = space

@@ -26,13 +26,7 @@ Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlg
 
 
 def write_model(model: Recordable, folder: Path, exclude: list[str]) -> None:
-    """Save a model, the wrappers of its VecEnv that learn, and its best policy.
-
-    Args:
-        model: Model to save, as `model.zip`.
-        folder: Folder of the checkpoint.
-        exclude: Names that the model's file leaves out.
-    """
+    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint."""
     model.save(folder / "model", exclude)
     bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
     if bonus is not None:

@@ -184,16 +184,12 @@ def version(package: str) -> str | None:
 
 def git_revision(folder: Path) -> str | None:
     """The commit that a folder is at, with "+" where files differ; None outside of git."""
+    described = ["git", "-C", str(folder), "describe", "--always", "--abbrev=40", "--exclude=*"]
     try:
-        commit, changes = (
-            subprocess.run(
-                ["git", "-C", str(folder), *words], capture_output=True, text=True, check=True
-            ).stdout.strip()
-            for words in (["rev-parse", "HEAD"], ["status", "--porcelain", "-uno"])
-        )
+        ran = subprocess.run([*described, "--dirty=+"], capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
-    return f"{commit}+" if changes else commit
+    return ran.stdout.strip()
 
 
 def cpu_model() -> str:

@@ -45,24 +45,25 @@ def _named(entry: object) -> str | None:
     return f"{entry.__module__}:{name}" if name.isidentifier() else None
 
 
-def decode_spec(encoded: Mapping[str, Any], *, trust: bool = False) -> EnvSpec:
+def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> EnvSpec:
     """The spec that `encode_spec` was given, for `gymnasium.make`.
 
     Args:
-        encoded: Dictionary of `encode_spec`, or of a stranger's file.
+        encoded: Dictionary of `encode_spec`, or of a stranger's file; None where there is none.
         trust: Import whatever it names; without, environments must be registered, and wrappers be
             Gymnasium's or of this package, and write no files.
 
     Raises:
-        ValueError: If it is damaged, or needs trust.
+        ValueError: If it is not there or damaged, or needs trust.
     """
     try:
-        fields = decode(dict(encoded))
+        fields = decode(dict(encoded or {}))
         wrappers = tuple(WrapperSpec(**each) for each in fields.pop("additional_wrappers"))
         spec = EnvSpec(**fields, additional_wrappers=wrappers)
     except (AttributeError, KeyError, TypeError, ValueError, gym.error.Error) as error:
         raise ValueError(
-            "`run` must say how its environment is made: `env_spec` in run.json is damaged."
+            "`run` must say how its environment is made: `env_spec` in run.json is damaged, or not "
+            "there, as of an environment without an id or with arguments that no file can hold."
         ) from error
     registered = gym.registry.get(spec.id)
     is_known = registered is not None and _named(registered.entry_point) == spec.entry_point

@@ -1,9 +1,13 @@
-"""The best policy of a run, or one that comes with the package, in a window or in a file."""
+"""The best policy of a run, or one that comes with the package, in a window or in a file.
+
+All raise FileNotFoundError if there is no run, ValueError if it cannot be played.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import gymnasium as gym
 import numpy as np
@@ -11,9 +15,10 @@ import numpy.typing as npt
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
+from curiosity_algos.evaluation.environments import step_limit
+from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
-from curiosity_algos.experiments.played import episode
 from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -23,15 +28,8 @@ from curiosity_gym.validation import check_choice
 Frame = npt.NDArray[np.uint8]
 
 
-class Pretrained(NamedTuple):
-    """A policy that comes with the package."""
-
-    algorithm: str
-    env_id: str
-
-
-Source: TypeAlias = Path | Pretrained
-"""The folder of a run, or a policy of the package."""
+Source: TypeAlias = Path | tuple[str, str]
+"""The folder of a run, or the algorithm and environment of a policy of the package."""
 
 
 def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = False) -> float:
@@ -43,16 +41,12 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
         stride: Steps from frame to frame.
         seed: Seed of the environment.
         trust: Also run code that the folder of the run names or holds.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it cannot be played; if the path is of another kind of file.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
     policy, env = _open(source, trust, render_mode="rgb_array")
     frames, total = [], 0.0
-    for t, step in enumerate(episode(policy, env, seed)):
-        total += step.reward
+    for t, reward in enumerate(_rewards(policy, env, seed)):
+        total += reward
         if t % stride == 0:
             frames.append(_frame(env))
     frames.append(_frame(env))
@@ -63,12 +57,7 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
 
 
 def watch(source: Source, *, seed: int, trust: bool = False) -> float:
-    """Play one episode in a window; its return.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it cannot be played, or no window can be opened.
-    """
+    """Play one episode in a window; its return."""
     (pygame,) = import_extra("render", "pygame")
     try:
         return play(source, seed=seed, trust=trust, render_mode="human")
@@ -77,24 +66,31 @@ def watch(source: Source, *, seed: int, trust: bool = False) -> float:
 
 
 def play(source: Source, *, seed: int, trust: bool = False, **rendering: Any) -> float:
-    """Play one episode; its return.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it cannot be played.
-    """
+    """Play one episode; its return."""
     policy, env = _open(source, trust, **rendering)
-    total = sum(step.reward for step in episode(policy, env, seed))
+    total = sum(_rewards(policy, env, seed))
     env.close()
     return total
 
 
+def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:
+    """0 at the reset, then the reward of each step; without a limit, of the first 10,000."""
+    observation, _ = env.reset(seed=seed)
+    yield 0.0
+    for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
+        action, _ = policy.predict(observation, deterministic=True)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        yield float(reward)
+        if terminated or truncated:
+            return
+
+
 def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
     """A policy, and an environment as it was trained in."""
-    if isinstance(source, Pretrained):
-        return load_pretrained(*source), gym.make(source.env_id, **rendering)
+    if isinstance(source, tuple):
+        return load_pretrained(*source), gym.make(source[1], **rendering)
     described, checkpoint = _described(source)
-    spec = decode_spec(described["env_spec"], trust=trust)
+    spec = decode_spec(described.get("env_spec"), trust=trust)
     policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
     try:
         env = gym.make(spec, **rendering)
@@ -117,11 +113,6 @@ def _described(folder: Path) -> tuple[dict[str, Any], Path]:
         raise ValueError(
             f"`run` must be of an algorithm of this package, {folder} is of "
             f"{described['algorithm']}: load its model, and call `predict`."
-        )
-    if described.get("env_spec") is None:
-        raise ValueError(
-            f"`run` must say how its environment is made, run.json in {folder} does not: it has no "
-            "id, or arguments that no file can hold."
         )
     return described, checkpoint
 

@@ -31,7 +31,9 @@ def label_runs(runs: pd.DataFrame) -> pd.Series:
     A setting counts where runs of one algorithm on one environment differ in it, unless others
     tell the same runs apart; the preset comes first.
     """
-    texts = _settings(runs)
+    texts = runs.filter(regex=r"^settings\.").map(_text)
+    texts = texts.rename(columns=lambda name: name.removeprefix("settings."))
+    texts = texts.drop(columns=MAY_DIFFER & set(texts))  # results do not depend on these
     telling: dict[str, list[str]] = {name: [] for name in runs["algorithm"]}
     for (name, _), rows in texts.groupby([runs["algorithm"], runs["env"]], dropna=False):
         telling[name] += [each for each in _telling(rows) if each not in telling[name]]
@@ -43,14 +45,6 @@ def label_runs(runs: pd.DataFrame) -> pd.Series:
         index=runs.index,
         dtype=object,
     )
-
-
-def _settings(runs: pd.DataFrame) -> pd.DataFrame:
-    """The settings that results depend on, as text."""
-    prefix = "settings."
-    texts = runs[[name for name in runs if name.startswith(prefix)]].map(_text)
-    texts = texts.rename(columns=lambda name: name.removeprefix(prefix))
-    return texts.drop(columns=MAY_DIFFER & set(texts))
 
 
 def _text(value: Any) -> str:

@@ -37,9 +37,9 @@ class FileLock:
     _held: ClassVar[weakref.WeakValueDictionary[Path, FileLock]] = weakref.WeakValueDictionary()
 
     def __init__(self, path: Path) -> None:
-        path = path.resolve()
+        path, here = path.resolve(), threading.current_thread()
         earlier = self._held.get(path)
-        if earlier is not None and earlier._is_left():
+        if earlier is not None and (earlier._thread is here or not earlier._thread.is_alive()):
             earlier.close()
         file = os.open(path, os.O_RDWR | os.O_CREAT)
         try:
@@ -48,11 +48,8 @@ class FileLock:
             os.close(file)
             raise
         self._close = weakref.finalize(self, os.close, file)
-        self._thread = threading.current_thread()
+        self._thread: threading.Thread = here
         self._held[path] = self
-
-    def _is_left(self) -> bool:
-        return self._thread is threading.current_thread() or not self._thread.is_alive()
 
     def close(self) -> None:
         """Let go of the file; of one that is held no more, nothing happens."""

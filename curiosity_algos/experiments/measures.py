@@ -1,4 +1,8 @@
-"""Runs side by side, and their curves, read from their folders for the figures and the report."""
+"""Runs side by side, and their curves, read from their folders for the figures and the report.
+
+What reads a folder raises FileNotFoundError if there is no run, ValueError if it is damaged or has
+not what is asked for.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +42,6 @@ def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
         A row for each run. `env` has the keywords that tell environments of one name apart,
         `label` the settings that tell runs of one algorithm apart, `has_begun` says whether an
         episode has ended by the last checkpoint.
-
-    Raises:
-        FileNotFoundError: If there is no run in one of the folders.
-        ValueError: If a run is of another format, or damaged.
     """
     runs = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
     is_known = runs["run"].map(lambda run: Path(run).resolve()).duplicated()
@@ -92,34 +92,19 @@ def read_curves(runs: pd.DataFrame, measure: Measure, x: str = "timesteps") -> l
 
 
 def coverage(run: Folder) -> Points:
-    """Share of the reachable cells in which episodes have ended; none before timestep 0.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it is damaged, or of an environment without cells to count.
-    """
+    """Share of the reachable cells in which episodes have ended; none before timestep 0."""
     return _from_zero(*_logged(run, "coverage/reachable"))
 
 
 def best_return(run: Folder) -> Points:
-    """Highest return of an episode so far; before the first it is 0, or the first if that is less.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it is damaged.
-    """
+    """Highest return of an episode so far; before the first 0, or the first if that is less."""
     states = load_final_states(run)
     timesteps, returns = _highest(states, states.get("timesteps"))
     return _from_zero(timesteps, np.maximum.accumulate(returns), begin=min([0.0, *returns[:1]]))
 
 
 def generation_return(run: Folder) -> Points:
-    """Highest return of each generation; of 56 episodes where the algorithm trains one policy.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it is damaged.
-    """
+    """Highest return of each generation; of 56 episodes where the algorithm trains one policy."""
     states = load_final_states(run)
     generation = states.get("generation")
     if generation is not None and not generation.any():

@@ -42,13 +42,7 @@ def _plain(name: str) -> str:
 def find_known(
     argument: str, name: str, known: Iterable[str], *, spelled: Callable[[str], str] = str
 ) -> str:
-    """A known name, of those that are spelled alike.
-
-    Args:
-        argument: Argument that the name was given for.
-        name: Name as the user wrote it.
-        known: Names that there are.
-        spelled: Gives of a name what counts.
+    """The known name that `spelled` makes the same of, for an argument.
 
     Raises:
         ValueError: If there is none; the nearest is suggested.

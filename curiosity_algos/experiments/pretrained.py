@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.experiments.names import ENVIRONMENTS, find_algorithm, find_known
+from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_gym.registration import SPECS
 
 # Not by paths: the package may lie in an archive.
@@ -34,7 +34,7 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
         ValueError: If there is none of them.
     """
     name = find_algorithm(algorithm).__name__
-    find_known("env", env_id, ENVIRONMENTS)
+    find_known("env", env_id, SPECS)
     env_id = next(known for known, spec in SPECS.items() if spec == SPECS[env_id])  # of an alias
     if (name, env_id) not in PRETRAINED:
         known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
-from curiosity_algos.experiments.sweep import Report, Train
+from curiosity_algos.experiments.sweep import Outcome, Train
 from curiosity_algos.experiments.training import RunSpec
 from curiosity_gym.validation import check_positive
 
@@ -43,8 +43,8 @@ class RayBackend:
         self.num_cpus = num_cpus
         self.resources = check_resources(resources)
 
-    def __call__(self, runs: Sequence[RunSpec], train: Train, report: Report) -> None:
-        """Train the runs, and tell how they ended."""
+    def __call__(self, runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
+        """Train the runs, and give each as it ends."""
         connect(self.address, math.ceil(self.num_cpus), self.resources)
         task = ray.remote(_in_a_task).options(
             num_cpus=self.num_cpus, resources=self.resources, max_retries=MAX_RETRIES
@@ -53,7 +53,7 @@ class RayBackend:
         try:
             while waiting:
                 (ended,), _ = ray.wait(list(waiting), num_returns=1)
-                report(waiting.pop(ended), _outcome(ended))
+                yield waiting.pop(ended), _outcome(ended)
         finally:
             for each in waiting:
                 ray.cancel(each, force=True)
@@ -63,9 +63,9 @@ def _in_a_task(train: Train, run: RunSpec) -> bool:
     return train(run)
 
 
-def _outcome(reference: Any) -> bool | BaseException:
+def _outcome(reference: Any) -> Outcome:
     try:
-        outcome: bool | BaseException = ray.get(reference)
+        outcome: Outcome = ray.get(reference)
     except exceptions.RayTaskError as error:
         outcome = error.cause
     except exceptions.RayError as error:

@@ -1,4 +1,4 @@
-"""How the files of a run are read: whatever is damaged in them is one sentence."""
+"""How the files of a run are read: whatever is damaged in them is one sentence, a ValueError."""
 
 from __future__ import annotations
 
@@ -41,8 +41,6 @@ RESULT: Fields = {
 """Fields of `result.json` that are read."""
 FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 """Columns of final states that are read, and their dimensions."""
-TRAJECTORY = {"rewards": 1}
-"""Arrays of `best_trajectory.npz` that are read."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
 """Arrays of `rewarding.npz` that are read."""
 READ = ("time/", "coverage/")
@@ -55,11 +53,7 @@ def damaged(path: Path) -> ValueError:
 
 
 def read_json(path: Path, fields: Fields) -> dict[str, Any]:
-    """A dictionary with fields of these types.
-
-    Raises:
-        ValueError: If the file is damaged.
-    """
+    """A dictionary with fields of these types."""
     try:
         read = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
@@ -75,11 +69,7 @@ def _has(read: dict[str, Any], name: str, kind: type | UnionType) -> bool:
 
 
 def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
-    """The arrays of a file, those with so many dimensions among them, which hold numbers.
-
-    Raises:
-        ValueError: If the file is damaged.
-    """
+    """The arrays of a file, those with so many dimensions among them, which hold numbers."""
     try:
         with np.load(path) as file:
             arrays = dict(file)
@@ -92,11 +82,7 @@ def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
 
 
 def read_final_states(paths: list[Path]) -> Columns:
-    """The columns of several files, one after another.
-
-    Raises:
-        ValueError: If a file is damaged.
-    """
+    """The columns of several files, one after another."""
     parts: list[Columns] = []
     shapes: set[tuple[tuple[str, tuple[int, ...]], ...]] = set()
     for path in paths:
@@ -109,11 +95,7 @@ def read_final_states(paths: list[Path]) -> Columns:
 
 
 def read_rows(path: Path) -> list[dict[str, float | str]]:
-    """The rows of a log without empty entries, numbers and text; none where there is no file.
-
-    Raises:
-        ValueError: If the file is damaged.
-    """
+    """The rows of a log without empty entries, numbers and text; none where there is no file."""
     try:
         lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
         whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from curiosity_algos.common.randomness import generator_state, load_generator_state
 
 FIELDS = ("parameters", "return", "generation", "episode_seed")
 
@@ -42,7 +43,7 @@ class Reservoir:
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Each of `FIELDS`, (n, ...), n 0 where none is kept; `n_seen`; the state of the draws."""
         stacked = {name: np.array([each[name] for each in self._kept]) for name in FIELDS}
-        state = json.dumps(self._rng.bit_generator.state)
+        state = generator_state(self._rng)
         return {**stacked, "n_seen": np.array(self.n_seen), "rng": np.array(state)}
 
     def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -50,4 +51,4 @@ class Reservoir:
         columns = [arrays[name] for name in FIELDS]
         self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
         self.n_seen = int(arrays["n_seen"])
-        self._rng.bit_generator.state = json.loads(str(arrays["rng"]))
+        load_generator_state(self._rng, str(arrays["rng"]))

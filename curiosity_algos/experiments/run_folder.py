@@ -5,7 +5,6 @@
     final_states/*.npz  of each individual its generation, return, length, success, curiosity and
                         the behavior that its episode ended with
     checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, best_policy.npz
-    best_trajectory.npz an episode of the best policy
 
 Nothing that is written is written again but `progress.csv`, where a new column appears. A
 checkpoint appears at once and whole, and what was written after the last one is dropped when a run
@@ -29,9 +28,7 @@ from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.reading import (
     DESCRIPTION,
     RESULT,
-    TRAJECTORY,
     damaged,
-    read_arrays,
     read_final_states,
     read_json,
 )
@@ -49,7 +46,6 @@ class RunFolder:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self.progress = self.path / "progress.csv"
-        self.best_trajectory = self.path / "best_trajectory.npz"
         self._description = self.path / "run.json"
         self._final_states = self.path / "final_states"
         self._checkpoints = self.path / "checkpoints"
@@ -159,17 +155,6 @@ class RunFolder:
     def _final_state_files(self) -> list[Path]:
         files = self._final_states.glob("*.npz")
         return sorted(path for path in files if path.stem.isdecimal())
-
-    # -- the best policy's episode --------------------------------------------------------------
-
-    def trajectory(self) -> dict[str, npt.NDArray[Any]]:
-        """Every column of `best_trajectory.npz`; empty before `learn` has ended.
-
-        Raises:
-            ValueError: If the file is damaged.
-        """
-        is_there = self.best_trajectory.is_file()
-        return read_arrays(self.best_trajectory, TRAJECTORY) if is_there else {}
 
     # -- going on -------------------------------------------------------------------------------
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,8 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import describe_run, is_same_run, spec_of
+from curiosity_algos.experiments.description import describe_run, is_same_run
 from curiosity_algos.experiments.locks import FileLock
-from curiosity_algos.experiments.played import can_be_played, write_trajectory
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
 from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
@@ -50,7 +48,7 @@ class SaveRun(BaseCallback):
         folder: Folder of the run: empty or missing, or that of the run that the model goes on with.
         interval: Seconds between two checkpoints, above 0. One more is taken when `learn` ends,
             without the transitions that bonuses and TD3 are trained on: a run that goes on from
-            there collects them anew, and `SaveRun` warns of it.
+            there collects them anew, and the model warns of it.
         n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
         verbose: As in SB3.
 
@@ -136,8 +134,6 @@ class SaveRun(BaseCallback):
         if isinstance(self._found, ExplorationCallback):
             found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
             self._found.load_state_dict(found)
-        if not result.get("has_transitions", True):
-            _warn_of_what_is_lost(self.model)
         for name, (value, count) in result["pending_log"].items():
             self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
 
@@ -161,7 +157,6 @@ class SaveRun(BaseCallback):
         assert self._log is not None
         self._log.end(self.logger.name_to_value)
         self._save(exclude=["buffer"])
-        self._save_trajectory()
         self.folder.end()
         self.close()
 
@@ -233,8 +228,7 @@ class SaveRun(BaseCallback):
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
-        result = self._result() | {"has_transitions": not exclude}
-        (folder / "result.json").write_text(json.dumps(result, indent=2))
+        (folder / "result.json").write_text(json.dumps(self._result(), indent=2))
 
     def _result(self) -> dict[str, Any]:
         model, found = self.model, self._found
@@ -261,19 +255,3 @@ class SaveRun(BaseCallback):
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }
-
-    def _save_trajectory(self) -> None:
-        env = self.model.get_env()
-        spec = spec_of(env)
-        if spec is not None and can_be_played(env, spec):
-            write_trajectory(self.model, spec, self.folder.best_trajectory)
-
-
-def _warn_of_what_is_lost(model: object) -> None:
-    """Warn if the model is trained on transitions, which its last checkpoint does not hold."""
-    if hasattr(model, "trained_bonus"):
-        warnings.warn(
-            "The run had ended, and goes on without the transitions that it was trained on: it "
-            "collects them anew, and is not the run that would never have ended.",
-            stacklevel=2,
-        )

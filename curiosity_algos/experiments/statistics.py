@@ -119,17 +119,11 @@ def stratified_bootstrap(
         ValueError: A task has no runs, a score is not finite, `aggregate` gives another shape, or
             `seed` is not valid.
     """
-
-    def statistic(tasks: list[Float64]) -> Float64:
-        values = np.asarray(aggregate(tasks), dtype=np.float64)
-        if values.shape != tasks[0].shape[:-1]:
-            raise ValueError(
-                "`aggregate` must reduce the last axis alone, to shape "
-                f"{tasks[0].shape[:-1]}, got {values.shape}."
-            )
-        return values
-
-    return Interval(*_bootstrap(statistic, _runs("scores", scores), seed).tolist())
+    tasks = _runs("scores", scores)
+    shape = np.shape(aggregate([np.stack([runs, runs]) for runs in tasks]))
+    if shape != (2,):
+        raise ValueError(f"`aggregate` must reduce the last axis alone, got shape {shape}.")
+    return Interval(*_bootstrap(aggregate, tasks, seed).tolist())
 
 
 def probability_of_improvement(
@@ -305,7 +299,8 @@ def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> 
 
 def _bootstrap(statistic: Statistic, samples: list[Float64], seed: Seed) -> Float64:
     """Estimate and bounds (3, ...) of a statistic; each sample (..., runs) is resampled alone."""
-    rng = _generator(seed)
+    if not isinstance(seed, np.random.Generator):
+        check_seed(seed)
     estimate = np.asarray(statistic(samples), dtype=np.float64)
     if min(sample.shape[-1] for sample in samples) < 2:
         nothing = np.full_like(estimate, np.nan)
@@ -318,18 +313,9 @@ def _bootstrap(statistic: Statistic, samples: list[Float64], seed: Seed) -> Floa
         vectorized=True,
         axis=-1,
         method="percentile",
-        random_state=rng,  # its name before scipy 1.15; later ones take both
+        random_state=np.random.default_rng(seed),  # `rng` from scipy 1.15 on
     )
     return np.stack([estimate, *found.confidence_interval])
-
-
-def _generator(seed: Seed) -> np.random.Generator:
-    if isinstance(seed, np.random.Generator):
-        return seed
-    if seed is None:
-        raise ValueError("`seed` must be a whole number of at least 0 or a generator, got None.")
-    check_seed(seed)
-    return np.random.default_rng(seed)
 
 
 def _runs(name: str, scores: Any) -> list[Float64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from functools import partial
@@ -15,17 +15,19 @@ from threading import Thread
 from typing import Any, TypeAlias
 
 import torch as th
+from tqdm import tqdm
 
 from curiosity_algos.experiments.names import find_algorithm
-from curiosity_algos.experiments.tracking import Project
-from curiosity_algos.experiments.training import RunSpec, is_finished, train
+from curiosity_algos.experiments.training import RunSpec, is_finished, summary, train
+from curiosity_gym.processors import available_cpus
+from curiosity_gym.validation import check_at_least_one, check_positive
 
-Report: TypeAlias = Callable[[RunSpec, bool | BaseException], None]
-"""Is told of a run as it ends whether there was anything to do, or its error."""
+Outcome: TypeAlias = bool | BaseException
+"""Of a run that has ended: whether there was anything to do, or its error."""
 Train: TypeAlias = Callable[[RunSpec], bool]
 """Trains a run: whether there was anything to do."""
-Backend: TypeAlias = Callable[[Sequence[RunSpec], Train, Report], None]
-"""Trains runs, wherever that is."""
+Backend: TypeAlias = Callable[[Sequence[RunSpec], Train], Iterator[tuple[RunSpec, Outcome]]]
+"""Trains runs, wherever that is, and gives each as it ends."""
 
 
 def grid(
@@ -38,81 +40,95 @@ def grid(
 
 
 def sweep(
-    runs: Sequence[RunSpec],
-    folder: Path,
-    *,
-    backend: Backend,
-    interval: float = 60.0,
-    track: Project | None = None,
-    report: Report,
+    runs: Sequence[RunSpec], folder: Path, *, backend: Backend, interval: float = 60.0
 ) -> None:
-    """Train every run in its folder; one that fails does not stop the others.
+    """Train every run in its folder, and print what each has come to; a bar counts them.
 
     Args:
         runs: Runs to train.
         folder: Parent of the folders of all runs.
         backend: Trains those that are not finished: `Processes`, or `RayBackend`.
         interval: Seconds between two checkpoints of a run.
-        track: Project of Weights & Biases that keeps the runs; None: none.
-        report: Is told of each run.
+
+    Raises:
+        ValueError: If `interval` is not above 0; in the end, if runs failed, which stop no others.
     """
+    check_positive(interval=interval)
+    errors = []
+    with tqdm(total=len(runs), unit="run", disable=None) as bar:
+        for run, outcome in _outcomes(runs, folder, backend, interval):
+            if isinstance(outcome, BaseException):
+                errors.append(f"{run.folder(folder)}: {outcome}")
+            elif outcome:
+                bar.write(summary(run.folder(folder)))
+            bar.update()
+    if errors:
+        raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")
+
+
+def _outcomes(
+    runs: Sequence[RunSpec], folder: Path, backend: Backend, interval: float
+) -> Iterator[tuple[RunSpec, Outcome]]:
     left = []
     for run in runs:
         try:
-            if is_finished(run, run.folder(folder)):
-                report(run, False)
-            else:
-                left.append(run)
+            is_done = is_finished(run, run.folder(folder))
         except (OSError, ValueError) as error:  # another run is there, or other files
-            report(run, error)
-    # Processes of other machines have another working directory.
-    alone = partial(_train_alone, folder=folder.absolute(), interval=interval, track=track)
+            yield run, error
+            continue
+        if is_done:
+            yield run, False
+        else:
+            left.append(run)
     if left:
-        backend(left, alone, report)
+        # Processes of other machines have another working directory.
+        alone = partial(_train_alone, folder=folder.absolute(), interval=interval)
+        yield from backend(left, alone)
 
 
-def _train_alone(run: RunSpec, *, folder: Path, interval: float, track: Project | None) -> bool:
+def _train_alone(run: RunSpec, *, folder: Path, interval: float) -> bool:
     th.set_num_threads(1)
     settings = {"device": "cpu", **run.settings}
     if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
         settings["n_threads"] = 1
     run = replace(run, settings=settings)
-    return train(run, run.folder(folder), interval=interval, track=track)
+    return train(run, run.folder(folder), interval=interval)
 
 
 class Processes:
     """A backend: each run has a process of its own; one at a time, they are trained in this one.
 
     Args:
-        jobs: Runs at a time.
+        jobs: Runs at a time; None: one a processor.
     """
 
-    def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
+    def __init__(self, jobs: int | None = None) -> None:
+        self.jobs = available_cpus() if jobs is None else jobs
+        check_at_least_one(jobs=self.jobs)
 
-    def __call__(self, runs: Sequence[RunSpec], train: Train, report: Report) -> None:
-        """Train the runs, and tell how they ended."""
+    def __call__(self, runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
+        """Train the runs, and give each as it ends."""
         if self.jobs == 1:
-            _train_here(runs, train, report)
+            yield from _train_here(runs, train)
             return
         with ProcessPoolExecutor(self.jobs, get_context("spawn"), _end_with_parent) as pool:
             futures = {pool.submit(train, run): run for run in runs}
             try:
                 for future in as_completed(futures):
-                    report(futures[future], future.exception() or future.result())
+                    yield futures[future], future.exception() or future.result()
             finally:
                 pool.shutdown(cancel_futures=True)
 
 
-def _train_here(runs: Sequence[RunSpec], train: Train, report: Report) -> None:
+def _train_here(runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
     n_threads = th.get_num_threads()
     try:
         for run in runs:
             try:
-                outcome: bool | BaseException = train(run)
+                outcome: Outcome = train(run)
             except Exception as error:  # of any kind, as from a process
                 outcome = error
-            report(run, outcome)
+            yield run, outcome
     finally:
         th.set_num_threads(n_threads)
 

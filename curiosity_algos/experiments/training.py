@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,6 @@ from typing import Any
 import gymnasium as gym
 import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids
@@ -24,7 +22,6 @@ from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is
 from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
-from curiosity_algos.experiments.tracking import Project, TrackRun
 
 
 @dataclass(frozen=True)
@@ -123,8 +120,6 @@ def train(
     *,
     interval: float = 60.0,
     progress_bar: bool = False,
-    track: Project | None = None,
-    callbacks: Sequence[BaseCallback] = (),
 ) -> bool:
     """Train until the budget is spent, from where the run in the folder stands.
 
@@ -133,8 +128,6 @@ def train(
         folder: Folder of the run.
         interval: Seconds between two checkpoints.
         progress_bar: Show a bar of timesteps.
-        track: Project of Weights & Biases that keeps the run; None: none.
-        callbacks: Further ones, which see the run once its folder has begun.
 
     Returns:
         Whether there was anything to do.
@@ -148,19 +141,23 @@ def train(
     model = run.make() if checkpoint is None else run.load(checkpoint)
     rest = max(0, int(run.timesteps) - model.num_timesteps)
     save = SaveRun(folder, interval=interval)
-    with ExitStack() as stack:
-        tracks = [] if track is None else [stack.enter_context(TrackRun(track, folder))]
-        try:
-            model.learn(
-                rest,
-                callback=[save, *tracks, *callbacks],
-                reset_num_timesteps=False,
-                progress_bar=progress_bar,
-            )
-        except KeyboardInterrupt:
-            if save.n_calls:
-                save.save()  # Ctrl-C comes between two generations
-            raise
-        finally:
-            save.close()
+    try:
+        model.learn(rest, callback=save, reset_num_timesteps=False, progress_bar=progress_bar)
+    except KeyboardInterrupt:
+        if save.n_calls:
+            save.save()  # Ctrl-C comes between two generations
+        raise
+    finally:
+        save.close()
     return True
+
+
+def summary(folder: Path) -> str:
+    """A run's result in a line."""
+    result = RunFolder(folder).result()
+    first = result["first_success_timesteps"]
+    found = "no success" if first is None else f"first success after {first:,} timesteps"
+    shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
+    coverage = f", coverage {', '.join(shares)}" if shares else ""
+    best = result["best_return"]
+    return f"{folder}: best return {'none' if best is None else f'{best:.3f}'}, {found}{coverage}"

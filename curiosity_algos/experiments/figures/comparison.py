@@ -33,19 +33,15 @@ from curiosity_algos.experiments.measures import (
     times_to_success,
 )
 
-MEASURES: dict[str, tuple[Measure, str, float]] = {
-    "coverage": (coverage, "coverage (%)", 0.01),
-    "best-return": (best_return, "highest return so far", 1.0),
+MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
+    "coverage": (coverage, "Coverage", "coverage (%)", 0.01),
+    "best-return": (best_return, "Highest return so far", "highest return so far", 1.0),
+    "survival": (None, "Time to first success", "runs without success (%)", 0.01),
 }
-"""By name the reader, the title of the axis, and the value that is 1 on it."""
-Y = (*MEASURES, "survival")
+"""By name the reader, the titles of figure and axis, and the value that is 1 on it."""
+Y = tuple(MEASURES)
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
 """By name the title of the axis, and the value that is 1 on it."""
-TITLES = {
-    "coverage": "Coverage",
-    "best-return": "Highest return so far",
-    "survival": "Time to first success",
-}
 NOTE = (
     "Thick: interquartile mean while all runs go on; shaded: its 95 % interval; thin: each run; "
     "dotted: after the first has ended."
@@ -67,30 +63,25 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
         ValueError: If a run is damaged or has no checkpoint yet, or if coverage is asked for and
             its environment has none.
     """
-    runs = _load(folders)
-    colors = color_labels(runs["label"])
-    panels = list(runs.groupby("env", sort=False))
-    n_columns = min(3, len(panels))
-    figure, axes = make_panels(-(-len(panels) // n_columns), n_columns)
-    for ax, (env, here) in zip(axes.flat, panels, strict=False):
-        (_draw_survival if y == "survival" else _draw_curves)(ax, here, colors, y, x)
-        ax.set(title=short_name(str(env)), xlabel=X[x][0])
-    for ax in axes.flat[len(panels) :]:
-        ax.set_axis_off()
-    for ax in axes[:, 0]:
-        ax.set_ylabel("runs without success (%)" if y == "survival" else MEASURES[y][1])
-    add_title(figure, TITLES[y], legend_handles(_samples(runs, colors)))
-    add_note(figure, SURVIVAL_NOTE if y == "survival" else NOTE)
-    return figure
-
-
-def _load(folders: Sequence[Path]) -> pd.DataFrame:
-    """`load_compared`, all of whose runs have begun."""
     runs = load_compared(folders)
     if not runs["has_begun"].all():
         run = runs.loc[~runs["has_begun"], "run"].iloc[0]
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
-    return runs
+    colors = color_labels(runs["label"])
+    panels = list(runs.groupby("env", sort=False))
+    n_columns = min(3, len(panels))
+    figure, axes = make_panels(-(-len(panels) // n_columns), n_columns)
+    measure, title, y_label, _ = MEASURES[y]
+    for ax, (env, here) in zip(axes.flat, panels, strict=False):
+        (_draw_curves if measure else _draw_survival)(ax, here, colors, y, x)
+        ax.set(title=short_name(str(env)), xlabel=X[x][0])
+    for ax in axes.flat[len(panels) :]:
+        ax.set_axis_off()
+    for ax in axes[:, 0]:
+        ax.set_ylabel(y_label)
+    add_title(figure, title, legend_handles(_samples(runs, colors)))
+    add_note(figure, NOTE if measure else SURVIVAL_NOTE)
+    return figure
 
 
 def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
@@ -109,7 +100,8 @@ def _span(low: int, high: int) -> str:
 
 
 def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
-    measure, _, unit = MEASURES[y]
+    measure, _, _, unit = MEASURES[y]
+    assert measure is not None
     lines = [
         Line(str(label), colors[str(label)], read_curves(here, measure, x))
         for label, here in runs.groupby("label", sort=False)

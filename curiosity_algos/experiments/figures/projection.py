@@ -64,7 +64,7 @@ def replay_rewarding(run: Path) -> Rewarding:
     """
     folder = RunFolder(run)
     described, checkpoint = folder.describe(), folder.checkpoint
-    env = gym.make(decode_spec(described.get("env_spec") or {}))
+    env = gym.make(decode_spec(described.get("env_spec")))
     evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
     assert checkpoint is not None
     with np.load(checkpoint / "rewarding.npz") as kept:

@@ -1,4 +1,4 @@
-"""One HTML file of many runs: tables, curves, maps and replays, without a network."""
+"""One HTML file of many runs: tables, curves and maps, without a network."""
 
 from curiosity_algos.experiments.report.page import write_report
 

@@ -14,7 +14,7 @@ from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
-from curiosity_algos.experiments.report.tables import configurations, summary, swatch
+from curiosity_algos.experiments.report.tables import summary, swatch
 from curiosity_gym.extras import import_extra
 
 PAGE = """<!DOCTYPE html>
@@ -65,9 +65,8 @@ NOTES = {
         "A cell has the color of the first episode of any run that ended in it; what episodes pass "
         "on their way does not count. Of environments that are no mazes, the first two entries of "
         "the behavior are drawn, and what is beyond 99 % of them along either side counts where "
-        "the map ends."
+        "the map ends. Hover over a cell to read its timesteps."
     ),
-    "Best trajectories": "The path of the run with the highest return of each label.",
 }
 KEY = (
     '<p class="key">First episode that ended in a cell: at the start <span class="ramp"></span> '
@@ -129,7 +128,7 @@ def counts(runs: pd.DataFrame) -> str:
 
 
 class _Page:
-    """The parts of the page: HTML of sections, and the figures that scripts draw in them."""
+    """The parts of the page: HTML of sections, and the figures that a script draws in them."""
 
     def __init__(self, runs: pd.DataFrame) -> None:
         self.begun = runs[runs["has_begun"]]
@@ -137,33 +136,23 @@ class _Page:
         self._colors = color_labels(sorted(set(self.begun["label"])))
         self.links, self.sections = [], []
         for i, (env, here) in enumerate(runs.groupby("env")):
-            self.links.append(f'<li><a href="#environment-{i}">{escape(str(env))}</a></li>')
-            title = f'<h2 id="environment-{i}">{escape(str(env))}</h2>'
+            title, name = escape(str(env)), f"environment-{i}"
+            self.links.append(f'<li><a href="#{name}">{title}</a></li>')
             waiting = _not_begun(here)
             here = here[here["has_begun"]]
-            parts = self._section(here) if len(here) else ""
+            parts = self._section(here, title) if len(here) else ""
             self.sections.append(
-                f'<section class="card" aria-labelledby="environment-{i}">'
-                f"{title}{waiting}{parts}</section>"
+                f'<section class="card" aria-labelledby="{name}"><h2 id="{name}">{title}</h2>'
+                f"{waiting}{parts}</section>"
             )
 
-    def _section(self, runs: pd.DataFrame) -> str:
+    def _section(self, runs: pd.DataFrame, title: str) -> str:
         """All of an environment."""
-        title, labels = escape(runs["env"].iloc[0]), ", ".join(sorted(set(runs["label"])))
-        timesteps, seconds = (
-            self._picture(
-                pictures.draw_curves(runs, self._colors, x),
-                "curves",
-                f"Curves of {labels} over {x}",
-            )
-            for x in ("timesteps", "seconds")
-        )
+        curves = pictures.draw_curves(runs, self._colors)
+        about = f"Curves of {', '.join(sorted(set(runs['label'])))} over timesteps"
         return (
-            f"{summary(runs, self._colors)}<h3>Curves</h3>{timesteps}"
-            f"<details><summary>Over seconds of training</summary>{seconds}</details>"
-            f"{self._maps(runs, title)}<h3>Configurations</h3><details>"
-            "<summary>Settings that differ, and each run's <code>run.json</code></summary>"
-            f"{configurations(runs)}</details>"
+            f"{summary(runs, self._colors)}<h3>Curves</h3>"
+            f"{self._picture(curves, 'curves', about)}{self._maps(runs, title)}"
         )
 
     def _maps(self, runs: pd.DataFrame, title: str) -> str:
@@ -172,7 +161,7 @@ class _Page:
             return "<p>No maps: the environment gives no behavior of two entries or more.</p>"
         longest = float(runs["timesteps"].max())
         maps = "".join(
-            f"<figure><figcaption>{self._name(str(label))}</figcaption>"
+            f"<figure><figcaption>{swatch(self._colors[label])}{escape(label)}</figcaption>"
             + self._picture(
                 pictures.draw_map(here, plane, longest), "map", f"Map of {label} on {title}"
             )
@@ -180,30 +169,8 @@ class _Page:
             for label, here in runs.groupby("label")
         )
         marks = "" if plane.maze is None else MARKS.format(pictures.START, pictures.GOAL)
-        return (
-            "<h3>Where episodes ended</h3>"
-            f"{_played(longest, 'timesteps', KEY.format(longest, marks), maps)}"
-            f"{self._paths(runs, plane)}"
-        )
-
-    def _paths(self, runs: pd.DataFrame, plane: pictures.Plane) -> str:
-        best = pictures.best_runs(runs)
-        if best.empty:
-            return "<p>No trajectories: no run has ended with that of its best policy.</p>"
-        figure = pictures.draw_paths(best, plane, self._colors)
-        names = ", ".join(best["label"])
-        picture = self._picture(figure, "map", f"Paths of the best policies of {names}")
-        lines = "".join(
-            f"<li>{self._name(run['label'])}<span class='muted'>seed {escape(str(run['seed']))}, "
-            f"return {run['return']:,.3f} in {run['steps']:,} steps</span></li>"
-            for run in best.to_dict("records")
-        )
-        beside = f'<div class="beside">{picture}<ul>{lines}</ul></div>'
-        played = _played(best["steps"].max(), "steps", "", beside)
-        return f"<h3>Best trajectories</h3>{played}"
-
-    def _name(self, label: str) -> str:
-        return swatch(self._colors[label]) + escape(label)
+        key = KEY.format(longest, marks)
+        return f'<h3>Where episodes ended</h3>{key}<div class="grid">{maps}</div>'
 
     def _picture(self, figure: pictures.Figure, kind: str, about: str) -> str:
         """A place for a figure, and what it shows for those who cannot see it."""
@@ -219,13 +186,3 @@ def _not_begun(runs: pd.DataFrame) -> str:
     """A line that names the runs that are left out; empty where there are none."""
     names = ", ".join(map(escape, runs.loc[~runs["has_begun"], "run"]))
     return names and f"<p>Not begun, and left out, as there is no checkpoint yet: {names}.</p>"
-
-
-def _played(end: float, unit: str, key: str, pictures: str) -> str:
-    """Pictures below a slider from 0 to `end` that stands there, with a button that plays."""
-    return (
-        f'<div class="played" data-end="{end:.0f}" data-unit="{unit}">'
-        f'<div class="player" role="group" aria-label="{unit}"><button type="button">Play</button>'
-        f'<input type="range" min="0" max="300" value="300" aria-label="{unit}"><output></output>'
-        f'</div>{key}<div class="grid">{pictures}</div></div>'
-    )

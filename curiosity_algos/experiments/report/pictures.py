@@ -1,4 +1,4 @@
-"""The pictures of a report, as figures of plotly: curves, maps and paths."""
+"""The pictures of a report, as figures of plotly: curves and maps."""
 
 from __future__ import annotations
 
@@ -32,8 +32,6 @@ Figure: TypeAlias = dict[str, Any]
 
 MOST_ROWS = 200
 """Points of the curve of a single run, evenly spaced."""
-MOST_POINTS = 2_000
-"""Points of a path, evenly spaced over its steps."""
 N_CELLS = 50
 """Along either side of a map: in mazes those that coverage counts."""
 SCALE = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151")
@@ -54,15 +52,10 @@ AXIS: Figure = {"automargin": True, "gridcolor": GRID, "zerolinecolor": GRID}
 # -- curves ---------------------------------------------------------------------------------------
 
 
-def draw_curves(runs: pd.DataFrame, colors: dict[str, str], x: str) -> Figure:
+def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
     """Coverage, best return and share of runs without a success, one above the other.
 
     Those that an environment does not tell are left out.
-
-    Args:
-        runs: On one environment, as `load_compared` gives them.
-        colors: Colors of labels.
-        x: "timesteps" or "seconds".
     """
     panels = [("best return so far", "~g", best_return)]
     if has_coverage(runs):
@@ -73,28 +66,27 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str], x: str) -> Figure:
     for label, here in runs.groupby("label"):
         style = {"name": label, "legendgroup": label}, colors[str(label)]
         for i, (_, _, measure) in enumerate(panels):
-            curves = read_curves(here, measure, x)
+            curves = read_curves(here, measure)
             traces.append(_runs(curves, *style, i))
             traces += _band_and_mean(curve_interval(curves), *style, i)
         if has_successes:
-            traces += _band_and_mean(_survival(here, x), *style, len(panels), "hv")
+            traces += _band_and_mean(_survival(here), *style, len(panels), "hv")
     if has_successes:
         axes.append(("runs without success", "~%"))
-    return {"data": traces, "layout": _panels(axes, x)}
+    return {"data": traces, "layout": _panels(axes)}
 
 
-def _survival(runs: pd.DataFrame, x: str) -> Curve:
+def _survival(runs: pd.DataFrame) -> Curve:
     """The curve of survival, of a single run without an interval: it would be everything."""
-    curve = times_to_success(runs, x).curve
+    curve = times_to_success(runs).curve
     known = np.nan if len(runs) == 1 else 1.0
     return replace(curve, low=known * curve.low, high=known * curve.high)
 
 
-def _panels(axes: list[tuple[str, str]], x: str) -> Figure:
+def _panels(axes: list[tuple[str, str]]) -> Figure:
     """One axis for x, and above it an axis for y of each title, with the format of its ticks."""
-    title = {"timesteps": "timesteps", "seconds": "seconds of training"}[x]
     layout = LAYOUT | {
-        "xaxis": AXIS | {"title": title, "tickformat": "~s", "anchor": f"y{len(axes)}"},
+        "xaxis": AXIS | {"title": "timesteps", "tickformat": "~s", "anchor": f"y{len(axes)}"},
         "height": 90 + 240 * len(axes),
         "hovermode": "x",
         "dragmode": "zoom",
@@ -149,7 +141,7 @@ def evenly(n: int, most: int) -> npt.NDArray[np.int64]:
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
 
 
-# -- maps and paths -------------------------------------------------------------------------------
+# -- maps -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,10 +207,7 @@ def _ends(run: str) -> tuple[Float64, Float64]:
 def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     """Each cell in which an episode of any of the runs ended, colored by when one first did.
 
-    Args:
-        runs: Runs of one label.
-        plane: Plane that they are drawn in.
-        longest: Timesteps of the last color.
+    The last color is that of `longest` timesteps.
     """
     first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
     for points, timesteps in map(_ends, runs["run"]):
@@ -236,38 +225,6 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     return {"data": [cells, *_start(plane)], "layout": _plane_layout(plane)}
 
 
-def draw_paths(runs: pd.DataFrame, plane: Plane, colors: dict[str, str]) -> Figure:
-    """The path of each of `best_runs`, and where it is."""
-    traces = _start(plane)
-    for run in runs.to_dict("records"):
-        path = RunFolder(run["run"]).trajectory()["behaviors"]
-        x, y = path[evenly(len(path), MOST_POINTS), :2].T
-        color, meta = colors[run["label"]], {"steps": len(path) - 1}
-        traces.append(_line(x, y, line={"color": color, "width": 2.5}, meta=meta))
-        traces[-1]["hovertemplate"] = f"{run['label']}<br>%{{x:.3~g}}, %{{y:.3~g}}<extra></extra>"
-        marker = {"color": color, "size": 12, "line": {"color": "white", "width": 2}}
-        traces.append(_line(x, y, mode="markers", marker=marker, meta=meta, hoverinfo="skip"))
-    layout = _plane_layout(plane, is_filled=False)
-    if plane.maze is None:  # axes that stay while the paths grow
-        for name in "xy":
-            ends = np.concatenate([trace[name] for trace in traces]).astype(np.float64)
-            margin = 0.05 * float(np.ptp(ends) or 1.0)
-            layout[f"{name}axis"]["range"] = [ends.min() - margin, ends.max() + margin]
-    return {"data": traces, "layout": layout}
-
-
-def best_runs(runs: pd.DataFrame) -> pd.DataFrame:
-    """The run of each label with the highest return among those that have a trajectory.
-
-    Their `return` is that of the trajectory, `steps` its length.
-    """
-    paths = {i: RunFolder(run).trajectory() for i, run in runs["run"].items()}
-    drawn = runs[[{"behaviors", "rewards"} <= paths[i].keys() for i in runs.index]]
-    best = drawn.loc[drawn.groupby("label")["best_return"].idxmax()]
-    rewards = [paths[i]["rewards"] for i in best.index]
-    return best.assign(**{"return": list(map(np.sum, rewards)), "steps": list(map(len, rewards))})
-
-
 def _start(plane: Plane) -> list[Figure]:
     if plane.maze is None:
         return []
@@ -276,20 +233,19 @@ def _start(plane: Plane) -> list[Figure]:
     return [_line(x, y, mode="markers", marker=marker, hovertemplate="start<extra></extra>")]
 
 
-def _plane_layout(plane: Plane, is_filled: bool = True) -> Figure:
+def _plane_layout(plane: Plane) -> Figure:
     layout = LAYOUT | {"plot_bgcolor": FLOOR}
     if plane.maze is not None:
         hidden = {"visible": False, "fixedrange": True}
         x, y = ({"range": [0.0, side], **hidden} for side in plane.high.tolist())
-        shapes = _shapes(plane.maze, "above" if is_filled else "below")
         margin = {"l": 1, "r": 1, "t": 1, "b": 1}
-        return layout | {"xaxis": x, "yaxis": y, "shapes": shapes, "margin": margin}
+        return layout | {"xaxis": x, "yaxis": y, "shapes": _shapes(plane.maze), "margin": margin}
     titles = ("first entry of the behavior", "second entry of the behavior")
     x, y = (AXIS | {"title": title, "zeroline": False, "fixedrange": True} for title in titles)
     return layout | {"xaxis": x, "yaxis": y}
 
 
-def _shapes(maze: MazeEnv, goal_layer: str) -> list[Figure]:
+def _shapes(maze: MazeEnv) -> list[Figure]:
     """Goal, walls and border."""
     layout: MazeLayout = maze.layout
     (x, y), r = layout.goal, maze.maze.goal_radius
@@ -297,7 +253,7 @@ def _shapes(maze: MazeEnv, goal_layer: str) -> list[Figure]:
         f"M{x:.6g},{y:.6g}H{x + width:.6g}V{y + height:.6g}H{x:.6g}Z"
         for x, y, width, height in layout.walls
     )
-    goal = {"x0": x - r, "x1": x + r, "y0": y - r, "y1": y + r, "layer": goal_layer}
+    goal = {"x0": x - r, "x1": x + r, "y0": y - r, "y1": y + r}
     border = {"x0": 0, "x1": layout.width, "y0": 0, "y1": layout.height}
     green = {"fillcolor": _faint(GOAL), "line": {"color": GOAL, "width": 2}}
     return [

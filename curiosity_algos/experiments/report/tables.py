@@ -1,8 +1,7 @@
-"""The tables of a report, as HTML: results of runs, and their settings."""
+"""The table of a report, as HTML: results of runs."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from html import escape
 
@@ -11,7 +10,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from curiosity_algos.experiments.measures import coverage, reports_success, times_to_success
-from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import (
     area_under_curve,
     interquartile_mean,
@@ -20,8 +18,6 @@ from curiosity_algos.experiments.statistics import (
 
 NOTHING = "\N{EN DASH}"
 """Stands for a number that is not known."""
-SETTINGS = r"^(settings|env_kwargs|versions|machine)\.|^git_revision$"
-"""Columns of `load_runs` that say how a run was made."""
 
 
 def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
@@ -32,7 +28,9 @@ def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
         for label, here in runs.groupby("label")
     }
     table = pd.DataFrame.from_dict(rows, orient="index")
-    return _as_html(table, "Interquartile means (IQM) of runs, with 95 % intervals")
+    html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
+    about = "Interquartile means (IQM) of runs, with 95 % intervals"
+    return f'<div class="scroll" role="region" tabindex="0" aria-label="{about}">{html}</div>'
 
 
 def swatch(color: str) -> str:
@@ -85,47 +83,3 @@ def _interval(values: npt.ArrayLike, text: Callable[[float], str]) -> str:
 def percent(share: float) -> str:
     """0.1234 as "12.3 %", with a space that does not break."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
-
-
-def configurations(runs: pd.DataFrame) -> str:
-    """The settings that differ, a column for each label, and the `run.json` of each run."""
-    return _differences(runs) + "".join(map(_description, runs.to_dict("records")))
-
-
-def _differences(runs: pd.DataFrame) -> str:
-    """The values of those settings that have more than one among the runs that have them."""
-    settings = runs.filter(regex=SETTINGS)
-    texts = settings.astype(object).map(_text).where(settings.notna())
-    texts = texts.loc[:, texts.nunique() > 1]
-    if texts.empty:
-        return "<p>All runs have the same settings.</p>"
-    values = texts.groupby(runs["label"]).agg(lambda each: "; ".join(sorted(set(each.dropna()))))
-    table = values.T.sort_index().replace("", NOTHING).map(escape)
-    return _as_html(table.rename(index=escape, columns=escape), "Settings that differ")
-
-
-def _text(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value, default=str)
-
-
-def _as_html(table: pd.DataFrame, about: str) -> str:
-    """A table of HTML in a box of its own that scrolls."""
-    html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
-    return f'<div class="scroll" role="region" tabindex="0" aria-label="{about}">{html}</div>'
-
-
-def _description(run: dict[str, object]) -> str:
-    described = json.dumps(RunFolder(str(run["run"])).describe(), indent=2)
-    return (
-        f"<details><summary>{escape(str(run['label']))}, seed {escape(str(run['seed']))}: "
-        f'{_state(run)}</summary><p class="muted">{escape(str(run["run"]))}</p>'
-        f'<pre tabindex="0">{escape(described)}</pre></details>'
-    )
-
-
-def _state(run: dict[str, object]) -> str:
-    timesteps, total, seconds = (
-        float(str(run[name])) for name in ("timesteps", "total_timesteps", "seconds")
-    )
-    done = "ended" if timesteps >= total else f"{percent(timesteps / total)} done"
-    return f"{timesteps:,.0f} timesteps in {seconds:,.0f} s, {done}"

@@ -101,7 +101,6 @@ def test_help_says_what_there_is(run_here):
         (["train", "--algo", "curiosity_ee"], "did you mean CuriosityES"),
         (["train", "--hyperparams", "sigma"], "--hyperparams must be NAME:VALUE"),
         (["train", "-n", "many"], "Invalid value for '--timesteps'"),
-        (["train", "--conf-file", "no.yml"], "no.yml"),
         (["train", "--device", "cuda:99"], "`device` must be"),
         (["sweep", "--interval", "0"], "`interval` must be"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
@@ -167,27 +166,6 @@ class TestSweep:
         assert status == 1
         assert "Error: 1 of 2 runs failed" in errors.splitlines()[-1]
         assert load_runs(tmp_path)["seed"].tolist() == [1]
-
-
-def test_settings_may_come_from_a_file(run_here, tmp_path):
-    conf = tmp_path / "conf.yml"
-    conf.write_text(
-        "CuriosityMaze-US-v0: {n_timesteps: 1000, env_kwargs: {horizon: 50}, population_size: 4}\n"
-        "default: {n_timesteps: 800, env_kwargs: {horizon: 40}, population_size: 5, sigma: 0.25}\n"
-    )
-    words = ["--algos", "map_elites", "--envs", "CuriosityMaze-US-v0,CuriosityMaze-Hard-v0"]
-    words += ["--seeds", "0", "--conf-file", str(conf), "--hyperparams", "population_size:6"]
-    assert run_here("sweep", *words)[0] == 0
-    hard, us = load_runs(tmp_path / "runs").to_dict("records")
-    assert (us["timesteps"], us["env_kwargs.horizon"]) == (1200, 50)
-    assert (hard["timesteps"], hard["env_kwargs.horizon"]) == (960, 40)
-    assert us["settings.population_size"] == hard["settings.population_size"] == 6
-    assert hard["settings.sigma"] == 0.25
-    conf.write_text("default: {sigm: 1}")
-    status, _, errors = run_here("train", "--conf-file", str(conf), "-f", "others")
-    assert (status, len(errors.splitlines())) == (1, 1)
-    assert "sigm is unknown: did you mean sigma" in errors
-    assert not (tmp_path / "others").exists()
 
 
 def is_anyone_left(group):

@@ -44,15 +44,6 @@ def result(**fields):
     return lambda run: change(run.checkpoint / "result.json", **fields)
 
 
-def without(column):
-    def damage(run):
-        columns = run.trajectory()
-        del columns[column]
-        np.savez(run.best_trajectory, **columns)
-
-    return damage
-
-
 def huge(path_of):
     """A header of more entries than any memory holds."""
 
@@ -86,8 +77,7 @@ DAMAGES = {
     "coverage is a list": result(coverage=[0.5]),
     "shares are text": result(coverage={"reachable": "half"}),
     "surplus entries": append("1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21\n"),
-    "no rewards": without("rewards"),
-    "a huge trajectory": huge(lambda run: run.best_trajectory),
+    "huge final states": huge(lambda run: final_states(run)),
     "a huge sample": huge(lambda run: run.checkpoint / "rewarding.npz"),
     "an array alone": lambda run: np.save(open(final_states(run), "wb"), np.zeros(3)),  # noqa: SIM115
 }

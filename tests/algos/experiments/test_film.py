@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from curiosity_algos import MAPElites
+from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.experiments import SaveRun
+from curiosity_algos.experiments import film as filming
 from curiosity_algos.experiments.film import film, play, watch
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.training import RunSpec, train
@@ -52,6 +53,13 @@ def test_without_a_screen_there_is_a_sentence(folder, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "nothing")
     with pytest.raises(ValueError, match="`out` must name a file where there is no screen"):
         watch(folder, seed=0)
+
+
+def test_an_endless_episode_is_cut(make_model, tmp_path, monkeypatch):
+    monkeypatch.setattr(filming, "MAX_EPISODE_STEPS", 30)
+    model = make_model(TD3ICM, gym.make("Pendulum-v1", max_episode_steps=-1))
+    env = gym.make("Pendulum-v1", max_episode_steps=-1)
+    assert len(list(filming._rewards(model.policy, env, 0))) == 31
 
 
 def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):

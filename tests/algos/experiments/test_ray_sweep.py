@@ -45,46 +45,34 @@ def results(folder):
     return load_runs(folder).sort_values("seed")[RESULTS].to_numpy().tolist()
 
 
-def test_it_tells_how_runs_ended(tmp_path, monkeypatch):
+def test_it_tells_how_runs_ended(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     here, there = tmp_path / "here", tmp_path / "there"
-    sweep(make_runs(), here, backend=Processes(1), report=lambda run, outcome: None)
+    sweep(make_runs(), here, backend=Processes(1))
     train(make_runs()[2], make_runs()[2].folder(there))
-    ended = {}
-    sweep(
-        make_runs(),
-        there.relative_to(tmp_path),
-        backend=RayBackend(),
-        report=lambda run, outcome: ended.update({run.seed: outcome}),
-    )
-    assert ended == {0: True, 1: True, 2: False}
+    capsys.readouterr()
+    sweep(make_runs(), there.relative_to(tmp_path), backend=RayBackend())
+    assert capsys.readouterr().out.count("best return") == 2  # the third was finished
     assert results(there) == results(here)
 
 
 def test_one_that_fails_does_not_stop_the_others(tmp_path):
     runs = [*make_runs()[:2], *make_runs(population_size="many")[2:]]
-    ended = {}
-    sweep(
-        runs,
-        tmp_path,
-        backend=RayBackend(),
-        report=lambda run, outcome: ended.update({run.seed: outcome}),
-    )
-    assert (ended[0], ended[1]) == (True, True)
-    assert isinstance(ended[2], ValueError)
-    assert "`population_size`" in str(ended[2])
+    with pytest.raises(ValueError, match=r"^1 of 3 runs failed: .*2: `population_size`"):
+        sweep(runs, tmp_path, backend=RayBackend())
+    assert load_runs(tmp_path)["seed"].tolist() == [0, 1]
 
 
 def test_a_run_whose_process_is_killed_goes_on(tmp_path):
     here, there = tmp_path / "here", tmp_path / "there"
     runs = make_runs(60_000)[:1]
-    sweep(runs, here, backend=Processes(1), report=lambda run, outcome: None)
-    pids, ended = set(), {}
+    sweep(runs, here, backend=Processes(1))
+    pids, ended = set(), threading.Event()
 
     def kill():
         """Kill the process that holds the run's folder, once it has saved a checkpoint."""
         folder = runs[0].folder(there)
-        while not list(folder.glob("checkpoints/*")) and not ended:
+        while not list(folder.glob("checkpoints/*")) and not ended.is_set():
             time.sleep(0.01)
         for process in filter(str.isdigit, os.listdir("/proc")):
             if int(process) != os.getpid() and has_open(process, folder):
@@ -93,16 +81,12 @@ def test_a_run_whose_process_is_killed_goes_on(tmp_path):
 
     killer = threading.Thread(target=kill)
     killer.start()
-    sweep(
-        runs,
-        there,
-        backend=RayBackend(),
-        interval=0.05,
-        report=lambda run, outcome: ended.update({run.seed: outcome}),
-    )
-    killer.join()
+    try:
+        sweep(runs, there, backend=RayBackend(), interval=0.05)
+    finally:
+        ended.set()
+        killer.join()
     assert len(pids) == 1
-    assert ended == {0: True}
     assert results(there) == results(here)
 
 

@@ -23,20 +23,6 @@ def test_an_empty_or_missing_folder_is_empty(run):
     assert not run.is_empty()
 
 
-def test_a_trajectory_is_there_once_it_is_written(run):
-    assert run.trajectory() == {}
-    run.path.mkdir(parents=True)
-    np.savez(run.best_trajectory, rewards=[0.0, 0.5])
-    assert run.trajectory()["rewards"].tolist() == [0.0, 0.5]
-
-
-def test_a_damaged_trajectory_is_refused(run):
-    run.path.mkdir(parents=True)
-    run.best_trajectory.write_bytes(b"PK")
-    with pytest.raises(ValueError, match=r"best_trajectory\.npz is damaged"):
-        run.trajectory()
-
-
 @pytest.mark.parametrize("content", [b"\xad\n", b"time/fps\n" + b"1" * 200_000 + b"\n"])
 def test_a_damaged_log_is_refused(run, content):
     run.path.mkdir(parents=True)

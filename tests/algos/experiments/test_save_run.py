@@ -26,7 +26,7 @@ from curiosity_algos import (
     MAPElites,
     make_evaluator,
 )
-from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs, played
+from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
 from curiosity_algos.experiments.figures.comparison import compare
 from curiosity_algos.experiments.run_folder import RunFolder
 
@@ -141,24 +141,17 @@ def test_rewarding_policies_can_be_played_again(make_model, make_easy_maze, fold
     np.testing.assert_allclose(rollouts.returns, kept["return"], atol=1e-6)
 
 
-def test_the_best_policys_episode_is_there(make_model, folder):
+def test_the_best_policy_is_there(make_model, folder):
     model = make_model(CuriosityES, "CuriosityMaze-US-v0").learn(1, SaveRun(folder))
-    episode = np.load(folder / "best_trajectory.npz")
     best = np.load(RunFolder(folder).checkpoint / "best_policy.npz")
     np.testing.assert_array_equal(best["parameters"], model.policy.vector)
     assert best["net_arch"].tolist() == [4]
-    rollouts = make_evaluator("CuriosityMaze-US-v0", model.policy_kwargs).evaluate(
-        best["parameters"][None]
-    )
-    np.testing.assert_array_equal(episode["observations"][-1], rollouts.final_observations[0])
-    np.testing.assert_array_equal(episode["behaviors"][-1], rollouts.behaviors[0])
-    assert len(episode["rewards"]) == len(episode["actions"]) == rollouts.lengths[0]
+    assert best["return"] == model.best_return
 
 
-def test_an_env_without_an_id_leaves_no_episode(make_model, folder):
+def test_an_env_may_have_no_id(make_model, folder):
     env = gym.wrappers.TimeLimit(PendulumEnv(), 20)
     make_model(CuriosityES, env).learn(1, SaveRun(folder))
-    assert not (folder / "best_trajectory.npz").exists()
     assert json.loads((folder / "run.json").read_text())["env"] is None
 
 
@@ -198,14 +191,6 @@ def test_a_monitor_must_see_the_episodes(make_model, folder):
     assert not folder.exists()
     make_model(TD3ICM, VecMonitor(envs)).learn(50, SaveRun(folder))
     assert len(load_final_states(folder)["return"]) == 3
-
-
-def test_an_endless_episode_is_cut(make_model, folder, monkeypatch):
-    monkeypatch.setattr(played, "MAX_EPISODE_STEPS", 30)
-    env = gym.make("Pendulum-v1", max_episode_steps=-1)
-    make_model(TD3ICM, env, train_freq=(50, "step")).learn(50, SaveRun(folder))
-    assert len(np.load(folder / "best_trajectory.npz")["rewards"]) == 30
-    assert load_runs(folder)["best_return"].isna().all()
 
 
 US = "CuriosityMaze-US-v0"
@@ -262,13 +247,6 @@ class TestStableBaselines:
         assert last["time/total_timesteps"] == 300
         assert last["coverage/all"] == run["coverage.all"] > 0
 
-    def test_the_last_policys_episode_is_there(self, folder):
-        model = make_ppo(make_mazes(bonus="rnd")).learn(120, SaveRun(folder))
-        episode = np.load(folder / "best_trajectory.npz")
-        assert len(episode["behaviors"]) == 51
-        actions, _ = model.predict(episode["observations"][:-1], deterministic=True)
-        np.testing.assert_allclose(episode["actions"], actions, rtol=1e-5, atol=1e-6)
-
     def test_a_killed_run_goes_on(self, folder):
         killed = make_ppo(VecNormalize(make_mazes(bonus="icm")))
         with pytest.raises(KilledError):
@@ -285,7 +263,6 @@ class TestStableBaselines:
         assert run["coverage.all"] >= before["coverage.all"]
         assert run["n_episodes"] == len(load_final_states(folder)["return"])
         assert load_progress(folder)["time/total_timesteps"].tolist() == list(range(120, 601, 120))
-        assert not (folder / "best_trajectory.npz").exists()  # of normalized observations
 
     def test_what_was_found_before_still_counts(self, folder):
         make_ppo(make_mazes()).learn(240, SaveRun(folder))
@@ -472,7 +449,7 @@ def test_it_warns_where_a_run_goes_on_without_its_transitions(
 ):
     make_model(algorithm, make_easy_maze()).learn(300, SaveRun(folder))
     model = algorithm.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
-    with pytest.warns(UserWarning, match="without the transitions"):
+    with pytest.warns(UserWarning, match="without its buffer"):
         model.learn(300, SaveRun(folder), reset_num_timesteps=False)
 
 

@@ -1,5 +1,8 @@
 """Runs of a sweep, in processes and in this one."""
 
+import io
+import sys
+
 import pytest
 import torch as th
 
@@ -16,7 +19,7 @@ def test_a_sweep_has_no_run_twice():
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_it_tells_how_runs_ended(jobs, tmp_path):
+def test_it_tells_how_runs_ended(jobs, tmp_path, capsys):
     runs = grid(
         ["map_elites"],
         ["CuriosityMaze-US-v0"],
@@ -26,14 +29,28 @@ def test_it_tells_how_runs_ended(jobs, tmp_path):
         settings=SETTINGS,
     )
     train(runs[2], runs[2].folder(tmp_path))
-    ended = {}
-    sweep(
-        runs,
-        tmp_path,
-        backend=Processes(jobs),
-        report=lambda run, outcome: ended.update({run.seed: outcome}),
+    sweep(runs, tmp_path, backend=Processes(jobs))
+    told = sorted(
+        line.partition(": best return")[0] for line in capsys.readouterr().out.splitlines()
     )
-    assert ended == {0: True, 1: True, 2: False}
+    assert told == [str(run.folder(tmp_path)) for run in runs[:2]]  # the third was finished
+    assert len(load_runs(tmp_path)) == 3
+
+
+def test_a_bar_counts_runs_and_failures_are_told_at_the_end(tmp_path, monkeypatch):
+    class Screen(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stderr", Screen())
+    runs = [RunSpec("NSES", "CuriosityMaze-US-v0", seed, 1000) for seed in range(3)]
+
+    def backend(runs, train):
+        return zip(runs, (False, OSError("disk full"), False), strict=True)
+
+    with pytest.raises(ValueError, match=r"^1 of 3 runs failed: .*/1: disk full$"):
+        sweep(runs, tmp_path, backend=backend)
+    assert "3/3" in sys.stderr.getvalue()
 
 
 def make_run(seed, **settings):
@@ -45,19 +62,11 @@ def make_run(seed, **settings):
 def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
     monkeypatch.setattr("curiosity_algos.experiments.sweep.ProcessPoolExecutor", None)
     th.set_num_threads(2)
-    outcomes = {}
     runs = [make_run(0), make_run(1, population_size="many"), make_run(2)]
     blocked = runs[2].folder(tmp_path)
     blocked.mkdir(parents=True)
     (blocked / "notes").write_text("mine")
-    sweep(
-        runs,
-        tmp_path,
-        backend=Processes(1),
-        report=lambda run, outcome: outcomes.update({run.seed: outcome}),
-    )
-    assert outcomes[0] is True
-    assert isinstance(outcomes[1], ValueError)
-    assert isinstance(outcomes[2], OSError)
+    with pytest.raises(ValueError, match=r"^2 of 3 runs failed: .*2: .*, there is none.*1: `pop"):
+        sweep(runs, tmp_path, backend=Processes(1))
     assert load_runs(tmp_path)["seed"].tolist() == [0]
     assert th.get_num_threads() == 2

@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 
 from curiosity_algos import TD3ICM
@@ -107,12 +106,11 @@ def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_s
     def kill(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("curiosity_algos.experiments.save_run.write_trajectory", kill)
+    monkeypatch.setattr("curiosity_algos.experiments.run_folder.RunFolder.end", kill)
     with pytest.raises(KeyboardInterrupt):
         train(small(), killed)
     monkeypatch.undo()
     assert not is_finished(small(), killed)
     assert train(small(), killed)
-    one, other = (dict(np.load(RunFolder(path).best_trajectory)) for path in (whole, killed))
-    assert_same(one, other)
+    assert_same(load_final_states(whole), load_final_states(killed))
     assert not train(small(), killed)

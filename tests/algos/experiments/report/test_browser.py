@@ -32,11 +32,6 @@ while (walker.nextNode()) {
 }
 return found;
 """
-DRAWN_CELLS = """
-const [{z}] = document.querySelector("figure .plot")._fullData;
-return z.map((row) => Array.from(row)).flat().filter(Number.isFinite).length;
-"""
-PATH = "return document.querySelector('.beside .plot')._fullData[1].x.length"
 
 
 @pytest.fixture(scope="module")
@@ -144,75 +139,12 @@ def test_a_page_is_readable_and_fits(show, width, scheme):
     assert size["width"] == pytest.approx(size["height"], abs=1)
 
 
-def test_the_slider_moves_the_picture(show):
-    driver = show()
-    figure, slider = find(driver, "figure .plot"), find(driver, ".player input")
-    before, n_before = figure.screenshot_as_png, driver.execute_script(DRAWN_CELLS)
-    move(driver, slider, 60)
-    wait(driver, lambda driver: 0 < driver.execute_script(DRAWN_CELLS) < n_before)
-    assert figure.screenshot_as_png != before
-    assert find(driver, ".player output").text == "300 of 1,500 timesteps"
-    move(driver, slider, 300)
-    wait(driver, lambda driver: driver.execute_script(DRAWN_CELLS) == n_before)
-    assert figure.screenshot_as_png == before
-
-
-def move(driver, slider, value):
-    driver.execute_script(
-        "arguments[0].value = arguments[1];"
-        "arguments[0].dispatchEvent(new Event('input', {bubbles: true}))",
-        slider,
-        value,
-    )
-
-
-def test_a_path_plays_and_pauses(show):
-    driver = show()
-    player = driver.find_elements("css selector", ".player")[1]
-    button, output = (player.find_element("css selector", tag) for tag in ("button", "output"))
-    assert driver.execute_script(PATH) == 51
-    button.click()
-    assert button.text == "Pause"
-    wait(driver, lambda driver: 1 < driver.execute_script(PATH) < 51)
-    button.click()
-    assert button.text == "Play"
-    step = int(output.text.split()[0])
-    wait(driver, lambda driver: driver.execute_script(PATH) in (step, step + 1))
-
-
 def test_a_label_is_hidden_in_all_curves(show):
     driver = show()
-    lines = "return document.querySelectorAll('#figure-2 .scatterlayer path.js-line').length"
+    lines = "return document.querySelectorAll('#figure-1 .scatterlayer path.js-line').length"
     before = driver.execute_script(lines)
-    find(driver, "#figure-2 .legendtoggle").click()
+    find(driver, "#figure-1 .legendtoggle").click()
     wait(driver, lambda driver: driver.execute_script(lines) < before)
-    shown = "return document.querySelector('#figure-2')._fullData.filter((t) => t.visible === true)"
+    shown = "return document.querySelector('#figure-1')._fullData.filter((t) => t.visible === true)"
     names = driver.execute_script(f"{shown}.map((trace) => trace.name)")
     assert set(names) == {"NSES"}
-
-
-def test_seconds_are_drawn_once_they_are_asked_for(show):
-    driver = show()
-    folded = find(driver, "#figure-3")
-    assert not folded.is_displayed()
-    find(driver, "section:nth-of-type(2) summary").click()
-    wait(driver, is_drawn)
-    assert find(driver, "#figure-3 .xtitle").text == "seconds of training"
-
-
-def test_all_can_be_done_with_the_keyboard(show):
-    from selenium.webdriver.common.keys import Keys
-
-    driver = show()
-    slider = find(driver, ".player input")
-    press(driver, Keys.TAB)
-    assert driver.switch_to.active_element.text == "Skip to the results"
-    for _ in range(30):
-        if driver.switch_to.active_element == slider:
-            break
-        press(driver, Keys.TAB)
-        style = "return getComputedStyle(document.activeElement).outlineStyle"
-        assert driver.execute_script(style) != "none"
-    press(driver, Keys.ARROW_LEFT, Keys.ARROW_LEFT)
-    assert slider.get_property("value") == "298"
-    assert slider.get_attribute("aria-valuetext") == "1,490 of 1,500 timesteps"

@@ -6,13 +6,10 @@ from curiosity_algos.experiments import load_final_states
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.pictures import (
-    MOST_POINTS,
     N_CELLS,
     Plane,
-    best_runs,
     draw_curves,
     draw_map,
-    draw_paths,
     evenly,
     plane_of,
 )
@@ -41,7 +38,7 @@ def traces_of(figure, panel):
 
 
 def test_curves_are_those_of_the_runs(maze):
-    figure = draw_curves(maze, color_labels(maze["label"]), "timesteps")
+    figure = draw_curves(maze, color_labels(maze["label"]))
     axes = [figure["layout"][f"yaxis{i}"]["title"] for i in (1, 2, 3)]
     assert axes == ["coverage", "best return so far", "runs without success"]
     _, alone, thin, low, high, mean = traces_of(figure, 1)
@@ -53,10 +50,6 @@ def test_curves_are_those_of_the_runs(maze):
     assert (mean["y"] <= high["y"] + 1e-9).all()
     survival = traces_of(figure, 3)
     assert survival[0]["y"].tolist() == [1.0, 1.0]
-    figure = draw_curves(maze, color_labels(maze["label"]), "seconds")
-    assert figure["layout"]["xaxis"]["title"] == "seconds of training"
-    longest = maze["seconds"].max()
-    assert all(np.nanmax(trace["x"]) <= longest * 1.001 for trace in figure["data"])
 
 
 def test_indices_are_evenly_spaced():
@@ -116,33 +109,3 @@ def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkey
 def test_behaviors_of_fewer_than_two_entries_have_no_plane(write_run):
     for places in ([[0.1]], [[]], [[np.nan, 1.0]]):
         assert plane_of(write_run(places, [1])) is None
-
-
-def test_the_path_of_the_best_run_is_where_the_robot_was(maze):
-    best = best_runs(maze)
-    assert best["label"].tolist() == ["MAPElites", "NSES"]
-    assert best["steps"].tolist() == [50, 50]
-    figure = draw_paths(best, plane_of(maze), color_labels(maze["label"]))
-    _, line, marker, *_ = figure["data"]
-    path = RunFolder(best["run"].iloc[0]).trajectory()["behaviors"]
-    np.testing.assert_allclose(np.column_stack([line["x"], line["y"]]), path[:, :2], rtol=1e-6)
-    assert marker["mode"] == "markers"
-    assert line["meta"] == {"steps": 50}
-
-
-def test_only_runs_with_a_trajectory_have_a_path(write_run):
-    runs = pd.concat([write_run([[0.0, 0.0]], [1]) for _ in range(3)], ignore_index=True)
-    runs["best_return"] = [0.9, 0.5, 0.2]
-    assert best_runs(runs).empty
-    for i, n in [(1, 9001), (2, 3)]:
-        path = np.linspace([0.0, 0.0], [200.0, 100.0], n)
-        np.savez(
-            RunFolder(runs["run"][i]).best_trajectory, behaviors=path, rewards=np.full(n - 1, 0.5)
-        )
-    best = best_runs(runs)
-    assert (best["run"].item(), best["return"].item()) == (runs["run"][1], 4500.0)
-    figure = draw_paths(best, SQUARE, {"A": "#000000"})
-    assert figure["layout"]["xaxis"]["range"] == [-10.0, 210.0]  # which holds all of the path
-    line, _ = figure["data"]
-    assert len(line["x"]) == MOST_POINTS
-    assert (line["x"][-1], line["meta"]["steps"]) == (200.0, 9000)

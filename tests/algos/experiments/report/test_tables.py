@@ -1,10 +1,9 @@
 import re
 
-import pandas as pd
 from html_tables import first_table
 
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.report.tables import configurations, percent, summary
+from curiosity_algos.experiments.report.tables import percent, summary
 
 NOTHING = "\N{EN DASH}"
 
@@ -39,23 +38,3 @@ def test_shares_are_told_in_three_digits():
     shares = {0.1234: "12.3", 1.0: "100", 0.0: "0", 0.005: "0.5", 0.000123: "0.0123"}
     for share, text in shares.items():
         assert percent(share) == f"{text}\N{NO-BREAK SPACE}%"
-
-
-def test_settings_that_differ_are_listed_by_label(maze):
-    text = configurations(maze.assign(**{"settings.sigma": [0.1, 0.2, 0.3]}))
-    # Of k, where they have it, it is the same.
-    assert first_table(text) == [
-        ["", "MAPElites", "NSES"],
-        ["settings.sigma", "0.1", "0.2; 0.3"],
-    ]
-    assert text.count("<pre") == len(maze)
-    assert "&quot;algorithm&quot;: &quot;NSES&quot;" in text
-
-
-def test_what_a_description_says_is_text_and_how_far_a_run_is_told(mountain):
-    assert "All runs have the same settings." in configurations(mountain)
-    other = mountain.assign(label="<b>", total_timesteps=3000, **{"settings.sigma": "<i>"})
-    text = configurations(pd.concat([mountain, other]))
-    assert "<b>" not in text
-    assert "<i>" not in text
-    assert f"1,500 timesteps in 0 s, {percent(0.5)} done" in text

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 
 from curiosity_algos.experiments import film, load_final_states, load_runs

@@ -18,6 +18,7 @@ from curiosity_algos.bonuses.perceptron import (
     Layers,
     Pass,
     backward,
+    blas_limit,
     forward,
     single_blas_thread,
 )
@@ -160,7 +161,7 @@ def differentiate(
 
     def some(begin: int, end: int) -> None:
         work = Workspace.of(icm, min(N_ROWS, n))
-        with single_blas_thread():
+        with blas_limit():
             for i in range(begin, end):
                 first, last = i * N_ROWS, min((i + 1) * N_ROWS, n)
                 rows = states[2 * first : 2 * last], actions[first:last]

@@ -16,7 +16,6 @@ from ribs.archives import ArchiveBase, ArchiveStats
 from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
-    as_container,
     check_batch,
     check_elites,
     check_finite,
@@ -219,7 +218,7 @@ class EliteArchive(ArchiveBase):
         Raises:
             ValueError: If there is no such field or return type.
         """
-        return self._read(None, fields, return_type)
+        return self._read(np.arange(len(self)), fields, return_type)
 
     def sample_elites(self, n: int | np.integer[Any], replace: bool = True) -> Batch:
         """Elites drawn uniformly, a dictionary of arrays (n, ...).
@@ -305,7 +304,7 @@ class EliteArchive(ArchiveBase):
         behaviors = self.behaviors
         wanted = check_niche(behavior, behaviors)
         nearest = np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))
-        return self._elites.get("solution", np.array([nearest]))[0]  # type: ignore[no-any-return]
+        return self._elites.get("solution", [nearest])[0]  # type: ignore[no-any-return]
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
         """Play every elite again, and compare its return and behavior with those kept.
@@ -390,21 +389,18 @@ class EliteArchive(ArchiveBase):
 
     def _read(
         self,
-        slots: Int64Array | None,
+        slots: Int64Array,
         fields: str | Collection[str] | None = None,
         return_type: str | None = None,
     ) -> Any:
-        """As `data`, of the elites in some slots; None: of all."""
-        if isinstance(fields, str) and return_type is None:
-            return self._column(slots, fields)
-        fields = [fields] if isinstance(fields, str) else fields
-        names = self.field_list if fields is None else list(fields)
-        return as_container({name: self._column(slots, name) for name in names}, return_type)
-
-    def _column(self, slots: Int64Array | None, name: str) -> npt.NDArray[Any]:
-        if name != "index":
-            return self._elites.get(name, slots)
-        return self._identities(np.arange(len(self)) if slots is None else slots)
+        """As `data`, of the elites in some slots; pyribs' store takes these for "index"."""
+        if fields == "index" and return_type is None:
+            return self._identities(slots)
+        container: Any = "dict" if return_type == "tuple" else return_type
+        data: Any = self._elites.retrieve(slots, fields, container)[1]
+        if not isinstance(data, np.ndarray) and "index" in data:
+            data["index"] = self._identities(slots)
+        return tuple(data.values()) if return_type == "tuple" else data
 
     def _elite(self, slot: int) -> dict[str, Any]:
         return {name: values[0] for name, values in self._read(np.array([slot])).items()}

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from ribs.archives import ArrayStore
 
-from curiosity_gym.validation import check_at_least_one, check_choice
+from curiosity_gym.validation import check_at_least_one
 
 Batch = dict[str, npt.NDArray[Any]]
 """Arrays (n, ...) by the names of fields."""
@@ -56,27 +56,19 @@ def describe_extra(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
             not use one that it knows.
     """
     try:
-        fields = {name: (_as_shape(shape), dtype) for name, (shape, dtype) in extra_fields.items()}
-        is_named = all(isinstance(name, str) for name in fields)
-    except (AttributeError, OverflowError, TypeError, ValueError):
-        is_named = False
-    if not is_named:
+        taken = RESERVED & extra_fields.keys()
+        free = {name: field for name, field in extra_fields.items() if name not in taken}
+        fields: Any = ArrayStore(free, 0).field_desc
+    except (AttributeError, TypeError, ValueError) as error:
         raise ValueError(
             f"`extra_fields` must hold name: (shape, dtype), got {extra_fields!r:.200}."
-        )
-    taken = RESERVED & fields.keys()
+        ) from error
     if taken:
         raise ValueError(f"`extra_fields` must not hold {', '.join(sorted(taken))}: it is taken.")
-    described = {name: (shape, _as_dtype("extra_fields", d)) for name, (shape, d) in fields.items()}
-    _check_known(described)
-    return described
-
-
-def _as_shape(shape: int | Sequence[int]) -> tuple[int, ...]:
-    entries = np.atleast_1d(np.array(shape, dtype=None if np.size(shape) else np.int64))
-    if entries.ndim > 1 or entries.dtype.kind not in "iu" or (entries < 0).any():
-        raise ValueError
-    return tuple(entries.tolist())
+    for _, dtype in fields.values():
+        _as_dtype("extra_fields", dtype)
+    _check_known(fields)
+    return dict(fields)
 
 
 def _as_dtype(name: str, dtype: npt.DTypeLike) -> np.dtype[Any]:
@@ -218,26 +210,3 @@ def check_finite(**values: object) -> None:
     for name, value in values.items():
         if not (isinstance(value, Real) and math.isfinite(value)):
             raise ValueError(f"`{name}` must be a finite number, got {value!r}.")
-
-
-def as_container(elites: Batch, return_type: str | None) -> Any:
-    """Columns as a dictionary, a tuple or, of pyribs, a table of pandas.
-
-    Raises:
-        ValueError: If it is none of "dict", "tuple", "pandas" and None, which is the first.
-    """
-    check_choice(("dict", "tuple", "pandas"), return_type=return_type or "dict")
-    if return_type == "tuple":
-        return tuple(elites.values())
-    return _table(elites) if return_type == "pandas" else elites
-
-
-def _table(elites: Batch) -> Any:
-    n = len(next(iter(elites.values())))
-    kept = {name: array for name, array in elites.items() if name != "index"}
-    store = ArrayStore({name: (array.shape[1:], array.dtype) for name, array in kept.items()}, n)
-    store.add(np.arange(n), dict(kept))
-    table: Any = store.retrieve(np.arange(n), list(elites), "pandas")[1]
-    if "index" in elites:
-        table["index"] = elites["index"]  # the store's own is the slot
-    return table

@@ -23,12 +23,12 @@ class TransitionBuffer:
     """
 
     def __init__(
-        self, capacity: int, observation_space: spaces.Box[Any], n_actions: int, *, seed: int
+        self, capacity: int, observation_space: spaces.Space[Any], n_actions: int, *, seed: int
     ) -> None:
         self.capacity = capacity
         self.size = 0
         self._next = 0
-        shape = observation_space.shape
+        shape = tuple(observation_space.shape or ())
         dtype = np.float32 if ImageInputs.of(observation_space) is None else np.uint8
         # NumPy's zeros, unlike torch's, take memory and time only once they are written.
         self._columns = {

@@ -61,6 +61,7 @@ def make_bonus(
     Raises:
         ValueError: If an object does not score transitions of these spaces, or could not be saved.
     """
+    action_size(action_space)  # raises where no bonus takes such actions
     if not isinstance(bonus, str):
         _check_fits(bonus, observation_space, action_space)
         return bonus
@@ -70,7 +71,6 @@ def make_bonus(
 def _check_fits(
     bonus: Bonus, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> None:
-    action_size(action_space)  # raises where no bonus takes such actions
     is_image = ImageInputs.of(observation_space) is not None
     assert isinstance(observation_space, spaces.Box)
     shape = (2, *observation_space.shape)
@@ -98,13 +98,3 @@ def _extreme_actions(action_space: spaces.Space[Any]) -> npt.NDArray[Any]:
     lowest = np.where(np.isfinite(low), low, np.minimum(high, 0.0) - 1.0)
     highest = np.where(np.isfinite(high), high, np.maximum(low, 0.0) + 1.0)
     return np.array([lowest, highest], dtype=np.float32)
-
-
-def stored_action_size(action_space: spaces.Space[Any]) -> int:
-    """Numbers kept of an action: a Box's entries, the index of a Discrete's.
-
-    Raises:
-        ValueError: If actions are of another kind.
-    """
-    n_numbers = action_size(action_space)
-    return 1 if isinstance(action_space, spaces.Discrete) else n_numbers

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from curiosity_algos.evaluation.evaluator import make_evaluator
 
 if TYPE_CHECKING:
-    from curiosity_algos.archives.base import EliteArchive
     from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator
     from curiosity_algos.evaluation.rollouts import Rollouts
 
@@ -41,11 +40,11 @@ class Verification:
     behaviors: npt.NDArray[np.float64]
 
 
-def verify(archive: EliteArchive, env: AnyEnv, n_threads: int | None = None) -> Verification:
+def verify(archive: Any, env: AnyEnv, n_threads: int | None = None) -> Verification:
     """Play every elite of `archive` again, with the seed of its episode where one is kept.
 
     Args:
-        archive: Of policies.
+        archive: An `EliteArchive` of policies.
         env: As in the algorithms' constructor.
         n_threads: None: as many as there are processors.
 

@@ -34,11 +34,7 @@ def describe(
     solution_dtype: npt.DTypeLike,
     extra_fields: Mapping[str, tuple[Any, Any]] | None,
 ) -> Description:
-    """The fields of an archive, but for "index".
-
-    Raises:
-        ValueError: If an argument is out of its range, see `EliteArchive`.
-    """
+    """The fields of an archive, but for "index"; ValueError for arguments that it cannot have."""
     check_at_least_one(solution_dim=solution_dim, measure_dim=measure_dim)
     return {
         "solution": ((int(solution_dim),), _as_dtype("solution_dtype", solution_dtype)),
@@ -49,12 +45,7 @@ def describe(
 
 
 def describe_extra(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
-    """Extra fields, which neither an archive nor its file has already.
-
-    Raises:
-        ValueError: If they are no shapes and types of numbers, a name is taken, or `verify` could
-            not use one that it knows.
-    """
+    """Extra fields; ValueError unless an archive, its file and `verify` can have them."""
     try:
         taken = RESERVED & extra_fields.keys()
         free = {name: field for name, field in extra_fields.items() if name not in taken}
@@ -91,11 +82,7 @@ def _check_known(fields: Description) -> None:
 
 
 def check_batch(description: Description, given: Mapping[str, npt.ArrayLike]) -> Batch:
-    """The arrays of a batch of n solutions, each of the type that is described.
-
-    Raises:
-        ValueError: If a field is missing, unknown, of another shape, or not finite.
-    """
+    """The arrays of a batch of n solutions; ValueError for fields that are not as described."""
     if given.keys() != description.keys():
         expected = ", ".join(description)
         raise ValueError(f"A batch must have the fields {expected}, got {', '.join(given)}.")
@@ -113,11 +100,7 @@ def check_batch(description: Description, given: Mapping[str, npt.ArrayLike]) ->
 
 
 def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """An array of a type.
-
-    Raises:
-        ValueError: If the value of the argument `name` is none.
-    """
+    """An array of a type; ValueError where the value of the argument `name` is none."""
     try:
         return np.asarray(value, dtype=dtype)
     except (OverflowError, TypeError, ValueError) as error:
@@ -125,11 +108,7 @@ def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArr
 
 
 def check_elites(data: Batch, description: Description) -> None:
-    """Check the elites of a file, all fields with "index".
-
-    Raises:
-        ValueError: If they could not be those of an archive of this description.
-    """
+    """Raise ValueError unless a file's elites, with "index", are as described."""
     for name, (_, dtype) in {**description, "index": ((), np.dtype(np.int64))}.items():
         if data[name].dtype != dtype:
             raise ValueError(f"`{name}` must be of type {dtype}, got {data[name].dtype}.")
@@ -140,31 +119,19 @@ def check_elites(data: Batch, description: Description) -> None:
 
 
 def described_by(data: Batch) -> dict[str, Any]:
-    """Keywords `solution_dim`, `solution_dtype` and `extra_fields` of an archive of these elites.
-
-    Raises:
-        ValueError: If solutions or measures are no rows of numbers.
-    """
+    """Keywords of an archive of these elites; ValueError where solutions are no rows of numbers."""
     for name in ("solution", "measures"):
         if data[name].ndim != 2 or data[name].dtype.kind not in NUMBERS:
             raise ValueError(
                 f"`{name}` must be rows of numbers, got {data[name].dtype} {data[name].shape}."
             )
     extra = {k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in COMMON | {"index"}}
-    solution = data["solution"]
-    return {
-        "solution_dim": solution.shape[1],
-        "solution_dtype": solution.dtype,
-        "extra_fields": extra,
-    }
+    n, dtype = data["solution"].shape[1], data["solution"].dtype
+    return {"solution_dim": n, "solution_dtype": dtype, "extra_fields": extra}
 
 
 def describe_elites(data: Batch, description: Description) -> Description:
-    """A description, with the solutions' type and the extra fields' shapes as in `data`.
-
-    Raises:
-        ValueError: If the fields are others.
-    """
+    """A description with the types and shapes in `data`; ValueError where the fields are others."""
     expected = [*description, "index"]
     if data.keys() != set(expected):
         raise ValueError(
@@ -176,11 +143,7 @@ def describe_elites(data: Batch, description: Description) -> Description:
 
 
 def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """A behavior (B,) whose nearest of the elites' behaviors (n, B) can be found.
-
-    Raises:
-        ValueError: If it is not finite of that shape, or there are none.
-    """
+    """A behavior (B,); ValueError unless one of the elites' behaviors (n, B) can be the nearest."""
     wanted = as_array("niche", behavior, np.dtype(np.float64))
     if not behaviors.shape[1]:
         raise ValueError("`niche` needs an env with a `behavior_space`, this one has none.")
@@ -194,11 +157,7 @@ def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDA
 
 
 def check_widths(net_arch: Sequence[int]) -> list[int]:
-    """Hidden layers as plain integers, as a file's JSON knows no others.
-
-    Raises:
-        ValueError: If they are no whole numbers of at least 1.
-    """
+    """Hidden layers as plain integers, as a file's JSON knows no others; ValueError for others."""
     widths: list[int] = np.atleast_1d(np.asarray(net_arch)).tolist()
     for width in widths:
         check_at_least_one(net_arch=width)

@@ -65,11 +65,7 @@ class EliteStore(ArrayStore):
         self.add(slots, dict(rows))
 
     def load_summary(self, objective_sum: Any, best_slot: Any) -> None:
-        """Take over a sum, as another order of adding up may have other last bits, and the best.
-
-        Raises:
-            ValueError: If the rows held could not have them.
-        """
+        """Take over the best, and a sum, whose last bits follow from the order of adding up."""
         check_finite(objective_sum=objective_sum)
         n = len(self)
         if not (isinstance(best_slot, int) and 0 <= best_slot < max(n, 1)):

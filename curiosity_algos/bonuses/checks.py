@@ -6,9 +6,7 @@ Gymnasium's `check_env` does. `learn_tiny_mdp` gives the figures themselves.
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -23,6 +21,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import GlobalGenerators
 
 FloatArray = npt.NDArray[np.float64]
 MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
@@ -180,7 +179,7 @@ def check_wrapper(
         AssertionError: If the bonus is asked for the observation after the reset, or enters once
             the advantages are computed.
     """
-    with _global_randomness_kept():
+    with GlobalGenerators(np.random.SeedSequence(0), th.device("cpu")).lent():
         venv = wrap(DummyVecEnv([_Corridor] * N_CORRIDORS), _AtTheEnd())
         n = HORIZON * N_CORRIDORS
         settings: dict[str, Any] = {"n_steps": HORIZON, "batch_size": n, "n_epochs": 1}
@@ -198,13 +197,3 @@ def check_wrapper(
             f"A bonus at the end of an episode must be worth {expected:.3g} at its start, it is "
             f"worth {returns[0]:.3g}: it must enter the reward before advantages are computed."
         )
-
-
-@contextmanager
-def _global_randomness_kept() -> Iterator[None]:
-    """SB3 draws from the old global generators of Python, numpy and torch, which are the user's."""
-    python, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002
-    with th.random.fork_rng(devices=[]):
-        yield
-    random.setstate(python)
-    np.random.set_state(numpy)  # noqa: NPY002

@@ -75,8 +75,13 @@ def _check_fits(
     assert isinstance(observation_space, spaces.Box)
     shape = (2, *observation_space.shape)
     observations = np.zeros(shape, dtype=np.uint8 if is_image else np.float32)
+    actions: npt.NDArray[Any]
+    if isinstance(action_space, spaces.Box):
+        actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
+    else:
+        actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
     try:
-        scores = bonus.score(observations, _extreme_actions(action_space), observations)
+        scores = bonus.score(observations, actions, observations)
     except Exception as error:
         raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
     if np.shape(scores) != (2,):
@@ -87,14 +92,3 @@ def _check_fits(
     if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
         raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
     check_plain(bonus.state_dict(), "bonus")
-
-
-def _extreme_actions(action_space: spaces.Space[Any]) -> npt.NDArray[Any]:
-    """The lowest action and the highest, or one beyond 0 where there is no such bound."""
-    if isinstance(action_space, spaces.Discrete):
-        return np.array([0, action_space.n - 1])
-    assert isinstance(action_space, spaces.Box)
-    low, high = action_space.low, action_space.high
-    lowest = np.where(np.isfinite(low), low, np.minimum(high, 0.0) - 1.0)
-    highest = np.where(np.isfinite(high), high, np.maximum(low, 0.0) + 1.0)
-    return np.array([lowest, highest], dtype=np.float32)

@@ -98,10 +98,10 @@ class TestActions:
         with pytest.raises(ValueError, match="`actions` must have shape"):
             self.encode(spaces.Box(-1, 1, (3,)), [[1.0]])
 
-    @pytest.mark.parametrize(("low", "high"), [(1e39, 2e39), (-1e300, 1e300), (-1e39, np.inf)])
-    def test_bounds_beyond_float32_are_refused(self, low, high):
-        with pytest.raises(ValueError, match="`action_space` must have bounds that float32 can"):
-            ActionEncoder(spaces.Box(low, high, (2,), np.float64))
+    @pytest.mark.parametrize(("low", "high"), [(-3.0, 1e39), (-1e300, 1e300), (-1e39, np.inf)])
+    def test_bounds_beyond_float32_are_none(self, low, high):
+        space = spaces.Box(low, high, (1,), np.float64)
+        assert self.encode(space, [[700.0]]) == [[700.0]]
 
     def test_float64_is_scaled_too(self):
         space = spaces.Box(-1e38, 3e38, (1,), np.float64)
@@ -109,7 +109,7 @@ class TestActions:
         assert (low, high) == pytest.approx((-1.0, 1.0))
 
     def test_there_must_be_some(self):
-        with pytest.raises(ValueError, match="`action_space` must have at least one entry"):
+        with pytest.raises(ValueError, match=r"`action_space` must be .* with an entry"):
             ActionEncoder(spaces.Box(-1, 1, (0,)))
 
     def test_a_bonus_files_need_no_scale(self):

@@ -341,22 +341,10 @@ class EliteArchive(ArchiveBase):
             archive = cls(**settings, **described_by(data))
             if archive._saved_settings() != settings:  # such as text for hidden layers
                 raise ValueError(f"Its settings must be like {archive._saved_settings()}.")
-            archive.restore(data)
+            archive._restore(data)
         except (OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
         return archive
-
-    def restore(self, elites: Batch) -> None:
-        """Hold the elites of a file, all fields with "index", instead of what was held.
-
-        Raises:
-            ValueError: If they could not be elites of an archive of this description.
-        """
-        self._check_elites(elites)
-        self._put(elites)
-
-    def _check_elites(self, data: Batch) -> None:
-        check_elites(data, self._description)
 
     def state_dict(self) -> dict[str, Any]:
         """Elites and the state of `sample_elites`, for exact resume."""
@@ -376,9 +364,14 @@ class EliteArchive(ArchiveBase):
         elites = {name: tensor.cpu().numpy() for name, tensor in state["elites"].items()}
         with self.unchanged_on_error():
             self._description = describe_elites(elites, self._description)
-            self.restore(elites)
+            self._restore(elites)
             self._elites.load_summary(state["objective_sum"], state["best_slot"])
             load_generator_state(self._rng, state["rng"])
+
+    def _restore(self, data: Batch) -> None:
+        """Hold the elites of a file; ValueError unless they are as described."""
+        check_elites(data, self._description)
+        self._put(data)
 
     def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
         """Hold these elites, all fields with "index", instead of what was held."""

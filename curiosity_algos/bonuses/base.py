@@ -135,9 +135,8 @@ class NetworkBonus(th.nn.Module):
             raise ValueError(
                 f"`observations` must have shape {('n', *self.shape)}, got {observations.shape}."
             )
-        if self.images is not None:
-            return self.images.flat(observations)
-        return observations.flatten(1).float()
+        flat = observations.flatten(1).float()
+        return flat if self.images is None else flat / 255.0
 
     def tensor(self, array: npt.NDArray[Any]) -> th.Tensor:
         """An array on the device of the networks."""

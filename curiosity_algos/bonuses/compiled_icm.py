@@ -7,12 +7,10 @@ long.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 
 from curiosity_algos.bonuses.perceptron import (
     Layers,
@@ -35,14 +33,6 @@ class Networks(NamedTuple):
     encoder: Layers
     forward_model: Layers
     inverse_model: Layers
-
-    @classmethod
-    def of(cls, modules: Iterable[th.nn.Module]) -> Networks | None:
-        """The three of an ICM; None: torch alone can compute one of them."""
-        encoder, forward_model, inverse_model = map(Layers.of, modules)
-        if encoder is None or forward_model is None or inverse_model is None:
-            return None
-        return cls(encoder, forward_model, inverse_model)
 
 
 class Workspace(NamedTuple):

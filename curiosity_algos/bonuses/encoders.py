@@ -59,10 +59,6 @@ class ImageInputs:
             )
         return cls(space.shape, is_channels_last)
 
-    def flat(self, images: th.Tensor) -> th.Tensor:
-        """Images (n, ...) as (n, entries) in [0, 1]."""
-        return images.flatten(1).float() / 255.0
-
     def unflatten(self, entries: th.Tensor) -> th.Tensor:
         """Entries (n, entries) as images, channels first."""
         images = entries.reshape(-1, *self.shape)

@@ -17,7 +17,7 @@ from torch.nn import functional
 from curiosity_algos.bonuses import compiled_icm
 from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
-from curiosity_algos.bonuses.perceptron import set_gradients
+from curiosity_algos.bonuses.perceptron import Layers, set_gradients
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
@@ -137,7 +137,8 @@ class ICM(NetworkBonus):
         """The networks for compiled equations; None: they do not serve, or may be overridden."""
         if type(self) is not ICM or self.device.type != "cpu" or self.encode_actions.is_discrete:
             return None
-        return compiled_icm.Networks.of(self._models)
+        layers = [each for each in map(Layers.of, self._models) if each is not None]
+        return compiled_icm.Networks(*layers) if len(layers) == 3 else None
 
     @th.no_grad()
     def score(

@@ -150,11 +150,10 @@ def backward(
 
 def set_gradients(networks: Iterable[th.nn.Module], slopes: Float32Array) -> None:
     """Give parameters, network by network in torch's order, their slopes (n_parameters,); views."""
-    begin, flat = 0, th.from_numpy(slopes)
-    for parameter in (each for network in networks for each in network.parameters()):
-        end = begin + parameter.numel()
-        parameter.grad = flat[begin:end].view_as(parameter)
-        begin = end
+    parameters = [each for network in networks for each in network.parameters()]
+    parts = th.split(th.from_numpy(slopes), [each.numel() for each in parameters])
+    for parameter, part in zip(parameters, parts, strict=True):
+        parameter.grad = part.view_as(parameter)
 
 
 _ALONE = threading.Lock()

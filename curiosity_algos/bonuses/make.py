@@ -12,7 +12,7 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.apt import APT
-from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.base import Bonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.rnd import RND
@@ -20,6 +20,8 @@ from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_gym.validation import check_choice
 
+NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
+"""Of a bonus that is named; its seed and its device are those of the algorithm."""
 BONUSES: dict[str, Callable[..., Bonus]] = {"apt": APT, "icm": ICM, "rnd": RND}
 
 
@@ -39,12 +41,10 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
             raise ValueError("`bonus_kwargs` must be empty where `bonus` is an object.")
         return
     check_choice(tuple(BONUSES), bonus=bonus)
-    keywords = inspect.signature(BONUSES[bonus]).parameters.values()
-    names = (each.name for each in keywords if each.kind is each.KEYWORD_ONLY)
-    # Seed and device of the bonus are those of the algorithm.
-    allowed = tuple(name for name in names if name not in ("seed", "device"))
+    own = inspect.signature(BONUSES[bonus]).parameters.values()
+    names = [*(each.name for each in own if each.kind is each.KEYWORD_ONLY), *NETWORK_KEYWORDS]
     for name in bonus_kwargs:
-        check_choice(allowed, bonus_kwargs=name)
+        check_choice(tuple(names), bonus_kwargs=name)
 
 
 def make_bonus(

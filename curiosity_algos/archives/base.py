@@ -132,8 +132,7 @@ class EliteArchive(ArchiveBase):
     @property
     def dtypes(self) -> dict[str, np.dtype[Any]]:
         """Data type of each field."""
-        kept = {name: dtype for name, (_, dtype) in self._description.items()}
-        return {**kept, "index": np.dtype(np.int64)}
+        return {**self._elites.dtypes, "index": np.dtype(np.int64)}
 
     @property
     def empty(self) -> bool:

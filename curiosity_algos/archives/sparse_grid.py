@@ -91,7 +91,7 @@ class SparseGridArchive(EliteArchive):
 
     def _insert(self, data: Batch) -> Batch:
         cells, objective = self.index_of(data["measures"]), data["objective"]
-        slots = self._slots_of(cells)
+        slots = np.array([self._slots.get(int(cell), -1) for cell in cells], dtype=np.int64)
         is_taken = slots >= 0
         before = np.full(len(cells), -np.inf)
         before[is_taken] = self._elites.get("objective", slots[is_taken])
@@ -103,10 +103,6 @@ class SparseGridArchive(EliteArchive):
             slots = np.array([self._slot(int(cell)) for cell in cells[winners]])
             self._elites.write(slots, {name: array[winners] for name, array in data.items()})
         return {"status": status, "value": value}
-
-    def _slots_of(self, cells: Int64Array) -> Int64Array:
-        """Slots of cells, -1 where they are not taken."""
-        return np.array([self._slots.get(int(cell), -1) for cell in cells], dtype=np.int64)
 
     def _slot(self, cell: int) -> int:
         if cell not in self._slots:

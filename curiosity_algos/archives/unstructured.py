@@ -175,11 +175,7 @@ class UnstructuredArchive(EliteArchive):
         return {**super().state_dict(), "threshold": self.threshold}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: See `EliteArchive.load_state_dict`.
-        """
+        """Take over what `state_dict` gave, see `EliteArchive`."""
         check_not_negative(threshold=state["threshold"])
         super().load_state_dict(state)
         self.threshold = state["threshold"]

@@ -65,11 +65,7 @@ class TransitionBuffer:
         return {**held, "next": self._next, "generator": self._generator.get_state()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave; of a larger buffer the newest.
-
-        Raises:
-            ValueError: If it holds other transitions than this buffer would.
-        """
+        """Take over what `state_dict` gave, or its newest; ValueError for what does not fit."""
         self._check(state)
         n = len(state["actions"])
         rows, place = th.arange(n), state["next"]

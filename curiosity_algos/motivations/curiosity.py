@@ -131,7 +131,10 @@ class CuriosityMotivation:
         _check_how_to_score(n_states, gamma)
         check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
         check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
-        own_seed, networks_seed, buffer_seed = _seed_sequence(seed).spawn(3)
+        if not isinstance(seed, np.random.SeedSequence):
+            check_seed(seed)
+            seed = np.random.SeedSequence(seed)
+        own_seed, networks_seed, buffer_seed = seed.spawn(3)
         self.bonus = make_bonus(
             bonus,
             bonus_kwargs,
@@ -235,10 +238,3 @@ def _check_how_to_score(n_states: int | None, gamma: float) -> None:
         check_at_least_one(n_states=n_states)
         if gamma != 1.0:
             raise ValueError("`gamma` must be 1 unless `n_states` is None: it weighs the sum.")
-
-
-def _seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
-    if isinstance(seed, np.random.SeedSequence):
-        return seed
-    check_seed(seed)
-    return np.random.SeedSequence(seed)

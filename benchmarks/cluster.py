@@ -17,7 +17,7 @@ from benchmarks.population import DEVIATION
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.blocks import summarize_in_blocks
 from curiosity_algos.evaluation.rollouts import Summarizer
-from curiosity_algos.motivations.curiosity import make_motivation
+from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_gym.processors import available_cpus
 
 MAZE, CONTROL = "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0"
@@ -117,7 +117,7 @@ def _task(evaluator: Any, workload: Workload) -> Task:
 
 def _summarizers(env_id: str, n: int) -> Mapping[str, Summarizer]:
     env = gym.make(env_id)
-    return make_motivation(env.observation_space, env.action_space, seed=0).summarizers(n)
+    return CuriosityMotivation(env.observation_space, env.action_space, seed=0).summarizers(n)
 
 
 def _seconds_of_a_shard(plan: Plan) -> float:

@@ -5,22 +5,38 @@ Replace `BONUSES` by your own: anything that makes a `Bonus` for two spaces.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+import torch as th
 import typer
+from gymnasium import spaces
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from curiosity_algos import APT, ICM, RND
-from curiosity_algos.bonuses.checks import (
-    Learned,
-    StatePrediction,
-    Watched,
-    check_bonus,
-    watch_noisy_tv,
-)
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.checks import Learned, check_bonus
+from curiosity_algos.common.networks import single_torch_thread
+
+N_SIGNALS, N_CHANNELS, N_ACTIONS, BATCH_SIZE = 4, 4, 3, 256
+
+
+class StatePrediction(ICM):
+    """Predicts the next state itself, without features: what a noisy screen catches."""
+
+    name = "state"
+
+    def __init__(
+        self, observation_space: spaces.Box, action_space: spaces.Space, **kwargs: object
+    ) -> None:
+        n_entries = observation_space.shape[0]
+        super().__init__(observation_space, action_space, beta=1.0, n_features=n_entries, **kwargs)
+        self.encoder = th.nn.Identity()
+
 
 BONUSES = {"APT": APT, "ICM": ICM, "RND": RND, "state prediction": StatePrediction}
 COLORS = ["tab:red", "tab:blue", "tab:orange", "tab:green"]
@@ -33,17 +49,59 @@ def main(
 ) -> None:
     """Check every bonus on the tiny MDP, and measure what a noisy screen does to it."""
     out.mkdir(parents=True, exist_ok=True)
-    learned, watched = {}, {}
+    learned, shares = {}, {}
     for name, bonus in BONUSES.items():
         make = partial(bonus, seed=seed, device="cpu")
         learned[name] = check_bonus(make, seed)
-        watched[name] = watch_noisy_tv(make, updates, seed)
+        shares[name] = watch_noisy_tv(make, updates, seed)
         seen, unseen = learned[name].seen[-1], learned[name].unseen[-1]
-        noise = watched[name].noise_share[-10:].mean()
+        noise = shares[name][-10:].mean()
         print(f"{name}: tiny MDP, {seen:.2g} where it was trained and {unseen:.2g} elsewhere")
         print(f"{name}: noisy TV, {noise:.0%} of the bonus comes from noise")
     draw_tiny_mdp(learned).savefig(out / "tiny_mdp.png")
-    draw_noisy_tv(watched).savefig(out / "noisy_tv.png")
+    draw_noisy_tv(shares, updates).savefig(out / "noisy_tv.png")
+
+
+def noisy_tv(n: int, *, seed: int, is_on: bool = True) -> tuple[np.ndarray, ...]:
+    """Transitions of a walker in front of a television.
+
+    Four entries of an observation are what actions move, four are the screen: uniform noise in each
+    step that nothing predicts, or gray, its mean, where it is off.
+    """
+    rng = np.random.default_rng(seed)
+    directions = np.random.default_rng(0).normal(0.0, 0.5, (N_ACTIONS, N_SIGNALS))
+    positions = rng.uniform(-1.0, 1.0, (n, N_SIGNALS))
+    actions = rng.integers(0, N_ACTIONS, n)
+    screens = rng.uniform(-1.0, 1.0, (2, n, N_CHANNELS)) * is_on
+    before = np.hstack([positions, screens[0]])
+    after = np.hstack([positions + directions[actions], screens[1]])
+    return before.astype(np.float32), actions, after.astype(np.float32)
+
+
+def watch_noisy_tv(make_bonus: Callable[..., Bonus], n_updates: int, seed: int) -> np.ndarray:
+    """Train a bonus where a screen shows noise; the share of the bonus that is for noise alone.
+
+    What is left of it before a gray screen is not: `1 - gray / noisy`, at 31 moments at most.
+    """
+    space = spaces.Box(-np.inf, np.inf, (N_SIGNALS + N_CHANNELS,))
+    bonus = make_bonus(space, spaces.Discrete(N_ACTIONS))
+    noisy, gray = (noisy_tv(1000, seed=seed, is_on=is_on) for is_on in (True, False))
+    stream = [th.from_numpy(x) for x in noisy_tv(BATCH_SIZE * n_updates, seed=seed + 1)]
+    bonus.observe(stream[0])
+    batches = iter(zip(*(th.split(each, BATCH_SIZE) for each in stream), strict=True))
+    shares = []
+    with single_torch_thread():
+        for n in np.diff(moments(n_updates), prepend=0):
+            for _ in range(n):
+                before, actions, after = next(batches)
+                bonus.update(before, actions[:, None].float(), after)
+            shares.append(1.0 - bonus.score(*gray).mean() / bonus.score(*noisy).mean())
+    return np.array(shares)
+
+
+def moments(n_updates: int) -> np.ndarray:
+    """Gradient steps after which a bonus is looked at."""
+    return np.unique(np.linspace(0, n_updates, 31).astype(np.int64))
 
 
 def draw_tiny_mdp(learned: dict[str, Learned]) -> Figure:
@@ -59,11 +117,11 @@ def draw_tiny_mdp(learned: dict[str, Learned]) -> Figure:
     return figure
 
 
-def draw_noisy_tv(watched: dict[str, Watched]) -> Figure:
+def draw_noisy_tv(shares: dict[str, np.ndarray], n_updates: int) -> Figure:
     """The share of each bonus that noise brings."""
     figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-    for (name, curves), color in zip(watched.items(), COLORS, strict=True):
-        axes.plot(curves.n_updates, 100 * curves.noise_share, color=color, label=name)
+    for (name, share), color in zip(shares.items(), COLORS, strict=True):
+        axes.plot(moments(n_updates), 100 * share, color=color, label=name)
     axes.set(xlabel="gradient steps", ylabel="bonus that comes from noise (%)", ylim=(-5, 105))
     axes.legend()
     return figure

@@ -11,10 +11,10 @@ from typing import Unpack
 import numpy as np
 from gymnasium import spaces
 from ribs.emitters import EmitterBase
+from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.make import stored_action_size
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
@@ -89,7 +89,7 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     def _field_types(self) -> FieldTypes:
         assert self.observation_space.shape is not None
         states = ((self.n_kept, *self.observation_space.shape), np.float32)
-        n_actions = stored_action_size(self.action_space)
+        n_actions = get_action_dim(self.action_space)
         dtype = np.int64 if isinstance(self.action_space, spaces.Discrete) else np.float32
         return {
             **super()._field_types(),

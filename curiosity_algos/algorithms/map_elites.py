@@ -6,14 +6,13 @@ Mouret & Clune 2015, "Illuminating search spaces by mapping elites"
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.sparse_grid import SparseGridArchive, check_cells
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -22,7 +21,6 @@ from curiosity_algos.loops.quality_diversity import (
     MutationKeywords,
     QualityDiversity,
 )
-from curiosity_gym.validation import check_at_least_one
 
 
 class GridKeywords(ArchiveKeywords, total=False):
@@ -70,7 +68,13 @@ class MAPElites(QualityDiversity):
                 "curiosity_gym.BehaviorWrapper."
             )
         super()._check_behaviors(space)
-        _check_cells(self._dims(space), self._measure_dim(space))
+        dims, n_dimensions = self._dims(space), self._measure_dim(space)
+        check_cells(n_cells=dims)
+        if len(dims) != n_dimensions:
+            raise ValueError(
+                "`n_cells` must be a whole number, or one for each dimension of the behavior, "
+                f"{n_dimensions}, got {dims}."
+            )
 
     def _dims(self, space: spaces.Box[Any]) -> list[int]:
         """Cells along each dimension."""
@@ -89,15 +93,3 @@ class MAPElites(QualityDiversity):
 
 def _is_bounded(space: spaces.Box[Any]) -> bool:
     return space.is_bounded() and bool((space.low < space.high).all())
-
-
-def _check_cells(dims: list[int], n_dimensions: int) -> None:
-    for n_cells in dims:
-        check_at_least_one(n_cells=n_cells)
-    if len(dims) != n_dimensions:
-        raise ValueError(
-            "`n_cells` must be a whole number, or one for each dimension of the behavior, "
-            f"{n_dimensions}, got {dims}."
-        )
-    if math.prod(dims) >= 2**63:
-        raise ValueError(f"`n_cells` must make less than 2**63 cells, got {dims}.")

@@ -16,7 +16,6 @@ from ribs.archives import ArchiveBase, ArchiveStats
 from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
-    as_container,
     check_batch,
     check_elites,
     check_finite,
@@ -133,8 +132,7 @@ class EliteArchive(ArchiveBase):
     @property
     def dtypes(self) -> dict[str, np.dtype[Any]]:
         """Data type of each field."""
-        kept = {name: dtype for name, (_, dtype) in self._description.items()}
-        return {**kept, "index": np.dtype(np.int64)}
+        return {**self._elites.dtypes, "index": np.dtype(np.int64)}
 
     @property
     def empty(self) -> bool:
@@ -219,7 +217,7 @@ class EliteArchive(ArchiveBase):
         Raises:
             ValueError: If there is no such field or return type.
         """
-        return self._read(None, fields, return_type)
+        return self._read(np.arange(len(self)), fields, return_type)
 
     def sample_elites(self, n: int | np.integer[Any], replace: bool = True) -> Batch:
         """Elites drawn uniformly, a dictionary of arrays (n, ...).
@@ -305,7 +303,7 @@ class EliteArchive(ArchiveBase):
         behaviors = self.behaviors
         wanted = check_niche(behavior, behaviors)
         nearest = np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))
-        return self._elites.get("solution", np.array([nearest]))[0]  # type: ignore[no-any-return]
+        return self._elites.get("solution", [nearest])[0]  # type: ignore[no-any-return]
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
         """Play every elite again, and compare its return and behavior with those kept.
@@ -342,22 +340,10 @@ class EliteArchive(ArchiveBase):
             archive = cls(**settings, **described_by(data))
             if archive._saved_settings() != settings:  # such as text for hidden layers
                 raise ValueError(f"Its settings must be like {archive._saved_settings()}.")
-            archive.restore(data)
+            archive._restore(data)
         except (OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
         return archive
-
-    def restore(self, elites: Batch) -> None:
-        """Hold the elites of a file, all fields with "index", instead of what was held.
-
-        Raises:
-            ValueError: If they could not be elites of an archive of this description.
-        """
-        self._check_elites(elites)
-        self._put(elites)
-
-    def _check_elites(self, data: Batch) -> None:
-        check_elites(data, self._description)
 
     def state_dict(self) -> dict[str, Any]:
         """Elites and the state of `sample_elites`, for exact resume."""
@@ -377,9 +363,14 @@ class EliteArchive(ArchiveBase):
         elites = {name: tensor.cpu().numpy() for name, tensor in state["elites"].items()}
         with self.unchanged_on_error():
             self._description = describe_elites(elites, self._description)
-            self.restore(elites)
+            self._restore(elites)
             self._elites.load_summary(state["objective_sum"], state["best_slot"])
             load_generator_state(self._rng, state["rng"])
+
+    def _restore(self, data: Batch) -> None:
+        """Hold the elites of a file; ValueError unless they are as described."""
+        check_elites(data, self._description)
+        self._put(data)
 
     def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
         """Hold these elites, all fields with "index", instead of what was held."""
@@ -390,21 +381,18 @@ class EliteArchive(ArchiveBase):
 
     def _read(
         self,
-        slots: Int64Array | None,
+        slots: Int64Array,
         fields: str | Collection[str] | None = None,
         return_type: str | None = None,
     ) -> Any:
-        """As `data`, of the elites in some slots; None: of all."""
-        if isinstance(fields, str) and return_type is None:
-            return self._column(slots, fields)
-        fields = [fields] if isinstance(fields, str) else fields
-        names = self.field_list if fields is None else list(fields)
-        return as_container({name: self._column(slots, name) for name in names}, return_type)
-
-    def _column(self, slots: Int64Array | None, name: str) -> npt.NDArray[Any]:
-        if name != "index":
-            return self._elites.get(name, slots)
-        return self._identities(np.arange(len(self)) if slots is None else slots)
+        """As `data`, of the elites in some slots; pyribs' store takes these for "index"."""
+        if fields == "index" and return_type is None:
+            return self._identities(slots)
+        container: Any = "dict" if return_type == "tuple" else return_type
+        data: Any = self._elites.retrieve(slots, fields, container)[1]
+        if not isinstance(data, np.ndarray) and "index" in data:
+            data["index"] = self._identities(slots)
+        return tuple(data.values()) if return_type == "tuple" else data
 
     def _elite(self, slot: int) -> dict[str, Any]:
         return {name: values[0] for name, values in self._read(np.array([slot])).items()}

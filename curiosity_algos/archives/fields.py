@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from ribs.archives import ArrayStore
 
-from curiosity_gym.validation import check_at_least_one, check_choice
+from curiosity_gym.validation import check_at_least_one
 
 Batch = dict[str, npt.NDArray[Any]]
 """Arrays (n, ...) by the names of fields."""
@@ -34,11 +34,7 @@ def describe(
     solution_dtype: npt.DTypeLike,
     extra_fields: Mapping[str, tuple[Any, Any]] | None,
 ) -> Description:
-    """The fields of an archive, but for "index".
-
-    Raises:
-        ValueError: If an argument is out of its range, see `EliteArchive`.
-    """
+    """The fields of an archive, but for "index"; ValueError for arguments that it cannot have."""
     check_at_least_one(solution_dim=solution_dim, measure_dim=measure_dim)
     return {
         "solution": ((int(solution_dim),), _as_dtype("solution_dtype", solution_dtype)),
@@ -49,34 +45,21 @@ def describe(
 
 
 def describe_extra(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
-    """Extra fields, which neither an archive nor its file has already.
-
-    Raises:
-        ValueError: If they are no shapes and types of numbers, a name is taken, or `verify` could
-            not use one that it knows.
-    """
+    """Extra fields; ValueError unless an archive, its file and `verify` can have them."""
     try:
-        fields = {name: (_as_shape(shape), dtype) for name, (shape, dtype) in extra_fields.items()}
-        is_named = all(isinstance(name, str) for name in fields)
-    except (AttributeError, OverflowError, TypeError, ValueError):
-        is_named = False
-    if not is_named:
+        taken = RESERVED & extra_fields.keys()
+        free = {name: field for name, field in extra_fields.items() if name not in taken}
+        fields: Any = ArrayStore(free, 0).field_desc
+    except (AttributeError, TypeError, ValueError) as error:
         raise ValueError(
             f"`extra_fields` must hold name: (shape, dtype), got {extra_fields!r:.200}."
-        )
-    taken = RESERVED & fields.keys()
+        ) from error
     if taken:
         raise ValueError(f"`extra_fields` must not hold {', '.join(sorted(taken))}: it is taken.")
-    described = {name: (shape, _as_dtype("extra_fields", d)) for name, (shape, d) in fields.items()}
-    _check_known(described)
-    return described
-
-
-def _as_shape(shape: int | Sequence[int]) -> tuple[int, ...]:
-    entries = np.atleast_1d(np.array(shape, dtype=None if np.size(shape) else np.int64))
-    if entries.ndim > 1 or entries.dtype.kind not in "iu" or (entries < 0).any():
-        raise ValueError
-    return tuple(entries.tolist())
+    for _, dtype in fields.values():
+        _as_dtype("extra_fields", dtype)
+    _check_known(fields)
+    return dict(fields)
 
 
 def _as_dtype(name: str, dtype: npt.DTypeLike) -> np.dtype[Any]:
@@ -99,11 +82,7 @@ def _check_known(fields: Description) -> None:
 
 
 def check_batch(description: Description, given: Mapping[str, npt.ArrayLike]) -> Batch:
-    """The arrays of a batch of n solutions, each of the type that is described.
-
-    Raises:
-        ValueError: If a field is missing, unknown, of another shape, or not finite.
-    """
+    """The arrays of a batch of n solutions; ValueError for fields that are not as described."""
     if given.keys() != description.keys():
         expected = ", ".join(description)
         raise ValueError(f"A batch must have the fields {expected}, got {', '.join(given)}.")
@@ -121,11 +100,7 @@ def check_batch(description: Description, given: Mapping[str, npt.ArrayLike]) ->
 
 
 def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """An array of a type.
-
-    Raises:
-        ValueError: If the value of the argument `name` is none.
-    """
+    """An array of a type; ValueError where the value of the argument `name` is none."""
     try:
         return np.asarray(value, dtype=dtype)
     except (OverflowError, TypeError, ValueError) as error:
@@ -133,11 +108,7 @@ def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArr
 
 
 def check_elites(data: Batch, description: Description) -> None:
-    """Check the elites of a file, all fields with "index".
-
-    Raises:
-        ValueError: If they could not be those of an archive of this description.
-    """
+    """Raise ValueError unless a file's elites, with "index", are as described."""
     for name, (_, dtype) in {**description, "index": ((), np.dtype(np.int64))}.items():
         if data[name].dtype != dtype:
             raise ValueError(f"`{name}` must be of type {dtype}, got {data[name].dtype}.")
@@ -148,31 +119,19 @@ def check_elites(data: Batch, description: Description) -> None:
 
 
 def described_by(data: Batch) -> dict[str, Any]:
-    """Keywords `solution_dim`, `solution_dtype` and `extra_fields` of an archive of these elites.
-
-    Raises:
-        ValueError: If solutions or measures are no rows of numbers.
-    """
+    """Keywords of an archive of these elites; ValueError where solutions are no rows of numbers."""
     for name in ("solution", "measures"):
         if data[name].ndim != 2 or data[name].dtype.kind not in NUMBERS:
             raise ValueError(
                 f"`{name}` must be rows of numbers, got {data[name].dtype} {data[name].shape}."
             )
     extra = {k: (a.shape[1:], a.dtype) for k, a in data.items() if k not in COMMON | {"index"}}
-    solution = data["solution"]
-    return {
-        "solution_dim": solution.shape[1],
-        "solution_dtype": solution.dtype,
-        "extra_fields": extra,
-    }
+    n, dtype = data["solution"].shape[1], data["solution"].dtype
+    return {"solution_dim": n, "solution_dtype": dtype, "extra_fields": extra}
 
 
 def describe_elites(data: Batch, description: Description) -> Description:
-    """A description, with the solutions' type and the extra fields' shapes as in `data`.
-
-    Raises:
-        ValueError: If the fields are others.
-    """
+    """A description with the types and shapes in `data`; ValueError where the fields are others."""
     expected = [*description, "index"]
     if data.keys() != set(expected):
         raise ValueError(
@@ -184,11 +143,7 @@ def describe_elites(data: Batch, description: Description) -> Description:
 
 
 def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """A behavior (B,) whose nearest of the elites' behaviors (n, B) can be found.
-
-    Raises:
-        ValueError: If it is not finite of that shape, or there are none.
-    """
+    """A behavior (B,); ValueError unless one of the elites' behaviors (n, B) can be the nearest."""
     wanted = as_array("niche", behavior, np.dtype(np.float64))
     if not behaviors.shape[1]:
         raise ValueError("`niche` needs an env with a `behavior_space`, this one has none.")
@@ -202,11 +157,7 @@ def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDA
 
 
 def check_widths(net_arch: Sequence[int]) -> list[int]:
-    """Hidden layers as plain integers, as a file's JSON knows no others.
-
-    Raises:
-        ValueError: If they are no whole numbers of at least 1.
-    """
+    """Hidden layers as plain integers, as a file's JSON knows no others; ValueError for others."""
     widths: list[int] = np.atleast_1d(np.asarray(net_arch)).tolist()
     for width in widths:
         check_at_least_one(net_arch=width)
@@ -218,26 +169,3 @@ def check_finite(**values: object) -> None:
     for name, value in values.items():
         if not (isinstance(value, Real) and math.isfinite(value)):
             raise ValueError(f"`{name}` must be a finite number, got {value!r}.")
-
-
-def as_container(elites: Batch, return_type: str | None) -> Any:
-    """Columns as a dictionary, a tuple or, of pyribs, a table of pandas.
-
-    Raises:
-        ValueError: If it is none of "dict", "tuple", "pandas" and None, which is the first.
-    """
-    check_choice(("dict", "tuple", "pandas"), return_type=return_type or "dict")
-    if return_type == "tuple":
-        return tuple(elites.values())
-    return _table(elites) if return_type == "pandas" else elites
-
-
-def _table(elites: Batch) -> Any:
-    n = len(next(iter(elites.values())))
-    kept = {name: array for name, array in elites.items() if name != "index"}
-    store = ArrayStore({name: (array.shape[1:], array.dtype) for name, array in kept.items()}, n)
-    store.add(np.arange(n), dict(kept))
-    table: Any = store.retrieve(np.arange(n), list(elites), "pandas")[1]
-    if "index" in elites:
-        table["index"] = elites["index"]  # the store's own is the slot
-    return table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -66,10 +66,7 @@ def plot_archive(
         ax = plt.figure(figsize=(7, 6), layout="constrained").add_subplot()
     _draw_frame(ax, layout, dimensions)
     if len(behaviors):
-        if n_cells is None and _is_grid(archive):
-            cells = _own_cells(archive, dimensions, by)
-        else:
-            cells = _new_cells(archive, dimensions, by, n_cells or DEFAULT_CELLS, layout)
+        cells = _count_cells(archive, dimensions, by, n_cells, layout)
         _draw_cells(ax, *cells, by=by)
     return ax
 
@@ -95,40 +92,30 @@ def _draw_frame(ax: Axes, layout: MazeLayout | None, dimensions: tuple[int, int]
         draw_layout(ax, layout)
 
 
-def _spans(positions: Float64, layout: MazeLayout | None) -> Float64:
-    """Lower and upper bound of the cells along x and y, (2, 2)."""
-    if layout is None:
-        return np.column_stack([positions.min(axis=0), positions.max(axis=0)])
-    return np.array([[0.0, layout.width], [0.0, layout.height]])
-
-
-def _is_grid(archive: EliteArchive) -> TypeGuard[SparseGridArchive]:
-    """Whether the archive's own cells are of behaviors."""
-    return isinstance(archive, SparseGridArchive) and "behavior" not in archive.field_list
-
-
-def _own_cells(archive: SparseGridArchive, dimensions: tuple[int, int], by: str) -> Cells:
-    from scipy.stats import binned_statistic_2d
-
-    cells = archive.int_to_grid_index(archive.data("index"))[:, list(dimensions)]
-    bins = [np.arange(archive.dims[dimension] + 1) - 0.5 for dimension in dimensions]
-    values, *_ = binned_statistic_2d(*cells.T, archive.data("objective"), STATISTICS[by], bins)
-    return values, archive.boundaries[dimensions[0]], archive.boundaries[dimensions[1]]
-
-
-def _new_cells(
+def _count_cells(
     archive: EliteArchive,
-    dimensions: tuple[int, int],
+    dimensions: Sequence[int],
     by: str,
-    n_cells: int,
+    n_cells: int | None,
     layout: MazeLayout | None,
 ) -> Cells:
     from scipy.stats import binned_statistic_2d
 
     positions, objective = archive.behaviors[:, list(dimensions)], archive.data("objective")
-    spans = _spans(positions, layout)
-    cells = binned_statistic_2d(*positions.T, objective, STATISTICS[by], n_cells, range=spans)
+    bins: Any = n_cells or DEFAULT_CELLS
+    spans = np.column_stack([positions.min(axis=0), positions.max(axis=0)])
+    if n_cells is None and _is_grid(archive):
+        bins = [archive.boundaries[dimension] for dimension in dimensions]
+        positions = np.clip(positions, *np.transpose([(each[0], each[-1]) for each in bins]))
+    elif layout is not None:
+        spans = np.array([[0.0, layout.width], [0.0, layout.height]])
+    cells = binned_statistic_2d(*positions.T, objective, STATISTICS[by], bins, range=spans)
     return cells.statistic, cells.x_edge, cells.y_edge
+
+
+def _is_grid(archive: EliteArchive) -> TypeGuard[SparseGridArchive]:
+    """Whether the archive's own cells are of behaviors."""
+    return isinstance(archive, SparseGridArchive) and "behavior" not in archive.field_list
 
 
 def _draw_cells(ax: Axes, cells: Float64, x_edges: Float64, y_edges: Float64, *, by: str) -> None:

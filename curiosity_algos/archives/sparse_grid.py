@@ -23,6 +23,7 @@ from curiosity_algos.archives.base import (
     Int64Array,
 )
 from curiosity_algos.archives.fields import Batch
+from curiosity_gym.validation import check_at_least_one
 
 _EPSILON = 1e-6
 """pyribs' allowance for behaviors that rounding left just below a cell's edge."""
@@ -52,10 +53,7 @@ class SparseGridArchive(EliteArchive):
         self.dims = np.array(dims, dtype=np.int64)
         self.lower_bounds, self.upper_bounds = np.array(ranges, dtype=np.float64).T
         self.interval_size = self.upper_bounds - self.lower_bounds
-        super().__init__(
-            measure_dim=len(self.dims),
-            **kwargs,
-        )
+        super().__init__(measure_dim=len(self.dims), **kwargs)
 
     def _begin(self) -> None:
         super()._begin()
@@ -93,7 +91,7 @@ class SparseGridArchive(EliteArchive):
 
     def _insert(self, data: Batch) -> Batch:
         cells, objective = self.index_of(data["measures"]), data["objective"]
-        slots = self._slots_of(cells)
+        slots = np.array([self._slots.get(int(cell), -1) for cell in cells], dtype=np.int64)
         is_taken = slots >= 0
         before = np.full(len(cells), -np.inf)
         before[is_taken] = self._elites.get("objective", slots[is_taken])
@@ -105,10 +103,6 @@ class SparseGridArchive(EliteArchive):
             slots = np.array([self._slot(int(cell)) for cell in cells[winners]])
             self._elites.write(slots, {name: array[winners] for name, array in data.items()})
         return {"status": status, "value": value}
-
-    def _slots_of(self, cells: Int64Array) -> Int64Array:
-        """Slots of cells, -1 where they are not taken."""
-        return np.array([self._slots.get(int(cell), -1) for cell in cells], dtype=np.int64)
 
     def _slot(self, cell: int) -> int:
         if cell not in self._slots:
@@ -143,23 +137,22 @@ def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Arr
 
 
 def _check_grid(dims: Sequence[int], ranges: Sequence[tuple[float, float]]) -> None:
-    if not _is_list(dims) or not all(map(_is_count, dims)):
-        raise ValueError(f"`dims` must hold whole numbers of at least 1, got {dims!r}.")
-    if not _is_list(ranges) or len(dims) != len(ranges) or not all(map(_is_range, ranges)):
+    are_lists = isinstance(dims, Sized) and isinstance(ranges, Sized)
+    if not (are_lists and len(dims) == len(ranges) > 0 and all(map(_is_range, ranges))):
         raise ValueError(
             "`ranges` must hold finite (lower, upper) bounds for each of `dims`, lower below "
-            f"upper, got {ranges!r}."
+            f"upper, got {ranges!r} and {dims!r}."
         )
-    if math.prod(int(n) for n in dims) > np.iinfo(np.int64).max:
-        raise ValueError(f"`dims` must make less than 2**63 cells, got {dims!r}.")
+    check_cells(dims=dims)
 
 
-def _is_list(values: Any) -> bool:
-    return isinstance(values, Sized) and len(values) > 0
-
-
-def _is_count(n: Any) -> bool:
-    return isinstance(n, int | np.integer) and bool(n >= 1)
+def check_cells(**dims: Sequence[int]) -> None:
+    """Raise ValueError unless each value holds numbers of cells that a grid can have."""
+    for name, numbers in dims.items():
+        for n in numbers:
+            check_at_least_one(**{name: n})
+        if math.prod(map(int, numbers)) > np.iinfo(np.int64).max:
+            raise ValueError(f"`{name}` must make less than 2**63 cells, got {numbers!r}.")
 
 
 def _is_range(bounds: tuple[float, float]) -> bool:

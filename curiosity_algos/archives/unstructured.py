@@ -70,10 +70,7 @@ class UnstructuredArchive(EliteArchive):
         self.target_size = target_size
         self.k_neighbors = k_neighbors
         self.threshold = threshold
-        super().__init__(
-            measure_dim=measure_dim,
-            **kwargs,
-        )
+        super().__init__(measure_dim=measure_dim, **kwargs)
 
     @property
     def cells(self) -> int:
@@ -156,10 +153,10 @@ class UnstructuredArchive(EliteArchive):
     def _identities(self, slots: Int64Array) -> Int64Array:
         return slots.astype(np.int64)
 
-    def _check_elites(self, data: Batch) -> None:
-        super()._check_elites(data)
+    def _restore(self, data: Batch) -> None:
         if not np.array_equal(data["index"], np.arange(len(data["index"]))):
             raise ValueError("`index` must number the elites from 0 on.")
+        super()._restore(data)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -178,11 +175,7 @@ class UnstructuredArchive(EliteArchive):
         return {**super().state_dict(), "threshold": self.threshold}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: See `EliteArchive.load_state_dict`.
-        """
+        """Take over what `state_dict` gave, see `EliteArchive`."""
         check_not_negative(threshold=state["threshold"])
         super().load_state_dict(state)
         self.threshold = state["threshold"]

@@ -7,7 +7,7 @@ Stored elites that do not do again what they were kept for are a known trouble o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,30 +20,6 @@ if TYPE_CHECKING:
 
 CHUNK = 56
 """Elites played at once: trajectories of more would ask for memory, and bring no speed."""
-
-
-class Archive(Protocol):
-    """What is asked of an archive of policies."""
-
-    net_arch: list[int] | None
-
-    @property
-    def solution_dim(self) -> Any:
-        """Length of a parameter vector."""
-        ...
-
-    def __len__(self) -> int:
-        """Number of elites."""
-        ...
-
-    @property
-    def behaviors(self) -> npt.NDArray[np.float64]:
-        """Behaviors of the elites, (n, B)."""
-        ...
-
-    def data(self) -> Any:
-        """All fields of the elites, arrays (n, ...) by name."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -64,11 +40,11 @@ class Verification:
     behaviors: npt.NDArray[np.float64]
 
 
-def verify(archive: Archive, env: AnyEnv, n_threads: int | None = None) -> Verification:
+def verify(archive: Any, env: AnyEnv, n_threads: int | None = None) -> Verification:
     """Play every elite of `archive` again, with the seed of its episode where one is kept.
 
     Args:
-        archive: Of policies.
+        archive: An `EliteArchive` of policies.
         env: As in the algorithms' constructor.
         n_threads: None: as many as there are processors.
 

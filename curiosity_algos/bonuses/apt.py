@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +18,12 @@ import torch as th
 from gymnasium import spaces
 from torch.nn import functional
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.contrast import InfoNCE
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.memory import FeatureMemory
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one, check_seed
+from curiosity_gym.validation import check_at_least_one
 
 N_QUERIES = 64
 """Observations whose distances to the whole memory are computed at once: more leave the cache."""
@@ -45,23 +45,16 @@ class APT(NetworkBonus):
     sample of all states that were observed; the paper takes the logarithm of that mean. The memory
     keeps observations, not features, as the encoder learns on.
 
+    Further keywords are those of every bonus of networks, see `NetworkBonus`.
+
     Args:
-        observation_space: As of `ICM`.
+        observation_space: As of `NetworkBonus`.
         action_space: Any; taken so that bonuses are made alike.
         horizon: Steps between the two states of a transition that it learns from, at most. It is
             who calls `update` that draws such pairs, as the algorithms and the wrapper do: given
             single steps, it learns as with a horizon of 1.
         n_neighbors: Nearest states whose distances are averaged.
         memory_size: Observations kept; None: 20,000, or 2,000 images.
-        learning_rate: Adam's, above 0.
-        n_features: Length of the feature vector.
-        hidden: Widths of the encoder's two hidden layers. That of images is SB3's NatureCNN.
-        normalize: Standardize observations with running statistics of what was observed.
-        seed: Of the initial weights and the memory's draws.
-        device: As in Stable-Baselines3.
-
-    Raises:
-        ValueError: If an argument is out of range, or the spaces are of another kind.
     """
 
     name = "apt"
@@ -74,30 +67,22 @@ class APT(NetworkBonus):
         horizon: int = 100,
         n_neighbors: int = 10,
         memory_size: int | None = None,
-        learning_rate: float = 1e-3,
-        n_features: int = 32,
-        hidden: int = 64,
-        normalize: bool = True,
-        seed: int | None = None,
-        device: th.device | str = "auto",
+        **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        super().__init__(observation_space, normalize=normalize)
+        super().__init__(observation_space, **kwargs)
         if memory_size is None:
             memory_size = MEMORY_SIZE if self.images is None else N_IMAGES
         check_at_least_one(horizon=horizon, n_neighbors=n_neighbors, memory_size=memory_size)
-        check_at_least_one(n_features=n_features, hidden=hidden)
-        check_seed(seed)
         self.horizon = horizon
         self.n_neighbors = n_neighbors
-        self.encoder = make_encoder(
-            observation_space, hidden, hidden, n_features, generator=torch_generator(seed)
-        )
+        sizes = self.hidden, self.hidden, self.n_features
+        self.encoder = make_encoder(observation_space, *sizes, generator=torch_generator(self.seed))
         self.statistics = copy.deepcopy(self.normalizer)
         self._has_observed = False  # since the normalizer last had the statistics
-        self._begin(learning_rate, device)
+        self._begin()
         dtype = np.float32 if self.images is None else np.uint8
         self.memory = FeatureMemory(
-            memory_size, self.shape, dtype, n_features, seed=seed, device=self.device
+            memory_size, self.shape, dtype, self.n_features, seed=self.seed, device=self.device
         )
 
     def losses(

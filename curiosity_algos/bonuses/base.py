@@ -6,7 +6,7 @@ import copy
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypedDict, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from stable_baselines3.common.logger import Logger
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_gym.compiled import ThreadPool
-from curiosity_gym.validation import check_bool, check_positive
+from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -72,6 +72,17 @@ class Bonus(Protocol):
         ...
 
 
+class NetworkKeywords(TypedDict, total=False):
+    """Keywords of every bonus of torch networks, see `NetworkBonus`."""
+
+    learning_rate: float
+    n_features: int
+    hidden: int
+    normalize: bool
+    seed: int | None
+    device: th.device | str
+
+
 class NetworkBonus(th.nn.Module):
     """A bonus of torch networks that one optimizer trains.
 
@@ -81,31 +92,55 @@ class NetworkBonus(th.nn.Module):
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
             (uint8, channels first or last, 36 by 36 at least).
+        learning_rate: Adam's, above 0.
+        n_features: Length of the feature vector.
+        hidden: Widths of hidden layers. The encoder of images is SB3's NatureCNN.
         normalize: Standardize observations, entry by entry, with running statistics of what was
             observed.
+        seed: Of the initial weights and of all draws.
+        device: As in Stable-Baselines3.
 
     Attributes:
         pool: Threads that may take part in a gradient step; who trains the bonus may give it more.
+
+    Raises:
+        ValueError: If an argument is out of range, or observations are neither of the two.
     """
 
     name: ClassVar[str]
 
-    def __init__(self, observation_space: spaces.Space[Any], *, normalize: bool) -> None:
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        *,
+        learning_rate: float = 1e-3,
+        n_features: int = 32,
+        hidden: int = 64,
+        normalize: bool = True,
+        seed: int | None = None,
+        device: th.device | str = "auto",
+    ) -> None:
         super().__init__()
+        check_positive(learning_rate=learning_rate)
+        check_at_least_one(n_features=n_features, hidden=hidden)
         check_bool(normalize=normalize)
+        check_seed(seed)
+        self.learning_rate = learning_rate
+        self.n_features = n_features
+        self.hidden = hidden
+        self.seed = seed
+        self.device = torch_device(device)
         self.images = ImageInputs.of(observation_space)
         self.shape = tuple(observation_space.shape or ())
         n_entries = math.prod(self.shape)
         self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
         self.pool = ThreadPool(1)
 
-    def _begin(self, learning_rate: float, device: th.device | str) -> None:
+    def _begin(self) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
-        check_positive(learning_rate=learning_rate)
-        self.device = torch_device(device)
         self.to(self.device)
         trained = [each for each in self.parameters() if each.requires_grad]
-        self.optimizer = th.optim.Adam(trained, lr=learning_rate, fused=True)
+        self.optimizer = th.optim.Adam(trained, lr=self.learning_rate, fused=True)
 
     @abstractmethod
     def score(
@@ -135,9 +170,8 @@ class NetworkBonus(th.nn.Module):
             raise ValueError(
                 f"`observations` must have shape {('n', *self.shape)}, got {observations.shape}."
             )
-        if self.images is not None:
-            return self.images.flat(observations)
-        return observations.flatten(1).float()
+        flat = observations.flatten(1).float()
+        return flat if self.images is None else flat / 255.0
 
     def tensor(self, array: npt.NDArray[Any]) -> th.Tensor:
         """An array on the device of the networks."""

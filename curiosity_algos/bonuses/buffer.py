@@ -23,12 +23,12 @@ class TransitionBuffer:
     """
 
     def __init__(
-        self, capacity: int, observation_space: spaces.Box[Any], n_actions: int, *, seed: int
+        self, capacity: int, observation_space: spaces.Space[Any], n_actions: int, *, seed: int
     ) -> None:
         self.capacity = capacity
         self.size = 0
         self._next = 0
-        shape = observation_space.shape
+        shape = tuple(observation_space.shape or ())
         dtype = np.float32 if ImageInputs.of(observation_space) is None else np.uint8
         # NumPy's zeros, unlike torch's, take memory and time only once they are written.
         self._columns = {
@@ -65,11 +65,7 @@ class TransitionBuffer:
         return {**held, "next": self._next, "generator": self._generator.get_state()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave; of a larger buffer the newest.
-
-        Raises:
-            ValueError: If it holds other transitions than this buffer would.
-        """
+        """Take over what `state_dict` gave, or its newest; ValueError for what does not fit."""
         self._check(state)
         n = len(state["actions"])
         rows, place = th.arange(n), state["next"]

@@ -1,16 +1,13 @@
 """Is a bonus right? Small worlds whose answers can be written down, for any `Bonus`.
 
 `check_bonus` and `check_wrapper` raise AssertionError with the figure that is wrong, much as
-Gymnasium's `check_env` does. `learn_tiny_mdp` and `watch_noisy_tv` give the figures themselves.
+Gymnasium's `check_env` does. `learn_tiny_mdp` gives the figures themselves.
 """
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, TypeAlias
 
 import gymnasium as gym
@@ -23,51 +20,20 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import GlobalGenerators
 
 FloatArray = npt.NDArray[np.float64]
 MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
 
 N_STATES, N_ACTIONS, N_ENTRIES = 20, 3, 6
-N_SIGNALS, N_CHANNELS = 4, 4
 
 
 # -- a tiny MDP -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Transitions:
-    """Steps of an MDP.
-
-    Attributes:
-        observations: (n, O).
-        actions: (n,).
-        next_observations: What they lead to, (n, O).
-    """
-
-    observations: npt.NDArray[np.float32]
-    actions: npt.NDArray[np.int64]
-    next_observations: npt.NDArray[np.float32]
-
-    def __getitem__(self, rows: Any) -> Transitions:
-        """Some of the transitions."""
-        return Transitions(
-            self.observations[rows], self.actions[rows], self.next_observations[rows]
-        )
-
-    def arrays(self) -> tuple[npt.NDArray[Any], ...]:
-        """As `Bonus.score` takes them."""
-        return self.observations, self.actions, self.next_observations
-
-    def tensors(self) -> tuple[th.Tensor, ...]:
-        """As `Bonus.update` takes them."""
-        before, actions, after = (th.from_numpy(array) for array in self.arrays())
-        return before, actions.reshape(-1, 1).float(), after
-
-
-def tiny_mdp(seed: int = 0) -> Transitions:
-    """All 60 transitions of 20 states and 3 actions, three in a row of each state.
+def tiny_mdp(seed: int = 0) -> tuple[npt.NDArray[Any], ...]:
+    """All 60 transitions of 20 states and 3 actions, three in a row of each state, as `score` has.
 
     States are random vectors; the first ten lead to one another and so do the last ten, at random.
     """
@@ -78,7 +44,7 @@ def tiny_mdp(seed: int = 0) -> Transitions:
     successors[half:] += half
     before = np.repeat(np.arange(N_STATES), N_ACTIONS)
     actions = np.tile(np.arange(N_ACTIONS), N_STATES)
-    return Transitions(states[before], actions, states[successors[before, actions]])
+    return states[before], actions, states[successors[before, actions]]
 
 
 @dataclass(frozen=True)
@@ -104,19 +70,19 @@ def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) 
         n_updates: Gradient steps, of all 30 transitions each.
         seed: Of the MDP.
     """
-    mdp = tiny_mdp(seed)
-    half = len(mdp.actions) // 2
+    seen, unseen = zip(*(np.split(each, 2) for each in tiny_mdp(seed)), strict=True)
     bonus = make_bonus(spaces.Box(-np.inf, np.inf, (N_ENTRIES,)), spaces.Discrete(N_ACTIONS))
-    batch = mdp[:half].tensors()
-    bonus.observe(batch[0])
-    groups = [mdp[:half], mdp[half:]]
-
-    def train(i: int) -> None:
-        bonus.observe(batch[0])  # with every update, as algorithms do
-        bonus.update(*batch)
-
-    moments, scores = _train(bonus, train, n_updates, groups)
-    return Learned(moments, *scores)
+    before, actions, after = map(th.from_numpy, seen)
+    bonus.observe(before)
+    moments = np.unique(np.linspace(0, n_updates, 31).astype(np.int64))
+    means = []
+    with single_torch_thread():
+        for n in np.diff(moments, prepend=0):
+            for _ in range(n):
+                bonus.observe(before)  # with every update, as algorithms do
+                bonus.update(before, actions.reshape(-1, 1).float(), after)
+            means.append([bonus.score(*half).mean() for half in (seen, unseen)])
+    return Learned(moments, *np.array(means, dtype=np.float64).T)
 
 
 def check_bonus(make_bonus: MakeBonus, seed: int = 0) -> Learned:
@@ -148,99 +114,6 @@ def _check(is_right: bool, what: str, learned: Learned) -> None:
             f"The bonus {what}: before training it is {before} where it is trained and elsewhere, "
             f"after it {after}."
         )
-
-
-# -- a noisy TV -----------------------------------------------------------------------------------
-
-
-def noisy_tv(n: int, *, seed: int, is_on: bool = True) -> Transitions:
-    """Steps of a walker in front of a television.
-
-    Four entries of an observation are what actions move, four are the screen: uniform noise in each
-    step that nothing predicts, or gray, its mean, where it is off.
-    """
-    rng = np.random.default_rng(seed)
-    directions = np.random.default_rng(0).normal(0.0, 0.5, (N_ACTIONS, N_SIGNALS))
-    positions = rng.uniform(-1.0, 1.0, (n, N_SIGNALS))
-    actions = rng.integers(0, N_ACTIONS, n)
-    screens = rng.uniform(-1.0, 1.0, (2, n, N_CHANNELS)) * is_on
-    before = np.hstack([positions, screens[0]])
-    after = np.hstack([positions + directions[actions], screens[1]])
-    return Transitions(before.astype(np.float32), actions, after.astype(np.float32))
-
-
-@dataclass(frozen=True)
-class Watched:
-    """Mean bonus while a bonus is trained.
-
-    Attributes:
-        n_updates: Gradient steps so far, (n,).
-        noisy: Mean bonus of steps before a noisy screen, (n,).
-        gray: Mean bonus of the same steps before a gray one, (n,).
-    """
-
-    n_updates: npt.NDArray[np.int64]
-    noisy: FloatArray
-    gray: FloatArray
-
-    @property
-    def noise_share(self) -> FloatArray:
-        """How much of the bonus is there for noise alone, (n,): `1 - gray / noisy`."""
-        return 1.0 - self.gray / self.noisy
-
-
-def watch_noisy_tv(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) -> Watched:
-    """Train a bonus where a screen shows noise, and see what becomes of it when the screen is gray.
-
-    Args:
-        make_bonus: Makes one for a Box of 8 entries and 3 discrete actions.
-        n_updates: Gradient steps, of 256 new transitions each.
-        seed: Of the transitions.
-    """
-    space = spaces.Box(-np.inf, np.inf, (N_SIGNALS + N_CHANNELS,))
-    bonus = make_bonus(space, spaces.Discrete(N_ACTIONS))
-    held_out = [noisy_tv(1000, seed=seed, is_on=is_on) for is_on in (True, False)]
-    stream = noisy_tv(256 * n_updates, seed=seed + 1)
-    bonus.observe(th.from_numpy(stream.observations))
-
-    def train(i: int) -> None:
-        bonus.update(*stream[256 * i : 256 * (i + 1)].tensors())
-
-    moments, scores = _train(bonus, train, n_updates, held_out)
-    return Watched(moments, *scores)
-
-
-def _train(
-    bonus: Bonus, train: Callable[[int], object], n_updates: int, groups: list[Transitions]
-) -> tuple[npt.NDArray[np.int64], FloatArray]:
-    """Moments (n,) of a training, and the mean bonus (groups, n) of each group at each of them."""
-    moments = np.unique(np.linspace(0, n_updates, 31).astype(np.int64))
-    scores = []
-    with single_torch_thread():
-        for begin, end in pairwise([0, *moments]):
-            for i in range(begin, end):
-                train(i)
-            scores.append([bonus.score(*group.arrays()).mean() for group in groups])
-    return moments, np.array(scores, dtype=np.float64).T
-
-
-class StatePrediction(ICM):
-    """Predicts the next state itself, without features: what a noisy screen catches.
-
-    Args:
-        observation_space: 1-D Box.
-        action_space: As of `ICM`.
-        **kwargs: Passed on to `ICM`.
-    """
-
-    name = "state"
-
-    def __init__(
-        self, observation_space: spaces.Box[Any], action_space: spaces.Space[Any], **kwargs: Any
-    ) -> None:
-        n_entries = observation_space.shape[0]
-        super().__init__(observation_space, action_space, beta=1.0, n_features=n_entries, **kwargs)
-        self.encoder = th.nn.Identity()
 
 
 # -- a wrapper, or a callback ---------------------------------------------------------------------
@@ -306,7 +179,7 @@ def check_wrapper(
         AssertionError: If the bonus is asked for the observation after the reset, or enters once
             the advantages are computed.
     """
-    with _global_randomness_kept():
+    with GlobalGenerators(np.random.SeedSequence(0), th.device("cpu")).lent():
         venv = wrap(DummyVecEnv([_Corridor] * N_CORRIDORS), _AtTheEnd())
         n = HORIZON * N_CORRIDORS
         settings: dict[str, Any] = {"n_steps": HORIZON, "batch_size": n, "n_epochs": 1}
@@ -324,13 +197,3 @@ def check_wrapper(
             f"A bonus at the end of an episode must be worth {expected:.3g} at its start, it is "
             f"worth {returns[0]:.3g}: it must enter the reward before advantages are computed."
         )
-
-
-@contextmanager
-def _global_randomness_kept() -> Iterator[None]:
-    """SB3 draws from the old global generators of Python, numpy and torch, which are the user's."""
-    python, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002
-    with th.random.fork_rng(devices=[]):
-        yield
-    random.setstate(python)
-    np.random.set_state(numpy)  # noqa: NPY002

@@ -7,17 +7,16 @@ long.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 
 from curiosity_algos.bonuses.perceptron import (
     Layers,
     Pass,
     backward,
+    blas_limit,
     forward,
     single_blas_thread,
 )
@@ -34,14 +33,6 @@ class Networks(NamedTuple):
     encoder: Layers
     forward_model: Layers
     inverse_model: Layers
-
-    @classmethod
-    def of(cls, modules: Iterable[th.nn.Module]) -> Networks | None:
-        """The three of an ICM; None: torch alone can compute one of them."""
-        encoder, forward_model, inverse_model = map(Layers.of, modules)
-        if encoder is None or forward_model is None or inverse_model is None:
-            return None
-        return cls(encoder, forward_model, inverse_model)
 
 
 class Workspace(NamedTuple):
@@ -160,7 +151,7 @@ def differentiate(
 
     def some(begin: int, end: int) -> None:
         work = Workspace.of(icm, min(N_ROWS, n))
-        with single_blas_thread():
+        with blas_limit():
             for i in range(begin, end):
                 first, last = i * N_ROWS, min((i + 1) * N_ROWS, n)
                 rows = states[2 * first : 2 * last], actions[first:last]

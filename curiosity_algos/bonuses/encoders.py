@@ -59,10 +59,6 @@ class ImageInputs:
             )
         return cls(space.shape, is_channels_last)
 
-    def flat(self, images: th.Tensor) -> th.Tensor:
-        """Images (n, ...) as (n, entries) in [0, 1]."""
-        return images.flatten(1).float() / 255.0
-
     def unflatten(self, entries: th.Tensor) -> th.Tensor:
         """Entries (n, entries) as images, channels first."""
         images = entries.reshape(-1, *self.shape)
@@ -138,7 +134,8 @@ def action_scale(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Center and half the range of each entry, (A,): 0 and 1 where it lacks a bound."""
     low, high = action_space.low.astype(np.float64), action_space.high.astype(np.float64)
-    is_bounded = np.isfinite(low) & np.isfinite(high)
+    # Bounds beyond float32, as which bonuses take actions, are none.
+    is_bounded = np.maximum(np.abs(low), np.abs(high)) <= np.finfo(np.float32).max
     low, high = np.where(is_bounded, low, -1.0), np.where(is_bounded, high, 1.0)
     half_range = ((high - low) / 2.0).astype(np.float32)
     half_range[half_range == 0.0] = 1.0
@@ -149,26 +146,14 @@ def action_size(action_space: spaces.Space[Any]) -> int:
     """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
 
     Raises:
-        ValueError: If actions are of another kind, of no number, or have bounds beyond float32, as
-            which bonuses take them.
+        ValueError: If actions are of another kind or of no number.
     """
     if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         return int(action_space.n)
-    if isinstance(action_space, spaces.Box) and len(action_space.shape) == 1:
-        _check_entries(action_space)
-        return int(action_space.shape[0])
+    shape = action_space.shape or ()
+    if isinstance(action_space, spaces.Box) and len(shape) == 1 and shape[0]:
+        return shape[0]
     raise ValueError(
-        "`action_space` must be a one-dimensional Box or a Discrete that starts at 0, got "
-        f"{action_space}."
+        "`action_space` must be a one-dimensional Box with an entry or a Discrete that starts at "
+        f"0, got {action_space}."
     )
-
-
-def _check_entries(action_space: spaces.Box[Any]) -> None:
-    if action_space.shape == (0,):
-        raise ValueError(f"`action_space` must have at least one entry, got {action_space}.")
-    bounds = np.abs([action_space.low, action_space.high], dtype=np.float64)
-    if bounds[np.isfinite(bounds)].max(initial=0.0) > np.finfo(np.float32).max:
-        raise ValueError(
-            "`action_space` must have bounds that float32 can hold, or infinite ones, got "
-            f"{action_space}."
-        )

@@ -6,7 +6,7 @@ Pathak et al. 2017, "Curiosity-driven Exploration by Self-supervised Prediction"
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +15,12 @@ from gymnasium import spaces
 from torch.nn import functional
 
 from curiosity_algos.bonuses import compiled_icm
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
-from curiosity_algos.bonuses.perceptron import set_gradients
+from curiosity_algos.bonuses.perceptron import Layers, set_gradients
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one, check_seed, check_share
+from curiosity_gym.validation import check_share
 
 
 class ICM(NetworkBonus):
@@ -33,22 +33,14 @@ class ICM(NetworkBonus):
     subclass, or of networks of another kind, frozen or with hooks, is torch's, from the methods
     below.
 
+    Of `hidden` units are the encoder's two hidden layers, and the two models' one and two. Further
+    keywords are those of every bonus of networks, see `NetworkBonus`.
+
     Args:
-        observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
-            (uint8, channels first or last, 36 by 36 at least).
+        observation_space: As of `NetworkBonus`.
         action_space: Box of A entries, which are scaled to [-1, 1] where they have bounds, or
             Discrete.
         beta: Weight of the forward loss against the inverse loss, in [0, 1].
-        learning_rate: Adam's, above 0.
-        n_features: Length of the feature vector.
-        hidden: Widths of the encoder's two hidden layers, and of the two models' one and two. The
-            encoder of images is SB3's NatureCNN.
-        normalize: Standardize observations with running statistics of what was observed.
-        seed: Seed of the initial weights.
-        device: As in Stable-Baselines3.
-
-    Raises:
-        ValueError: If an argument is out of range, or observations are neither of the two.
     """
 
     name = "icm"
@@ -59,25 +51,19 @@ class ICM(NetworkBonus):
         action_space: spaces.Space[Any],
         *,
         beta: float = 0.2,
-        learning_rate: float = 1e-3,
-        n_features: int = 32,
-        hidden: int = 64,
-        normalize: bool = True,
-        seed: int | None = None,
-        device: th.device | str = "auto",
+        **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_share(beta=beta)
-        check_at_least_one(n_features=n_features, hidden=hidden)
-        check_seed(seed)
-        super().__init__(observation_space, normalize=normalize)
+        super().__init__(observation_space, **kwargs)
         self.beta = beta
         self.encode_actions = ActionEncoder(action_space)
         n_actions = self.encode_actions.size
-        made = {"generator": torch_generator(seed)}
+        n_features, hidden = self.n_features, self.hidden
+        made = {"generator": torch_generator(self.seed)}
         self.encoder = make_encoder(observation_space, hidden, hidden, n_features, **made)
         self.forward_model = mlp(n_features + n_actions, hidden, n_features, **made)
         self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions, **made)
-        self._begin(learning_rate, device)
+        self._begin()
 
     def prediction_error(
         self, features: th.Tensor, actions: th.Tensor, next_features: th.Tensor
@@ -137,7 +123,8 @@ class ICM(NetworkBonus):
         """The networks for compiled equations; None: they do not serve, or may be overridden."""
         if type(self) is not ICM or self.device.type != "cpu" or self.encode_actions.is_discrete:
             return None
-        return compiled_icm.Networks.of(self._models)
+        layers = [each for each in map(Layers.of, self._models) if each is not None]
+        return compiled_icm.Networks(*layers) if len(layers) == 3 else None
 
     @th.no_grad()
     def score(

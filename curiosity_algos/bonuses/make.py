@@ -12,7 +12,7 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.apt import APT
-from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.base import Bonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.rnd import RND
@@ -20,6 +20,8 @@ from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_gym.validation import check_choice
 
+NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
+"""Of a bonus that is named; its seed and its device are those of the algorithm."""
 BONUSES: dict[str, Callable[..., Bonus]] = {"apt": APT, "icm": ICM, "rnd": RND}
 
 
@@ -39,12 +41,10 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
             raise ValueError("`bonus_kwargs` must be empty where `bonus` is an object.")
         return
     check_choice(tuple(BONUSES), bonus=bonus)
-    keywords = inspect.signature(BONUSES[bonus]).parameters.values()
-    names = (each.name for each in keywords if each.kind is each.KEYWORD_ONLY)
-    # Seed and device of the bonus are those of the algorithm.
-    allowed = tuple(name for name in names if name not in ("seed", "device"))
+    own = inspect.signature(BONUSES[bonus]).parameters.values()
+    names = [*(each.name for each in own if each.kind is each.KEYWORD_ONLY), *NETWORK_KEYWORDS]
     for name in bonus_kwargs:
-        check_choice(allowed, bonus_kwargs=name)
+        check_choice(tuple(names), bonus_kwargs=name)
 
 
 def make_bonus(
@@ -61,6 +61,7 @@ def make_bonus(
     Raises:
         ValueError: If an object does not score transitions of these spaces, or could not be saved.
     """
+    action_size(action_space)  # raises where no bonus takes such actions
     if not isinstance(bonus, str):
         _check_fits(bonus, observation_space, action_space)
         return bonus
@@ -70,13 +71,17 @@ def make_bonus(
 def _check_fits(
     bonus: Bonus, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> None:
-    action_size(action_space)  # raises where no bonus takes such actions
     is_image = ImageInputs.of(observation_space) is not None
     assert isinstance(observation_space, spaces.Box)
     shape = (2, *observation_space.shape)
     observations = np.zeros(shape, dtype=np.uint8 if is_image else np.float32)
+    actions: npt.NDArray[Any]
+    if isinstance(action_space, spaces.Box):
+        actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
+    else:
+        actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
     try:
-        scores = bonus.score(observations, _extreme_actions(action_space), observations)
+        scores = bonus.score(observations, actions, observations)
     except Exception as error:
         raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
     if np.shape(scores) != (2,):
@@ -87,24 +92,3 @@ def _check_fits(
     if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
         raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
     check_plain(bonus.state_dict(), "bonus")
-
-
-def _extreme_actions(action_space: spaces.Space[Any]) -> npt.NDArray[Any]:
-    """The lowest action and the highest, or one beyond 0 where there is no such bound."""
-    if isinstance(action_space, spaces.Discrete):
-        return np.array([0, action_space.n - 1])
-    assert isinstance(action_space, spaces.Box)
-    low, high = action_space.low, action_space.high
-    lowest = np.where(np.isfinite(low), low, np.minimum(high, 0.0) - 1.0)
-    highest = np.where(np.isfinite(high), high, np.maximum(low, 0.0) + 1.0)
-    return np.array([lowest, highest], dtype=np.float32)
-
-
-def stored_action_size(action_space: spaces.Space[Any]) -> int:
-    """Numbers kept of an action: a Box's entries, the index of a Discrete's.
-
-    Raises:
-        ValueError: If actions are of another kind.
-    """
-    n_numbers = action_size(action_space)
-    return 1 if isinstance(action_space, spaces.Discrete) else n_numbers

@@ -101,11 +101,7 @@ class FeatureMemory:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            RuntimeError: If it is of another size or of other observations; nothing has changed.
-        """
+        """Take over what `state_dict` gave; RuntimeError where it is another memory's."""
         self.check(state)
         load_generator_state(self._rng, state["rng"])
         self.n_seen, n = state["n_seen"], len(state["observations"])

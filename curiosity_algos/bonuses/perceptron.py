@@ -150,55 +150,26 @@ def backward(
 
 def set_gradients(networks: Iterable[th.nn.Module], slopes: Float32Array) -> None:
     """Give parameters, network by network in torch's order, their slopes (n_parameters,); views."""
-    begin, flat = 0, th.from_numpy(slopes)
-    for parameter in (each for network in networks for each in network.parameters()):
-        end = begin + parameter.numel()
-        parameter.grad = flat[begin:end].view_as(parameter)
-        begin = end
+    parameters = [each for network in networks for each in network.parameters()]
+    parts = th.split(th.from_numpy(slopes), [each.numel() for each in parameters])
+    for parameter, part in zip(parameters, parts, strict=True):
+        parameter.grad = part.view_as(parameter)
 
 
-class _BlasLimit:
-    """One thread for products of matrices, while any thread of ours is within."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._n_within = 0
-        self._first: Any = None
-
-    def enter(self) -> Any:
-        """Set the limit; what `leave` takes."""
-        with self._lock:
-            limit = _libraries().limit(limits=1, user_api="blas")
-            if self._n_within == 0:
-                self._first = limit  # it alone has seen the user's setting
-            self._n_within += 1
-        return limit
-
-    def leave(self, limit: Any) -> None:
-        """Give a thread's own setting back, and with the last thread the user's."""
-        with self._lock:
-            self._n_within -= 1
-            if limit is not self._first:
-                limit.restore_original_limits()
-            if self._n_within == 0:
-                self._first.restore_original_limits()
-
-
-_BLAS = _BlasLimit()
+_ALONE = threading.Lock()
+"""Held by the caller that limits BLAS: of two, the second would give back the first one's limit."""
 
 
 @contextmanager
 def single_blas_thread() -> Iterator[None]:
-    """Leave the threads to us: a product of matrices runs on the thread that asks for it.
-
-    Some libraries keep the setting by thread, so that each thread enters; others have one for all,
-    which the last thread that leaves gives back, in whatever order they leave.
-    """
-    limit = _BLAS.enter()
-    try:
+    """Leave the threads to us: a product of matrices runs on the thread that asks for it."""
+    with _ALONE, blas_limit():
         yield
-    finally:
-        _BLAS.leave(limit)
+
+
+def blas_limit() -> Any:
+    """What each thread enters within `single_blas_thread`: some libraries set it by thread."""
+    return _libraries().limit(limits=1, user_api="blas")
 
 
 @cache

@@ -5,17 +5,16 @@ Burda et al. 2018, "Exploration by Random Network Distillation" (https://arxiv.o
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one, check_seed
 
 
 class RND(NetworkBonus):
@@ -25,20 +24,13 @@ class RND(NetworkBonus):
     the features: small where the predictor was trained. Actions do not enter, nor do the
     observations that they are taken at.
 
-    Args:
-        observation_space: As of `ICM`.
-        action_space: Any; taken so that bonuses are made alike.
-        learning_rate: Adam's, above 0.
-        n_features: Length of the random feature vector.
-        hidden: Widths of both networks' two hidden layers; the predictor has two more. For images
-            both begin with SB3's NatureCNN.
-        normalize: Standardize observations with running statistics of what was observed, crucial
-            for Burda et al.: the random network cannot adapt to their scale.
-        seed: Seed of the initial weights.
-        device: As in Stable-Baselines3.
+    Both networks have two hidden layers, the predictor two more; to `normalize` is crucial for
+    Burda et al., as the random network cannot adapt to the observations' scale. Further keywords
+    are those of every bonus of networks, see `NetworkBonus`.
 
-    Raises:
-        ValueError: If an argument is out of range, or observations are of another kind.
+    Args:
+        observation_space: As of `NetworkBonus`.
+        action_space: Any; taken so that bonuses are made alike.
     """
 
     name = "rnd"
@@ -47,18 +39,11 @@ class RND(NetworkBonus):
         self,
         observation_space: spaces.Space[Any],
         action_space: spaces.Space[Any],
-        *,
-        learning_rate: float = 1e-3,
-        n_features: int = 32,
-        hidden: int = 64,
-        normalize: bool = True,
-        seed: int | None = None,
-        device: th.device | str = "auto",
+        **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        check_at_least_one(n_features=n_features, hidden=hidden)
-        check_seed(seed)
-        super().__init__(observation_space, normalize=normalize)
-        made = {"generator": torch_generator(seed)}
+        super().__init__(observation_space, **kwargs)
+        n_features, hidden = self.n_features, self.hidden
+        made = {"generator": torch_generator(self.seed)}
         self.target = make_encoder(observation_space, hidden, hidden, n_features, **made)
         self.target.requires_grad_(False)
         self.predictor = th.nn.Sequential(
@@ -66,7 +51,7 @@ class RND(NetworkBonus):
             th.nn.ReLU(),
             mlp(hidden, hidden, n_features, **made),
         )
-        self._begin(learning_rate, device)
+        self._begin()
 
     def errors(self, observations: th.Tensor) -> th.Tensor:
         """Squared error at each observation, shape (n,)."""

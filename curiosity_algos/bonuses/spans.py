@@ -86,11 +86,7 @@ class RecentSteps:
         return {**arrays, "next": self._next, "rng": generator_state(self._rng)}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If it is that of other environments or another horizon; nothing has changed.
-        """
+        """Take over what `state_dict` gave; ValueError where it is other environments'."""
         self.check(state)
         load_generator_state(self._rng, state["rng"])
         self._next = state["next"]

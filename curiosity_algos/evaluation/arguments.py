@@ -7,7 +7,6 @@ import math
 from numbers import Real
 from typing import Any
 
-import torch as th
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
@@ -15,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
 from curiosity_algos.checkpoints.plain_files import plain
+from curiosity_algos.common.networks import torch_device
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
@@ -30,19 +30,11 @@ def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
         raise ValueError(f"`policy` must be {known} or a subclass of it, got {policy.__name__}.")
 
 
-def check_common(seed: object, device: object, verbose: object) -> None:
+def check_common(seed: object, device: Any, verbose: object) -> None:
     """Raise ValueError unless Stable-Baselines3 can begin with these arguments."""
     check_seed(seed)
     check_whole(0, 2, verbose=verbose)
-    if not _is_device(device):
-        raise ValueError(f"`device` must be auto, cpu, cuda or a torch.device, got {device!r}.")
-
-
-def _is_device(device: object) -> bool:
-    try:
-        return device == "auto" or (isinstance(device, str | th.device) and bool(th.device(device)))
-    except RuntimeError:  # torch's, of a name that it does not know
-        return False
+    torch_device(device)
 
 
 def use_python_numbers(algorithm: BaseAlgorithm) -> None:

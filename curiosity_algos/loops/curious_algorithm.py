@@ -10,7 +10,7 @@ from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.motivations.curiosity import CuriosityMotivation, make_motivation
+from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_gym.validation import check_keywords
 
 
@@ -70,7 +70,7 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
         self, seed: np.random.SeedSequence, **how_to_score: Any
     ) -> CuriosityMotivation:
         """Make the bonus and its buffer, and check their settings."""
-        return make_motivation(
+        return CuriosityMotivation(
             self.observation_space,
             self.action_space,
             bonus=self.bonus,

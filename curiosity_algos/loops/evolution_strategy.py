@@ -22,7 +22,7 @@ from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.motivations.base import Motivation
-from curiosity_algos.motivations.phi import Phi, check_phi, make_phi
+from curiosity_algos.motivations.phi import Phi, check_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
 from curiosity_gym.validation import check_bool, check_choice, check_positive
@@ -268,7 +268,7 @@ class MotivatedStrategy(EvolutionStrategy):
     def _make_parts(
         self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence
     ) -> None:
-        self._fitness = Fitness(make_phi(self.phi), self.no_reward, fitness_seed)
+        self._fitness = Fitness(Phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
 
     def _summarizers(self) -> MakeSummarizers | None:

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
-from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.bonuses.transitions import EvenlySpaced, draw_transitions, flat
 from curiosity_algos.common.networks import single_torch_thread
@@ -77,9 +78,9 @@ def on_threads(pool: ThreadPool, task: Callable[[int], None], n_tasks: int) -> N
 
 
 class CuriosityMotivation:
-    """Scores an individual by its trajectory's curiosity, and trains the bonus on what was seen.
+    """Scores an individual by its trajectory's curiosity, and trains a bonus on what was seen.
 
-    `make_motivation` makes one, with its bonus and its buffer.
+    It serves any algorithm that has rollouts with trajectories.
 
     The score is `sum_t gamma^(T-1-t) c_t` (eq. 10), T the episode's own length: a `gamma` below 1
     weighs the end of an episode most, which also keeps long episodes from winning by length alone.
@@ -88,43 +89,75 @@ class CuriosityMotivation:
     with others does not count.
 
     Args:
-        bonus: Gives the curiosity `c_t` of each transition.
-        buffer: What the bonus is trained on.
-        gamma: In [0, 1].
+        observation_space: One-dimensional Box.
+        action_space: One-dimensional Box, or Discrete.
+        bonus: Gives the curiosity `c_t` of each transition: "apt", "icm", "rnd", or a `Bonus` made
+            for these spaces, which the motivation then trains.
+        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`.
         n_states: Transitions of an episode that its score looks at; None: all.
+        gamma: In [0, 1]; 1 where `n_states` is a number.
         n_transitions: m, transitions of each individual that enter the buffer, drawn uniformly.
         n_updates: p, gradient steps a generation.
         batch_size: Transitions a gradient step.
-        seed: Seed of the draws.
-        n_threads: Threads that score, and that the bonus may train on; results do not depend on it.
+        buffer_size: Transitions kept in all, the newest.
+        seed: Of the initial weights and all draws; None: fresh entropy.
+        device: Where the networks are, as in SB3.
+        n_threads: Threads that score and train; None: as many as there are processors. Results do
+            not depend on it.
+
+    Raises:
+        ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
 
     def __init__(
         self,
-        bonus: Bonus,
-        buffer: TransitionBuffer,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
         *,
-        gamma: float,
-        n_states: int | None = None,
-        n_transitions: int,
-        n_updates: int,
-        batch_size: int,
-        seed: np.random.SeedSequence,
+        bonus: str | Bonus = "apt",
+        bonus_kwargs: Mapping[str, Any] | None = None,
+        n_states: int | None = 20,
+        gamma: float = 1.0,
+        n_transitions: int = 100,
+        n_updates: int = 32,
+        batch_size: int = 256,
+        buffer_size: int = 500_000,
+        seed: int | np.random.SeedSequence | None = None,
+        device: th.device | str = "auto",
         n_threads: int | None = None,
     ) -> None:
-        self.bonus = bonus
-        self.buffer = buffer
+        bonus_kwargs = {} if bonus_kwargs is None else bonus_kwargs
+        check_bonus_choice(bonus, bonus_kwargs)
+        _check_how_to_score(n_states, gamma)
+        check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
+        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+        if not isinstance(seed, np.random.SeedSequence):
+            check_seed(seed)
+            seed = np.random.SeedSequence(seed)
+        own_seed, networks_seed, buffer_seed = seed.spawn(3)
+        self.bonus = make_bonus(
+            bonus,
+            bonus_kwargs,
+            observation_space,
+            action_space,
+            seed=integer_seed(networks_seed),
+            device=device,
+        )
+        n_actions = get_action_dim(action_space)
+        self.buffer = TransitionBuffer(
+            buffer_size, observation_space, n_actions, seed=integer_seed(buffer_seed)
+        )
         self.gamma = gamma
         self.n_states = n_states
         self.n_transitions = n_transitions
         self.n_updates = n_updates
         self.batch_size = batch_size
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(own_seed)
         self._pool = ThreadPool(n_threads)
         # Its own names of summaries: rollouts may be those of another motivation, too.
         self._scored, self._learned = f"{id(self)} scored", f"{id(self)} learned"
-        if isinstance(bonus, NetworkBonus):
-            bonus.pool = self._pool
+        if isinstance(self.bonus, NetworkBonus):
+            self.bonus.pool = self._pool
 
     def scoring(self, n_individuals: int) -> dict[str, Summarizer]:
         """What `score` needs of trajectories: it may be read where and when they are played."""
@@ -198,87 +231,10 @@ class CuriosityMotivation:
         load_generator_state(self._rng, state["rng"])
 
 
-def check_how_to_score(n_states: int | None, gamma: float) -> None:
+def _check_how_to_score(n_states: int | None, gamma: float) -> None:
     """Raise ValueError unless a trajectory can be scored so."""
     check_share(gamma=gamma)
     if n_states is not None:
         check_at_least_one(n_states=n_states)
         if gamma != 1.0:
             raise ValueError("`gamma` must be 1 unless `n_states` is None: it weighs the sum.")
-
-
-def make_motivation(
-    observation_space: spaces.Space[Any],
-    action_space: spaces.Space[Any],
-    *,
-    bonus: str | Bonus = "apt",
-    bonus_kwargs: Mapping[str, Any] | None = None,
-    n_states: int | None = 20,
-    gamma: float = 1.0,
-    n_transitions: int = 100,
-    n_updates: int = 32,
-    batch_size: int = 256,
-    buffer_size: int = 500_000,
-    seed: int | np.random.SeedSequence | None = None,
-    device: th.device | str = "auto",
-    n_threads: int | None = None,
-) -> CuriosityMotivation:
-    """A motivation for any algorithm that has rollouts with trajectories.
-
-    Args:
-        observation_space: One-dimensional Box.
-        action_space: One-dimensional Box, or Discrete.
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for these spaces, which the motivation then
-            trains.
-        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`.
-        gamma: See `CuriosityMotivation`, as for the next four.
-        n_states: Transitions of an episode that its score looks at; None: all.
-        n_transitions: m, transitions of each individual kept for training.
-        n_updates: p, gradient steps a generation.
-        batch_size: Transitions a gradient step.
-        buffer_size: Transitions kept in all, the newest.
-        seed: Of the initial weights and all draws; None: fresh entropy.
-        device: Where the networks are, as in SB3.
-        n_threads: Threads that score and train; None: as many as there are processors.
-
-    Raises:
-        ValueError: If an argument is out of its range, or the spaces are of another kind.
-    """
-    check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-    check_how_to_score(n_states, gamma)
-    check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
-    check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
-    motivation_seed, networks_seed, buffer_seed = _seed_sequence(seed).spawn(3)
-    made = make_bonus(
-        bonus,
-        bonus_kwargs or {},
-        observation_space,
-        action_space,
-        seed=integer_seed(networks_seed),
-        device=device,
-    )
-    assert isinstance(observation_space, spaces.Box)
-    buffer = TransitionBuffer(
-        buffer_size,
-        observation_space,
-        stored_action_size(action_space),
-        seed=integer_seed(buffer_seed),
-    )
-    return CuriosityMotivation(
-        made,
-        buffer,
-        gamma=gamma,
-        n_states=n_states,
-        n_transitions=n_transitions,
-        n_updates=n_updates,
-        batch_size=batch_size,
-        seed=motivation_seed,
-        n_threads=n_threads,
-    )
-
-
-def _seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
-    if isinstance(seed, np.random.SeedSequence):
-        return seed
-    check_seed(seed)
-    return np.random.SeedSequence(seed)

@@ -73,7 +73,7 @@ class NoveltyMotivation:
         """Novelty of each individual, shape (P,)."""
         behaviors = behaviors_of(rollouts, self.behavior)
         if len(self.archive):
-            distances, _ = self.archive.nearest(behaviors, self.k)
+            distances = self.archive.nearest(behaviors, self.k)
         elif len(behaviors) > 1:
             # The nearest of all is the individual itself.
             distances = np.sort(cdist(behaviors, behaviors), axis=1)[:, 1 : self.k + 1]

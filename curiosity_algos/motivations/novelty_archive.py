@@ -1,4 +1,4 @@
-"""The archive of novelty search: every behavior seen, and the nearest of them to others.
+"""The archive of novelty search: every behavior seen, and how far the nearest are from others.
 
 Lehman and Stanley 2011, "Abandoning Objectives: Evolution Through the Search for Novelty Alone"
 (https://doi.org/10.1162/EVCO_a_00025), measure how novel a behavior is by its nearest neighbors.
@@ -6,9 +6,7 @@ Lehman and Stanley 2011, "Abandoning Objectives: Evolution Through the Search fo
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -46,19 +44,12 @@ class NoveltyArchive:
     def __init__(self, n_dimensions: int) -> None:
         check_at_least_one(n_dimensions=n_dimensions)
         self.n_dimensions = n_dimensions
-        self._seen = _Behaviors(n_dimensions)
-        self._index(0)
+        self._copies = np.empty(0, dtype=np.int64)  # of each distinct behavior
+        self._large = self._small = _tree(np.empty((0, n_dimensions)))
 
     def __len__(self) -> int:
         """Number of behaviors added."""
-        return len(self._seen.every)
-
-    @property
-    def behaviors(self) -> FloatArray:
-        """What was added, shape (n, B), in order of insertion; a view that cannot be written to."""
-        view = self._seen.every.view
-        view.flags.writeable = False
-        return view
+        return int(self._copies.sum())
 
     def add(self, behaviors: npt.ArrayLike) -> None:
         """Take in behaviors (n, B), which are copied.
@@ -67,55 +58,56 @@ class NoveltyArchive:
             ValueError: If `behaviors` has another shape, or entries that are not finite or not
                 below 1e150 in size.
         """
-        self._seen.add(self._checked(behaviors))
-        n_distinct, n_indexed = len(self._seen.distinct), self._large.n
-        is_due = n_distinct > (1.0 + REBUILD_SHARE) * n_indexed
-        if is_due:
-            self._index(n_distinct)
-        else:
-            self._small = _tree(self._seen.distinct.view[n_indexed:])
+        rows = self._checked(behaviors)
+        distances, numbers = self._nearest_distinct(rows, 1, within=1.0 / LARGEST)
+        is_known = (distances == 0.0).any(axis=1)
+        np.add.at(self._copies, numbers[is_known].ravel(), 1)
+        self._add_new(rows[~is_known])
 
-    def nearest(self, behaviors: npt.ArrayLike, k: int) -> tuple[FloatArray, IntArray]:
-        """The nearest of the archive to each of the behaviors (n, B).
+    def _add_new(self, rows: FloatArray) -> None:
+        """Append behaviors that no tree holds, each once, and count their copies."""
+        new, first, copies = np.unique(rows, axis=0, return_index=True, return_counts=True)
+        order = np.argsort(first)
+        self._copies = np.append(self._copies, copies[order])
+        recent, n_indexed = np.vstack([self._small.data, new[order]]), self._large.n
+        if len(self._copies) > (1.0 + REBUILD_SHARE) * n_indexed:
+            self._large, recent = _tree(np.vstack([self._large.data, recent])), recent[:0]
+        self._small = _tree(recent)
+
+    def nearest(self, behaviors: npt.ArrayLike, k: int) -> FloatArray:
+        """Distances of the nearest of the archive to each of the behaviors (n, B), ascending.
 
         Args:
             behaviors: Shape (n, B), in the units of those added.
             k: Number of neighbors, at least 1.
 
         Returns:
-            Distances, ascending, and indices in order of insertion, both of shape
-            (n, min(k, len(self))). Equal behaviors are neighbors each, the first added first.
+            Shape (n, min(k, len(self))). Equal behaviors are neighbors each.
 
         Raises:
             ValueError: If `k` is below 1, or for `behaviors` that `add` refuses.
         """
         check_at_least_one(k=k)
         queries = self._checked(behaviors)
-        shape = len(queries), min(k, len(self))
-        distances, indices = np.empty(shape), np.empty(shape, dtype=np.int64)
-        if len(self):
-            for i, found in enumerate(zip(*self._nearest_distinct(queries, k), strict=True)):
-                distances[i], indices[i] = self._with_copies(*found, k)
-        return distances, indices
+        distances = np.empty((len(queries), min(k, len(self))))
+        found, numbers = self._nearest_distinct(queries, k)
+        for i, copies in enumerate(self._copies[numbers]):
+            distances[i] = np.repeat(found[i], np.minimum(copies, k))[:k]
+        return distances
 
-    def _nearest_distinct(self, queries: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
+    def _nearest_distinct(
+        self, queries: FloatArray, k: int, within: float = np.inf
+    ) -> tuple[FloatArray, IntArray]:
         """Distances and numbers of the nearest distinct behaviors, up to k of them, ascending."""
-        n_found = min(k, len(self._seen.distinct))
+        n_found = min(k, len(self._copies))
         # A sequence keeps the axis of a single neighbor; those that a tree lacks are at infinity.
-        ranks = range(1, n_found + 1)
-        large, small = self._large.query(queries, ranks), self._small.query(queries, ranks)
+        ranks = range(1, max(n_found, 1) + 1)
+        large = self._large.query(queries, ranks, distance_upper_bound=within)
+        small = self._small.query(queries, ranks, distance_upper_bound=within)
         distances = np.hstack([large[0], small[0]])
         numbers = np.hstack([large[1], small[1] + self._large.n])
         order = np.argsort(distances, axis=1, kind="stable")[:, :n_found]
         return np.take_along_axis(distances, order, 1), np.take_along_axis(numbers, order, 1)
-
-    def _with_copies(
-        self, distances: FloatArray, numbers: IntArray, k: int
-    ) -> tuple[FloatArray, list[int]]:
-        """Distances and indices of a query's neighbors, each as often as it was added, up to k."""
-        copies = [self._seen.places(number)[:k] for number in numbers.tolist()]
-        indices = list(chain.from_iterable(copies))[:k]
-        return np.repeat(distances, [len(each) for each in copies])[:k], indices
 
     def _checked(self, behaviors: npt.ArrayLike) -> FloatArray:
         rows = np.asarray(behaviors, dtype=np.float64)
@@ -127,114 +119,24 @@ class NoveltyArchive:
             raise ValueError(f"`behaviors` must be finite and below {LARGEST:g} in size.")
         return rows
 
-    def _index(self, n_indexed: int) -> None:
-        """Build the trees, the large one of the first `n_indexed` distinct behaviors."""
-        self._seen.sort_hashes()
-        rows = self._seen.distinct.view
-        self._large, self._small = _tree(rows[:n_indexed]), _tree(rows[n_indexed:])
-
     def state_dict(self) -> dict[str, Any]:
-        """The behaviors, and how many distinct ones the large tree covers."""
-        return {"behaviors": th.from_numpy(self.behaviors.copy()), "n_indexed": self._large.n}
+        """The distinct behaviors, how often each was added, and how many the large tree covers."""
+        distinct = np.vstack([self._large.data, self._small.data])
+        return {
+            "behaviors": th.from_numpy(distinct),
+            "copies": th.from_numpy(self._copies.copy()),
+            "n_indexed": self._large.n,
+        }
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
-        self._seen = _Behaviors(self.n_dimensions)
-        self._seen.add(self._checked(state["behaviors"].cpu().numpy()))
-        self._index(state["n_indexed"])
-
-
-class _Behaviors:
-    """Behaviors in order of insertion, and which of them are equal.
-
-    Nearly all are distinct: what is kept of each is in arrays, as a list and a dictionary's entry
-    would take several times its numbers. It is found by its hash, among sorted ones.
-
-    Attributes:
-        every: All of them.
-        distinct: Each once, numbered by their first insertion.
-    """
-
-    def __init__(self, n_dimensions: int) -> None:
-        self.every = _Rows(n_dimensions)
-        self.distinct = _Rows(n_dimensions)
-        self._first = _Rows(1, np.int64)  # places in `every` of the distinct
-        self._later: dict[int, list[int]] = {}
-        self._hashes = _Rows(1, np.int64)  # of the distinct
-        self.sort_hashes()
-
-    def sort_hashes(self) -> None:
-        """Look for those that are held by their hashes; for later ones in a dictionary."""
-        hashes = self._hashes.view[:, 0]
-        self._order = np.argsort(hashes)
-        self._sorted = hashes[self._order]
-        self._recent: dict[bytes, int] = {}
-
-    def places(self, number: int) -> list[int]:
-        """Where in `every` a distinct behavior is, ascending."""
-        return [int(self._first.view[number, 0]), *self._later.get(number, ())]
-
-    def add(self, rows: FloatArray) -> None:
-        """Append rows (n, B)."""
-        n_before, place = len(self.distinct), len(self.every)
-        new: list[int] = []
-        hashes: list[int] = []
-        # Adding 0 makes -0 equal to 0 in its bytes, too.
-        for i, row in enumerate(rows + 0.0):
-            key = row.tobytes()
-            hashed = _hash(key)
-            number = self._number(hashed, key, row)
-            if number is None:
-                self._recent[key] = n_before + len(new)
-                new.append(i)
-                hashes.append(hashed)
-            else:
-                self._later.setdefault(number, []).append(place + i)
-        self.every.append(rows)
-        self.distinct.append(rows[new])
-        self._first.append(place + np.array(new, dtype=np.int64)[:, None])
-        self._hashes.append(np.array(hashes, dtype=np.int64)[:, None])
-
-    def _number(self, hashed: int, key: bytes, row: FloatArray) -> int | None:
-        """That of the distinct behavior which a row of these bytes is equal to."""
-        i = int(np.searchsorted(self._sorted, hashed))
-        if i < len(self._sorted) and self._sorted[i] == hashed:
-            number = int(self._order[i])
-            if (self.distinct.view[number] == row).all():  # and not one of the same hash
-                return number
-        return self._recent.get(key)
-
-
-def _hash(key: bytes) -> int:
-    """64 bits; Python's own hash of bytes is another one in each process."""
-    return int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), signed=True)
-
-
-class _Rows:
-    """A matrix that grows at its end, whose rows never change."""
-
-    def __init__(self, n_columns: int, dtype: npt.DTypeLike = np.float64) -> None:
-        self._storage = np.empty((0, n_columns), dtype)
-        self._size = 0
-
-    def __len__(self) -> int:
-        return self._size
-
-    @property
-    def view(self) -> npt.NDArray[Any]:
-        """The rows, not copied."""
-        return self._storage[: self._size]
-
-    def append(self, rows: npt.NDArray[Any]) -> None:
-        """Copy rows to the end; the storage doubles when it is full."""
-        size = self._size + len(rows)
-        if size > len(self._storage):
-            shape = max(size, 2 * len(self._storage)), self._storage.shape[1]
-            grown = np.empty(shape, self._storage.dtype)
-            grown[: self._size] = self.view
-            self._storage = grown
-        self._storage[self._size : size] = rows
-        self._size = size
+        distinct = self._checked(state["behaviors"].cpu().numpy()).copy()
+        copies = state["copies"].cpu().numpy()
+        if copies.shape != (len(distinct),) or copies.dtype != np.int64 or (copies < 1).any():
+            raise ValueError(f"`copies` must be {len(distinct)} whole numbers of at least 1.")
+        self._copies = copies.copy()
+        n = state["n_indexed"]
+        self._large, self._small = _tree(distinct[:n]), _tree(distinct[n:])
 
 
 def _tree(rows: FloatArray) -> KDTree:

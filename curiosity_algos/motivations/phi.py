@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from curiosity_gym.validation import check_share
 
@@ -23,28 +23,6 @@ PATIENCE = 3
 """Generations without a better return until the weight falls; 50 in the paper."""
 
 
-class Phi(Protocol):
-    """The weight of the return, in [0, 1]."""
-
-    value: float
-
-    def adapt(self, best_return: float) -> None:
-        """Take in a generation's best return."""
-        ...
-
-    def forget(self) -> None:
-        """Returns so far were of another environment."""
-        ...
-
-    def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs."""
-        ...
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave, of the other kind too."""
-        ...
-
-
 def check_phi(phi: object) -> None:
     """Raise ValueError unless `phi` is a number from 0 to 1, or "adaptive"."""
     try:
@@ -54,39 +32,16 @@ def check_phi(phi: object) -> None:
         raise ValueError(f'`phi` must be from 0 to 1, or "{ADAPTIVE}", got {phi!r}.') from None
 
 
-def make_phi(phi: float | str) -> Phi:
-    """The weight that a `phi` asks for, which `check_phi` has checked."""
-    return AdaptivePhi() if isinstance(phi, str) else FixedPhi(phi)
+class Phi:
+    """The weight of the return: a number that stays, or one that rises while the best return does.
 
-
-class FixedPhi:
-    """A weight that stays as it is."""
-
-    def __init__(self, value: float) -> None:
-        self.value = value
-
-    def adapt(self, best_return: float) -> None:
-        """Stay."""
-
-    def forget(self) -> None:
-        """Stay."""
-
-    def state_dict(self) -> dict[str, Any]:
-        """Nothing."""
-        return {}
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Stay: `load` may have been given another weight than the saved one."""
-
-
-class AdaptivePhi:
-    """A weight that rises while the best return does, and falls while it does not.
-
-    A better return adds `STEP`; `PATIENCE` generations in a row without one take it away.
+    "adaptive": a better return adds `STEP`; `PATIENCE` generations in a row without one take it
+    away.
     """
 
-    def __init__(self) -> None:
-        self.value = HIGHEST
+    def __init__(self, phi: float | str) -> None:
+        self._is_adaptive = isinstance(phi, str)
+        self.value = HIGHEST if isinstance(phi, str) else phi
         self._waited = 0
         self._best = -math.inf
 
@@ -106,16 +61,19 @@ class AdaptivePhi:
         self._best = -math.inf
 
     def _move(self, step: float) -> None:
-        # Rounded, so that steps up and down meet at the same numbers, 0 among them.
-        self.value = min(HIGHEST, max(0.0, round(self.value + step, 6)))
+        if self._is_adaptive:
+            # Rounded, so that steps up and down meet at the same numbers, 0 among them.
+            self.value = min(HIGHEST, max(0.0, round(self.value + step, 6)))
 
     def state_dict(self) -> dict[str, Any]:
-        """The weight, the best return, and for how many generations it has waited."""
+        """The weight, the best return, and for how many generations it has waited; or nothing."""
+        if not self._is_adaptive:
+            return {}
         return {"phi": self.value, "waited": self._waited, "best": self._best}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave; nothing of a fixed weight."""
-        if "phi" in state:
+        """Take over what `state_dict` gave; a number is the constructor's, whatever was saved."""
+        if self._is_adaptive and "phi" in state:
             check_share(phi=state["phi"])
             waited, best = int(state["waited"]), float(state["best"])
             if math.isnan(best):

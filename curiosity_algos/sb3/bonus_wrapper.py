@@ -12,13 +12,14 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus, stored_action_size
+from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import single_torch_thread, torch_device
@@ -149,7 +150,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         )
         self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
-        n_stored = stored_action_size(action_space)
+        n_stored = get_action_dim(action_space)
         self.buffer = TransitionBuffer(
             self.buffer_size, space, n_stored, seed=integer_seed(buffer_seed)
         )

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 import torch as th
@@ -5,6 +7,7 @@ from gymnasium import spaces
 from stable_baselines3.common.torch_layers import NatureCNN
 
 from curiosity_algos.bonuses.encoders import ActionEncoder, ImageInputs, make_encoder
+from curiosity_algos.bonuses.rnd import RND
 
 
 def images(*shape):
@@ -26,15 +29,15 @@ def test_images_are_sb3s_convolutions(shape):
     encoder = make_encoder(images(*shape), 64, 5, generator=generator())
     assert isinstance(encoder, NatureCNN)
     inputs = ImageInputs.of(images(*shape))
-    picture = inputs.unflatten(inputs.flat(th.zeros(3, *shape, dtype=th.uint8)))
+    picture = inputs.unflatten(th.zeros(3, math.prod(shape)))
     assert encoder(picture).shape == (3, 5)
 
 
 @pytest.mark.parametrize(("shape", "order"), [((3, 36, 40), (0, 1, 2)), ((36, 40, 3), (2, 0, 1))])
 def test_colors_come_first_and_are_shares(shape, order):
     pixels = np.random.default_rng(0).integers(0, 256, (2, *shape), np.uint8)
-    inputs = ImageInputs.of(images(*shape))
-    seen = inputs.unflatten(inputs.flat(th.from_numpy(pixels)))
+    bonus = RND(images(*shape), None, normalize=False, device="cpu")
+    seen = bonus.inputs(th.from_numpy(pixels))
     expected = pixels.transpose(0, *(1 + axis for axis in order)) / 255
     np.testing.assert_allclose(seen, expected, rtol=1e-6)
 
@@ -98,10 +101,10 @@ class TestActions:
         with pytest.raises(ValueError, match="`actions` must have shape"):
             self.encode(spaces.Box(-1, 1, (3,)), [[1.0]])
 
-    @pytest.mark.parametrize(("low", "high"), [(1e39, 2e39), (-1e300, 1e300), (-1e39, np.inf)])
-    def test_bounds_beyond_float32_are_refused(self, low, high):
-        with pytest.raises(ValueError, match="`action_space` must have bounds that float32 can"):
-            ActionEncoder(spaces.Box(low, high, (2,), np.float64))
+    @pytest.mark.parametrize(("low", "high"), [(-3.0, 1e39), (-1e300, 1e300), (-1e39, np.inf)])
+    def test_bounds_beyond_float32_are_none(self, low, high):
+        space = spaces.Box(low, high, (1,), np.float64)
+        assert self.encode(space, [[700.0]]) == [[700.0]]
 
     def test_float64_is_scaled_too(self):
         space = spaces.Box(-1e38, 3e38, (1,), np.float64)
@@ -109,7 +112,7 @@ class TestActions:
         assert (low, high) == pytest.approx((-1.0, 1.0))
 
     def test_there_must_be_some(self):
-        with pytest.raises(ValueError, match="`action_space` must have at least one entry"):
+        with pytest.raises(ValueError, match=r"`action_space` must be .* with an entry"):
             ActionEncoder(spaces.Box(-1, 1, (0,)))
 
     def test_a_bonus_files_need_no_scale(self):

@@ -11,6 +11,7 @@ from curiosity_algos.bonuses.perceptron import (
     Layers,
     Pass,
     backward,
+    blas_limit,
     forward,
     set_gradients,
     single_blas_thread,
@@ -129,7 +130,7 @@ def test_products_take_one_thread_whatever_other_threads_enter():
     assert set(before) == {2}
 
     def enter():
-        with single_blas_thread():
+        with blas_limit():
             pass
 
     with single_blas_thread():
@@ -150,14 +151,18 @@ def test_an_error_gives_the_threads_back():
     assert blas_threads() == before
 
 
-@pytest.mark.usefixtures("_two_threads")
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_last_of_two_gives_the_threads_back(order):
-    before = blas_threads()
-    both = [single_blas_thread(), single_blas_thread()]
-    for each in both:
-        each.__enter__()
-    both[order[0]].__exit__(None, None, None)
-    assert set(blas_threads()) == {1}
-    both[order[1]].__exit__(None, None, None)
+def test_another_caller_waits_and_the_threads_are_given_back():
+    before, found = blas_threads(), []
+
+    def call():
+        with single_blas_thread():
+            found.extend(blas_threads())
+
+    other = threading.Thread(target=call)
+    with single_blas_thread():
+        other.start()
+        other.join(0.1)
+        assert not found
+    other.join(60)
+    assert set(found) == {1}
     assert blas_threads() == before

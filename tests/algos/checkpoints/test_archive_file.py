@@ -430,7 +430,7 @@ class TestDamagedContent:
 
     def test_cells_without_end_cost_nothing(self, tmp_path):
         def edit(settings, arrays):
-            settings["dims"] = [2**31, 2**31]
+            settings["dims"] = [10**9, 10**9]
 
         self.refuse(make_archive, tmp_path / "elites.npz", edit, "cells of another")
 

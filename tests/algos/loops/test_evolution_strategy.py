@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 from curiosity_algos import NSES, CanonicalES, CuriosityES
 from curiosity_algos.loops.evolution_strategy import Fitness, standardize
-from curiosity_algos.motivations.phi import AdaptivePhi, FixedPhi
+from curiosity_algos.motivations.phi import Phi
 from curiosity_algos.search.canonical import CanonicalSearch
 
 SEED = np.random.SeedSequence(0)
@@ -56,34 +56,34 @@ class TestFitness:
     @pytest.mark.parametrize("phi", [0.0, 0.3, 0.8, 1.0])
     @pytest.mark.parametrize("no_reward", ["ignore", "random"])
     def test_the_weighted_sum_of_both(self, phi, no_reward):
-        fitness = Fitness(FixedPhi(phi), no_reward, SEED).combine(self.extrinsic, self.intrinsic)
+        fitness = Fitness(Phi(phi), no_reward, SEED).combine(self.extrinsic, self.intrinsic)
         z = [(x - x.mean()) / x.std() for x in (self.extrinsic, self.intrinsic)]
         np.testing.assert_allclose(fitness, phi * z[0] + (1 - phi) * z[1])
 
     def test_without_reward_intrinsic_fitness_ranks_alone(self):
-        fitness = Fitness(FixedPhi(0.8), "ignore", SEED).combine(np.zeros(4), self.intrinsic)
+        fitness = Fitness(Phi(0.8), "ignore", SEED).combine(np.zeros(4), self.intrinsic)
         np.testing.assert_array_equal(np.argsort(fitness), np.argsort(self.intrinsic))
 
     def test_without_reward_noise_may_stand_for_it(self):
-        random = Fitness(FixedPhi(0.8), "random", SEED)
+        random = Fitness(Phi(0.8), "random", SEED)
         drawn = [random.combine(np.zeros(4), self.intrinsic) for _ in range(2)]
         assert not np.array_equal(*drawn)
-        again = Fitness(FixedPhi(0.8), "random", SEED).combine(np.zeros(4), self.intrinsic)
+        again = Fitness(Phi(0.8), "random", SEED).combine(np.zeros(4), self.intrinsic)
         np.testing.assert_array_equal(again, drawn[0])
 
     def test_equal_rewards_are_no_absence_of_reward(self):
-        random, ignore = (Fitness(FixedPhi(0.8), mode, SEED) for mode in ("random", "ignore"))
+        random, ignore = (Fitness(Phi(0.8), mode, SEED) for mode in ("random", "ignore"))
         rewards = np.full(4, 2.0)
         np.testing.assert_array_equal(
             random.combine(rewards, self.intrinsic), ignore.combine(rewards, self.intrinsic)
         )
 
     def test_nothing_to_rank_by_is_zero(self):
-        fitness = Fitness(FixedPhi(0.8), "ignore", SEED).combine(np.zeros(4), np.zeros(4))
+        fitness = Fitness(Phi(0.8), "ignore", SEED).combine(np.zeros(4), np.zeros(4))
         np.testing.assert_array_equal(fitness, np.zeros(4))
 
     def test_the_weight_resumes(self):
-        one, other = (Fitness(AdaptivePhi(), "ignore", SEED) for _ in range(2))
+        one, other = (Fitness(Phi("adaptive"), "ignore", SEED) for _ in range(2))
         one.phi.value = 0.2
         other.load_state_dict(one.state_dict())
         np.testing.assert_array_equal(
@@ -92,7 +92,7 @@ class TestFitness:
         )
 
     def test_the_noise_resumes(self):
-        one, other = Fitness(FixedPhi(0.8), "random", SEED), Fitness(FixedPhi(0.8), "random", SEED)
+        one, other = Fitness(Phi(0.8), "random", SEED), Fitness(Phi(0.8), "random", SEED)
         one.combine(np.zeros(4), self.intrinsic)
         other.load_state_dict(one.state_dict())
         np.testing.assert_array_equal(

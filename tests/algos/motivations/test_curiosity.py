@@ -6,14 +6,9 @@ import torch as th
 from gymnasium import spaces
 from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
 
-from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.icm import ICM
-from curiosity_algos.bonuses.make import stored_action_size
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
-from curiosity_algos.motivations.curiosity import (
-    make_motivation as make_from_spaces,
-)
 
 GIVEN = {
     "n_states": None,
@@ -41,6 +36,9 @@ class Recorder:
         assert len(observations) == len(actions) + 1
         return (4 * observations[1:] + 2 * observations[:-1])[:, 0] + actions[:, 0]
 
+    def score(self, observations, actions, next_observations):
+        return np.zeros(len(observations))
+
     def observe(self, observations):
         self.observed.append(observations)
 
@@ -56,15 +54,12 @@ class Recorder:
 
 
 def make_motivation(bonus=None, *, action_space=None, **changes):
-    action_space = action_space or spaces.Box(-1, 1, (2,))
-    observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
-    n_actions = 1 if isinstance(action_space, spaces.Discrete) else 2
-    settings = {"gamma": 0.9, "n_transitions": 6, "n_updates": 3, "batch_size": 8}
+    settings = {"bonus": bonus or "icm", "gamma": 0.9, "n_states": None, "buffer_size": 1000}
+    settings |= {"n_transitions": 6, "n_updates": 3, "batch_size": 8, "seed": 0, "device": "cpu"}
     return CuriosityMotivation(
-        bonus or ICM(observation_space, action_space, seed=0, device="cpu"),
-        TransitionBuffer(1000, spaces.Box(-1, 1, (N_OBSERVATIONS,)), n_actions, seed=0),
+        spaces.Box(-1, 1, (N_OBSERVATIONS,)),
+        action_space or spaces.Box(-1, 1, (2,)),
         **(settings | changes),
-        seed=np.random.SeedSequence(0),
     )
 
 
@@ -83,7 +78,8 @@ class TestScore:
                 return observations[1:, 0]
 
         rollouts = make_rollouts()
-        scores = make_motivation(WhereItLeads(), n_states=n_states).score(rollouts)
+        motivation = make_motivation(WhereItLeads(), n_states=n_states, gamma=1.0)
+        scores = motivation.score(rollouts)
         for i, length in enumerate(LENGTHS):
             ends = [-(-j * length // n_states) for j in range(1, n_states + 1)]
             assert ends[-1] == length
@@ -198,7 +194,7 @@ class TestUpdate:
 class TestMaking:
     def make(self, action_space=ACTIONS[0], **changes):
         settings = GIVEN | {"seed": 0, "device": "cpu"} | changes
-        return make_from_spaces(SPACE, action_space, **settings)
+        return CuriosityMotivation(SPACE, action_space, **settings)
 
     @pytest.mark.parametrize(
         ("name", "value", "message"),
@@ -222,7 +218,7 @@ class TestMaking:
 
     def test_other_observations_are_refused(self):
         with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
-            make_from_spaces(spaces.Discrete(3), ACTIONS[0])
+            CuriosityMotivation(spaces.Discrete(3), ACTIONS[0])
 
     @pytest.mark.parametrize("gamma", [0.0, 1.0])
     def test_bounds_of_gamma_are_allowed(self, gamma):
@@ -242,11 +238,11 @@ class TestMaking:
         assert motivation.buffer.capacity == 40
         held = motivation.buffer.state_dict()
         assert held["observations"].shape == held["next_observations"].shape == (0, 4)
-        assert held["actions"].shape == (0, stored_action_size(action_space))
+        assert held["actions"].shape == (0, 1 if isinstance(action_space, spaces.Discrete) else 2)
 
     def test_spaces_are_enough(self):
         observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
-        motivation = make_from_spaces(observation_space, spaces.Discrete(3), n_updates=1)
+        motivation = CuriosityMotivation(observation_space, spaces.Discrete(3), n_updates=1)
         assert motivation.n_states == 20
         assert (motivation.score(make_rollouts(is_discrete=True)) == 0.0).all()  # none is known
         assert motivation.update(make_rollouts(is_discrete=True))["apt/loss"] > 0.0

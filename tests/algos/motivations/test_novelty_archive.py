@@ -1,7 +1,3 @@
-import os
-import pickle
-import subprocess
-import sys
 import tracemalloc
 
 import numpy as np
@@ -29,28 +25,24 @@ def random_batches(n_batches, size=20, n_dimensions=N_DIMENSIONS, seed=0):
 
 
 def brute_force(behaviors, queries, k):
-    """Distances and indices by sorting all of them."""
+    """Distances by sorting all of them."""
     distances = np.sqrt(((queries[:, None] - behaviors) ** 2).sum(axis=2))
-    indices = np.argsort(distances, axis=1, kind="stable")[:, :k]
-    return np.take_along_axis(distances, indices, axis=1), indices
+    return np.sort(distances, axis=1)[:, :k]
 
 
 def assert_answers(archive, behaviors, queries, k):
-    """The archive's answer is that of brute force, up to which of equally near ones it names."""
-    distances, indices = archive.nearest(queries, k)
-    expected, _ = brute_force(behaviors, queries, k)
-    assert distances.shape == indices.shape == (len(queries), min(k, len(behaviors)))
-    assert (distances.dtype, indices.dtype) == (np.float64, np.int64)
-    np.testing.assert_allclose(distances, expected, rtol=1e-12, atol=1e-100)
+    """The archive's answer is that of brute force."""
+    distances = archive.nearest(queries, k)
+    assert distances.shape == (len(queries), min(k, len(behaviors)))
+    assert distances.dtype == np.float64
+    np.testing.assert_allclose(
+        distances, brute_force(behaviors, queries, k), rtol=1e-12, atol=1e-100
+    )
     assert (np.diff(distances, axis=1) >= 0.0).all()
-    assert all(len(set(row)) == len(row) for row in indices.tolist())
-    named = np.sqrt(((queries[:, None] - behaviors[indices]) ** 2).sum(axis=2))
-    np.testing.assert_allclose(distances, named, rtol=1e-12, atol=1e-100)
 
 
 def assert_same_answers(one, other, queries, k=7):
-    for found, twin in zip(one.nearest(queries, k), other.nearest(queries, k), strict=True):
-        assert found.tobytes() == twin.tobytes()
+    assert one.nearest(queries, k).tobytes() == other.nearest(queries, k).tobytes()
 
 
 @st.composite
@@ -72,7 +64,7 @@ def test_a_stream_is_answered_as_brute_force_does(batches, k):
         archive.add(batch)
         seen = np.concatenate([seen, batch])
         assert_answers(archive, seen, batch, k)
-        np.testing.assert_array_equal(archive.behaviors, seen)
+        assert len(archive) == len(seen)
 
 
 @settings(max_examples=settings.default.max_examples // 5)
@@ -97,26 +89,21 @@ def test_a_long_stream_crosses_rebuilds(n_dimensions, k, seed):
 
 def test_neighbors_by_hand():
     archive = make_archive([[0.0, 0.0], [3.0, 4.0]], [[6.0, 8.0], [-1.0, 0.0]], n_dimensions=2)
-    distances, indices = archive.nearest([[0.0, 0.0], [6.0, 8.0]], 3)
+    distances = archive.nearest([[0.0, 0.0], [6.0, 8.0]], 3)
     np.testing.assert_array_equal(distances, [[0.0, 1.0, 5.0], [0.0, 5.0, 10.0]])
-    np.testing.assert_array_equal(indices, [[0, 3, 1], [2, 1, 0]])
 
 
 def test_a_behavior_of_the_archive_is_found_at_no_distance():
     batches = random_batches(30)
     archive, seen = make_archive(*batches), np.concatenate(batches)
-    distances, indices = archive.nearest(seen, 1)
-    np.testing.assert_array_equal(distances, 0.0)
-    np.testing.assert_array_equal(indices[:, 0], np.arange(len(seen)))
+    np.testing.assert_array_equal(archive.nearest(seen, 1), 0.0)
 
 
-def test_copies_are_neighbors_each_in_order_of_insertion():
+def test_copies_are_neighbors_each():
     point, far = [1.0, 2.0], [1.0, 5.0]
     archive = make_archive([point, far], [point, point], [far], n_dimensions=2)
-    distances, indices = archive.nearest([point], 10)
-    np.testing.assert_array_equal(distances, [[0.0, 0.0, 0.0, 3.0, 3.0]])
-    np.testing.assert_array_equal(indices, [[0, 2, 3, 1, 4]])
-    assert archive.nearest([point], 2)[1].tolist() == [[0, 2]]
+    assert archive.nearest([point], 10).tolist() == [[0.0, 0.0, 0.0, 3.0, 3.0]]
+    assert archive.nearest([point], 2).tolist() == [[0.0, 0.0]]
 
 
 def test_thousands_of_copies_are_held_once_in_the_trees():
@@ -124,32 +111,9 @@ def test_thousands_of_copies_are_held_once_in_the_trees():
     archive.add(np.zeros((5000, 2)))
     assert len(archive) == 15_000
     assert archive.state_dict()["n_indexed"] == 2
-    distances, indices = archive.nearest([[0.0, 0.0], [2.0, 1.0]], 10_001)
+    distances = archive.nearest([[0.0, 0.0], [2.0, 1.0]], 10_001)
     np.testing.assert_array_equal(distances[0], [0.0] * 10_000 + [np.sqrt(2.0)])
-    np.testing.assert_array_equal(indices[0], [*range(5000, 15_000), 0])
     np.testing.assert_array_equal(distances[1, 4999:5001], [1.0, np.sqrt(5.0)])
-
-
-def test_behaviors_whose_distance_is_none_are_told_apart():
-    near = 3e-200 * np.arange(4.0)[:, None]  # whose squares are 0
-    archive = make_archive(*[near] * 5, n_dimensions=1)
-    assert archive.state_dict()["n_indexed"] == 4
-    (found,) = archive.nearest([[0.0]], 20)[1].reshape(1, 4, 5)
-    assert sorted(found[:, 0].tolist()) == [0, 1, 2, 3]
-    np.testing.assert_array_equal(found - found[:, :1], [[0, 4, 8, 12, 16]] * 4)
-
-
-def test_a_pickled_archive_knows_its_behaviors_in_another_process():
-    archive = make_archive(random_batches(1, 100)[0])
-    code = (
-        "import pickle, sys\n"
-        "archive = pickle.load(sys.stdin.buffer)\n"
-        "archive.add(archive.behaviors.copy())\n"
-        "print(archive.state_dict()['n_indexed'], archive.nearest(archive.behaviors[:1], 2)[1])"
-    )
-    given = {"input": pickle.dumps(archive), "env": {**os.environ, "PYTHONHASHSEED": "7"}}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, **given)
-    assert done.stdout.decode().split() == ["100", "[[", "0", "100]]"]
 
 
 def test_a_behavior_takes_little_more_than_its_numbers():
@@ -160,21 +124,19 @@ def test_a_behavior_takes_little_more_than_its_numbers():
         taken = tracemalloc.get_traced_memory()[0] / len(archive)
     finally:
         tracemalloc.stop()
-    assert taken <= 150.0  # its two numbers twice, one of its place, and room to grow
+    assert taken <= 150.0
 
 
 def test_an_empty_archive_has_no_neighbors():
     archive = make_archive()
     for each in (archive, make_archive(np.empty((0, N_DIMENSIONS)))):
-        distances, indices = each.nearest(np.zeros((3, N_DIMENSIONS)), 5)
-        assert distances.shape == indices.shape == (3, 0)
+        assert each.nearest(np.zeros((3, N_DIMENSIONS)), 5).shape == (3, 0)
         assert len(each) == 0
-        assert each.behaviors.shape == (0, N_DIMENSIONS)
 
 
 def test_no_queries_have_no_neighbors():
-    distances, indices = make_archive(*random_batches(1)).nearest(np.empty((0, N_DIMENSIONS)), 5)
-    assert distances.shape == indices.shape == (0, 5)
+    distances = make_archive(*random_batches(1)).nearest(np.empty((0, N_DIMENSIONS)), 5)
+    assert distances.shape == (0, 5)
 
 
 @pytest.mark.parametrize("sizes", [[1] * 600, [600], [599, 1], [200, 37, 363]])
@@ -182,7 +144,7 @@ def test_when_trees_are_built_does_not_change_the_neighbors(sizes):
     seen, queries = random_batches(1, 600)[0], random_batches(1, 50, seed=1)[0]
     archive = make_archive(*np.split(seen, np.cumsum(sizes)[:-1]))
     assert_same_answers(archive, make_archive(*np.split(seen, 6)), queries)
-    np.testing.assert_array_equal(archive.nearest(queries, 7)[1], brute_force(seen, queries, 7)[1])
+    assert_answers(archive, seen, queries, 7)
 
 
 def test_a_tree_is_rebuilt_once_enough_is_new():
@@ -199,29 +161,18 @@ def test_what_was_added_is_a_copy():
     archive, kept = make_archive(batch), batch.copy()
     before = archive.nearest(kept, 5)
     batch += 100.0
-    np.testing.assert_array_equal(archive.behaviors, kept)
-    for found, twin in zip(archive.nearest(kept, 5), before, strict=True):
-        np.testing.assert_array_equal(found, twin)
-
-
-def test_the_view_cannot_be_written_to():
-    archive = make_archive(*random_batches(2))
-    with pytest.raises(ValueError, match="read-only"):
-        archive.behaviors[0] = 0.0
-    archive.add(random_batches(1)[0])
-    assert len(archive) == 60
+    np.testing.assert_array_equal(archive.nearest(kept, 5), before)
 
 
 @pytest.mark.parametrize("n_more", [1, 300])
 @pytest.mark.parametrize("n_tail", [0, 20])
 def test_a_state_resumes_in_every_bit(n_tail, n_more):
     batches, queries = random_batches(1 + n_more, 3, seed=2), random_batches(1, 40, seed=3)[0]
-    # Whole numbers: equally near neighbors tell apart what trees of other rows answer.
     first = np.round(random_batches(1, 1000)[0])
     archive = make_archive(first, np.round(random_batches(1, 20, seed=1)[0])[:n_tail])
     loaded = make_archive(*random_batches(3, seed=4))
     loaded.load_state_dict(archive.state_dict())
-    assert loaded.behaviors.tobytes() == archive.behaviors.tobytes()
+    assert len(loaded) == len(archive)
     assert_same_answers(loaded, archive, np.round(queries))
     for batch in batches:
         for each in (loaded, archive):
@@ -244,11 +195,21 @@ def test_a_state_tells_what_the_large_tree_covers():
 def test_a_state_is_a_copy():
     archive = make_archive(*random_batches(2))
     state = archive.state_dict()
-    loaded = make_archive()
+    loaded, seen = make_archive(), np.concatenate(random_batches(2))
     loaded.load_state_dict(state)
     state["behaviors"] += 1.0
+    state["copies"] += 1
     for each in (archive, loaded):
-        np.testing.assert_array_equal(each.behaviors, np.concatenate(random_batches(2)))
+        assert_answers(each, seen, seen, 3)
+
+
+@pytest.mark.parametrize("copies", [[1], [1, 0], [1.0, 2.0]])
+def test_a_state_of_other_copies_is_refused(copies):
+    archive = make_archive(np.eye(4)[:2])
+    state = {**archive.state_dict(), "copies": th.tensor(copies)}
+    with pytest.raises(ValueError, match="`copies` must be 2 whole numbers of at least 1"):
+        archive.load_state_dict(state)
+    assert len(archive) == 2
 
 
 @pytest.mark.parametrize("behaviors", [[0.0] * 4, [[0.0] * 3], [[[0.0] * 4]]])
@@ -271,9 +232,7 @@ def test_numbers_without_a_distance_are_refused(entry):
 
 def test_large_numbers_have_distances():
     archive = make_archive([[9e149] * 4, [-9e149] * 4])
-    distances, indices = archive.nearest([[9e149] * 4], 2)
-    np.testing.assert_allclose(distances, [[0.0, 3.6e150]])
-    assert indices.tolist() == [[0, 1]]
+    np.testing.assert_allclose(archive.nearest([[9e149] * 4], 2), [[0.0, 3.6e150]])
 
 
 @pytest.mark.parametrize("k", [0, -1, 1.5])

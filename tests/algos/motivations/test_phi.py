@@ -13,8 +13,7 @@ from curiosity_algos.motivations.phi import (
     HIGHEST,
     PATIENCE,
     STEP,
-    AdaptivePhi,
-    FixedPhi,
+    Phi,
     check_phi,
 )
 
@@ -23,7 +22,7 @@ STRATEGIES = pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
 
 def adapted(*generations):
     """The weight after each generation, which had a better return or had not."""
-    phi, values = AdaptivePhi(), []
+    phi, values = Phi("adaptive"), []
     for best_return in returns_of(generations):
         phi.adapt(best_return)
         values.append(phi.value)
@@ -35,7 +34,7 @@ def returns_of(generations):
     return [float(i) if improved else -np.inf for i, improved in enumerate(generations)]
 
 
-class TestAdaptivePhi:
+class TestAdaptive:
     def test_the_settings_that_the_numbers_here_are_for(self):
         assert (HIGHEST, STEP, PATIENCE) == (0.8, 0.2, 3)
 
@@ -66,7 +65,7 @@ class TestAdaptivePhi:
 
     @given(st.lists(st.booleans(), max_size=30), st.lists(st.booleans(), max_size=30))
     def test_it_resumes(self, before, after):
-        phi, resumed = AdaptivePhi(), AdaptivePhi()
+        phi, resumed = Phi("adaptive"), Phi("adaptive")
         returns = returns_of([*before, *after])
         for best_return in returns[: len(before)]:
             phi.adapt(best_return)
@@ -78,21 +77,21 @@ class TestAdaptivePhi:
 
     @pytest.mark.parametrize("value", [1.1, float("nan")])
     def test_a_damaged_weight_changes_nothing(self, value):
-        phi = AdaptivePhi()
+        phi = Phi("adaptive")
         with pytest.raises(ValueError, match="`phi` must be from 0 to 1"):
             phi.load_state_dict({"phi": value, "waited": 1, "best": 0.0})
-        assert phi.state_dict() == AdaptivePhi().state_dict()
+        assert phi.state_dict() == Phi("adaptive").state_dict()
 
 
 def test_a_damaged_best_return_changes_nothing():
-    phi = AdaptivePhi()
+    phi = Phi("adaptive")
     with pytest.raises(ValueError, match="`best` must be a number"):
         phi.load_state_dict({"phi": 0.2, "waited": 1, "best": float("nan")})
-    assert phi.state_dict() == AdaptivePhi().state_dict()
+    assert phi.state_dict() == Phi("adaptive").state_dict()
 
 
 def test_a_fixed_one_stays():
-    phi = FixedPhi(0.7)
+    phi = Phi(0.7)
     for best_return in [1.0, *[0.0] * 9]:
         phi.adapt(best_return)
     assert phi.value == 0.7
@@ -126,7 +125,7 @@ def test_a_generation_is_ranked_by_the_weight_that_it_leads_to(
     make_model, make_easy_maze, assert_same
 ):
     model, twin = (make_model(NSES, make_easy_maze(), phi="adaptive") for _ in range(2))
-    phi, best, lowest = AdaptivePhi(), -np.inf, HIGHEST
+    phi, best, lowest = Phi("adaptive"), -np.inf, HIGHEST
     for _ in range(20):
         rollouts = twin.evaluator.evaluate(twin._search.ask(), twin._episodes.draw())
         phi.adapt(rollouts.returns.max())

@@ -8,15 +8,12 @@ import importlib
 import os
 import sys
 import weakref
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled, Error
 
-from curiosity_gym.core import CoverageGrid
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
 
@@ -98,31 +95,6 @@ class MujocoViewer:
         frame = np.empty((self._viewport.height, self._viewport.width, 3), dtype=np.uint8)
         self._mujoco.mjr_readPixels(frame, None, self._viewport, self._renderer)
         return np.ascontiguousarray(frame[::-1])  # OpenGL's first row is the lowest
-
-
-@dataclass(frozen=True)
-class MujocoConfig:
-    """The keywords that both kinds of MuJoCo's environments take, and what follows from a task."""
-
-    horizon: int
-    width: int
-    height: int
-    task: Any
-
-    @property
-    def behavior_space(self) -> spaces.Box[np.float64]:
-        """Bounds of `info["behavior"]`."""
-        return spaces.Box(self.task.behavior_low, self.task.behavior_high, dtype=np.float64)
-
-    @property
-    def coverage_grid(self) -> CoverageGrid:
-        """The cells of the behavior that coverage counts."""
-        grid: CoverageGrid = self.task.coverage_grid
-        return grid
-
-    def make_viewer(self) -> MujocoViewer:
-        """A new viewer of the task."""
-        return MujocoViewer(self.task.model, width=self.width, height=self.height)
 
 
 def _free(gl: Any, renderer: Any, process: int) -> None:

@@ -17,12 +17,11 @@ from gymnasium import spaces
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
 from curiosity_gym.locomotion.worlds import World
+from curiosity_gym.simulation import Values
 from curiosity_gym.validation import check_choice
 
 Fields = Any
 """Namespace of MuJoCo's fields (`qpos`, `cfrc_ext`, ...), arrays (k, ...)."""
-Values = dict[str, Any]
-"""What an info tells, by its name: arrays (k, ...)."""
 
 BEHAVIORS = ("position", "feet")
 EXTENT = 30.0
@@ -75,6 +74,8 @@ class LocomotionTask:
     """Attributes that say where in the model something is."""
     n_dimensions: ClassVar[int] = 2
     """Coordinates of a position: those that begin `qpos`."""
+    draws: ClassVar[bool] = True
+    """Whether episodes begin at random."""
     walks_around: ClassVar[bool] = False
     """Whether there can be walls around it."""
 
@@ -175,11 +176,6 @@ class LocomotionTask:
     def all_fields(self) -> tuple[str, ...]:
         """Names of the fields that simulations keep: the task's own, and what tells of feet."""
         return tuple(dict.fromkeys([*self.fields, *(["cfrc_ext"] if self.needs_forces else [])]))
-
-    @property
-    def draws(self) -> bool:
-        """Whether episodes begin at random: always."""
-        return True
 
     def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Float64Array]:
         """Positions and velocities (nq,), (nv,) of a start, drawn as Gymnasium draws them."""

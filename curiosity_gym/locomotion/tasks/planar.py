@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from curiosity_gym.core import Float32Array, Float64Array, Mask
-from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, is_inside
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, is_inside
+from curiosity_gym.simulation import Values
 
 
 class HalfCheetah(LocomotionTask):

@@ -6,8 +6,9 @@ import math
 import os
 from functools import partial
 
+from curiosity_gym.built_in import resolve_layout
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach, resolve_layout
+from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach
 from curiosity_gym.maze.dynamics import build_maze
 from curiosity_gym.maze.simulation import MazeSimulation
 from curiosity_gym.maze.viewer import MazeViewer

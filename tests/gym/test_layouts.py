@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from curiosity_gym.built_in import BUILT_IN, resolve_layout
 from curiosity_gym.layouts import (
-    BUILT_IN,
     GOAL_RADIUS,
     MAX_WALLS,
     MazeLayout,
     closest_approach,
     reachable_cells,
-    resolve_layout,
 )
 
 FIELDS = {

@@ -6,7 +6,8 @@ import pytest
 from gymnasium.error import DependencyNotInstalled
 from PIL import ImageColor
 
-from curiosity_gym.layouts import BUILT_IN, MazeLayout
+from curiosity_gym.built_in import BUILT_IN
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze import viewer as viewer_module
 from curiosity_gym.maze.viewer import MazeViewer
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import reduce
+from operator import add
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -81,6 +83,7 @@ class LocomotionTask:
 
     forward_reward_weight: float
     ctrl_cost_weight: float
+    healthy_reward: float
     reset_noise_scale: float
     exclude_current_positions_from_observation: bool
 
@@ -249,9 +252,17 @@ class LocomotionTask:
             actions: (k, n_actions).
             healthy: (k,).
         """
-        forward = self.forward_reward_weight * speed
-        control = self.control_cost(actions)
-        return forward - control, {"reward_forward": forward, "reward_ctrl": -control}
+        gains: Values = {"reward_forward": self.forward_reward_weight * speed}
+        if "healthy_reward" in self.options:
+            gains["reward_survive"] = healthy * self.healthy_reward
+        costs = self.costs(fields, actions)
+        # Added up in Gymnasium's order.
+        reward = reduce(add, gains.values()) - reduce(add, costs.values())
+        return reward, {**gains, **{name: -cost for name, cost in costs.items()}}
+
+    def costs(self, fields: Fields, actions: Float32Array) -> Values:
+        """What is subtracted from the rewards, (k,) each."""
+        return {"reward_ctrl": self.ctrl_cost_weight * np.square(actions).sum(axis=1)}
 
     def info(self, fields: Fields) -> Values:
         """What the info tells at any time."""
@@ -259,10 +270,6 @@ class LocomotionTask:
         x, y = position.T
         distance = np.sqrt(np.vecdot(position, position))
         return {"x_position": x, "y_position": y, "distance_from_origin": distance}
-
-    def control_cost(self, actions: Float32Array) -> Any:
-        """Weighted squares of the actions, (k,)."""
-        return self.ctrl_cost_weight * np.square(actions).sum(axis=1)
 
     def positions(self, fields: Fields) -> Float64Array:
         """What an observation begins with."""

@@ -50,7 +50,6 @@ class Humanoid(LocomotionTask):
 
     contact_cost_weight: float
     contact_cost_range: tuple[float, float]
-    healthy_reward: float
     terminate_when_unhealthy: bool
     healthy_z_range: tuple[float, float]
     include_cinert_in_observation: bool
@@ -85,21 +84,11 @@ class Humanoid(LocomotionTask):
         parts = [flat(values) for is_included, values in optional if is_included is True]
         return np.concatenate([self.positions(fields), fields.qvel, *parts], axis=1)
 
-    def reward(
-        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
-    ) -> tuple[Float64Array, Values]:
+    def costs(self, fields: Fields, actions: Float32Array) -> Values:
         """See `LocomotionTask`."""
-        forward = self.forward_reward_weight * speed
-        survive = healthy * self.healthy_reward
-        control = self.control_cost(fields.ctrl)
         contact = self.contact_cost_weight * np.square(flat(fields.cfrc_ext)).sum(axis=1)
         contact = np.clip(contact, *self.contact_cost_range)
-        return forward + survive - (control + contact), {
-            "reward_survive": survive,
-            "reward_forward": forward,
-            "reward_ctrl": -control,
-            "reward_contact": -contact,
-        }
+        return {**super().costs(fields, fields.ctrl), "reward_contact": contact}
 
     def info(self, fields: Fields) -> Values:
         """See `LocomotionTask`."""

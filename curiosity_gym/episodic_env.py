@@ -19,6 +19,7 @@ from curiosity_gym.episode_state import (
     load_generator_states,
 )
 from curiosity_gym.simulation import Simulation, Values
+from curiosity_gym.validation import check_render_mode
 
 
 class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
@@ -27,13 +28,15 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
     Args:
         simulation: Of one episode.
         horizon: Steps after which an episode is truncated.
-        render_mode: None, or one of the subclass' `metadata["render_modes"]`.
+        render_mode: "rgb_array" or None.
         make_viewer: Makes what draws the simulation.
         sparse: False: rewards are those of the simulation.
 
     Raises:
         ValueError: If the mode is another.
     """
+
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -44,11 +47,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         make_viewer: Callable[[], Any],
         sparse: bool = True,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"`render_mode` must be None or one of {self.metadata['render_modes']}, "
-                f"got {render_mode!r}."
-            )
+        check_render_mode(render_mode)
         self.simulation = simulation
         self.observation_space = simulation.observation_space
         self.action_space = simulation.action_space
@@ -81,8 +80,6 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         super().reset(seed=seed)
         self.simulation.reset(rngs=self._generators(), options=options)
         self._t, self._ended = 0, False
-        if self.render_mode == "human":
-            self.render()
         return self._observe(), {**_first(self.simulation.info), "is_success": False}
 
     def _generators(self) -> list[np.random.Generator]:
@@ -117,8 +114,6 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         reward = self._reward(success, t)
         truncated = not terminated and t == self.horizon
         self._t, self._ended = t, terminated or truncated
-        if self.render_mode == "human":
-            self.render()
         told = _first({**self.simulation.info, **self.simulation.outcome})
         return self._observe(), reward, terminated, truncated, {**told, "is_success": success}
 
@@ -173,17 +168,13 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
     # -- pictures ---------------------------------------------------------------------------------
 
     def render(self) -> Frame | None:
-        """A frame (height, width, 3) for "rgb_array"; shown in a window for "human"."""
+        """A frame (height, width, 3) for "rgb_array"."""
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: make the env with one.")
             return None
         if self._t < 0:
             raise ResetNeeded("Call reset() before render().")
-        frame = self.simulation.draw(self.viewer, 0)
-        if self.render_mode == "human":
-            self.viewer.show(frame)
-            return None
-        return frame
+        return self.simulation.draw(self.viewer, 0)
 
     @property
     def viewer(self) -> Any:
@@ -193,10 +184,8 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         return self._viewer
 
     def close(self) -> None:
-        """Close the viewer and its window, if there is one."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        """Let go of the viewer, which frees what it holds; the next picture makes another."""
+        self._viewer = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle and copy without the viewer, which belongs to its process."""

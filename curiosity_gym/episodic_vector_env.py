@@ -26,7 +26,7 @@ from curiosity_gym.episode_state import (
     load_generator_states,
 )
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_render_mode
 
 
 class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
@@ -82,8 +82,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             max_episode_steps = None
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
+        check_render_mode(render_mode)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self._single = single = type(self).single_class(*args, **keywords)
         self.simulation = single.simulation.replicate(num_envs, n_threads)
@@ -95,8 +94,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         for name in ("behavior_space", "coverage_grid", "horizon", "sparse", *self.taken_over):
             setattr(self, name, getattr(single, name))
         self.max_episode_steps = max_episode_steps
-        own = {"render_modes": ["rgb_array"], "autoreset_mode": self.autoreset_mode}
-        self.metadata = {**single.metadata, **own}
+        self.metadata = {**single.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.copy = copy
         self._steps = self._no_episodes()

@@ -75,8 +75,6 @@ class ControlEnv(EpisodicEnv):
         * v0: Initial version.
     """
 
-    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
-
     def __init__(
         self,
         task: str | None = None,

@@ -91,8 +91,6 @@ class LocomotionEnv(EpisodicEnv):
         * v0: Initial version.
     """
 
-    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
-
     def __init__(
         self,
         env_id: str | None = None,

@@ -76,7 +76,8 @@ class MazeEnv(EpisodicEnv):
         restitution: Share of the velocity into a wall that bounces back, from 0 (it stops there) to
             1. Bouncing robots find most goals by chance.
         goal_radius: How near the goal is near enough (maze units).
-        render_mode: "rgb_array", "human" (a pygame window), or None.
+        render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
+            Gymnasium's own window.
 
     Raises:
         ValueError: If an argument is not what it may be, or the layout is malformed.
@@ -84,8 +85,6 @@ class MazeEnv(EpisodicEnv):
     Version History:
         * v0: Initial version.
     """
-
-    metadata = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
 
     def __init__(
         self,

@@ -70,8 +70,6 @@ class CoverageGrid:
             and np.array_equal(self.reachable, other.reachable)  # type: ignore[arg-type]
         )
 
-    __hash__ = None  # type: ignore[assignment]  # arrays have none either
-
     def cells(self, behaviors: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Flat cell indices (n,) of behaviors (n, B); values out of bounds count at the edge."""
         values = (behaviors[:, self.dimensions] - self.low) / (self.high - self.low)

@@ -8,7 +8,7 @@ import importlib
 import os
 import sys
 import weakref
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,20 +16,13 @@ from gymnasium.error import DependencyNotInstalled, Error
 
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
+from curiosity_gym.simulation import MujocoSimulation
 
 if TYPE_CHECKING:
     import mujoco
 
 FURTHER_GEOMS = 1000
 """That a picture may show beside the model's own."""
-
-
-class Drawn(Protocol):
-    """Simulations that can be drawn."""
-
-    def write_data(self, simulation: int, data: Any) -> None:
-        """Write one simulation's state and derived fields into an `MjData`."""
-        ...
 
 
 class MujocoViewer:
@@ -73,7 +66,7 @@ class MujocoViewer:
         # Registered after EGL's own farewell, and so called before it.
         atexit.register(self.close)
 
-    def draw(self, simulation: Drawn, index: int = 0) -> npt.NDArray[np.uint8]:
+    def draw(self, simulation: MujocoSimulation, index: int = 0) -> npt.NDArray[np.uint8]:
         """A frame (height, width, 3) of simulation `index`.
 
         Raises:

@@ -94,8 +94,6 @@ class World:
         """Equal worlds have the same layout."""
         return isinstance(other, World) and self.layout == other.layout
 
-    __hash__ = None  # type: ignore[assignment]  # as of tasks
-
     def distances(self, positions: Float64Array) -> Float64Array:
         """From the goal, as the crow flies, (k,) of positions (k, 2), in meters."""
         offsets = positions - self._goal

@@ -19,7 +19,7 @@ from gymnasium.utils import seeding
 
 from benchmarks.results import FOLDER
 from curiosity_algos import make_evaluator
-from curiosity_gym.control.simulation import ControlSimulation
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 
@@ -122,7 +122,7 @@ def open_loop(env: gym.Env[Any, Any], n_episodes: int, actions: Iterator[Actions
     """
     task, going = env.unwrapped.task, np.arange(n_episodes)
     is_control = isinstance(task, ControlTask)
-    simulation = (ControlSimulation if is_control else LocomotionSimulation)(task, n_episodes)
+    simulation = (Simulation if is_control else LocomotionSimulation)(task, n_episodes)
     simulation.reset(going, [seeding.np_random(seed)[0] for seed in range(n_episodes)])
     for action in islice(actions, env.unwrapped.horizon):
         scaled = action[going] * env.action_space.high

@@ -18,7 +18,7 @@ from curiosity_gym.episode_state import (
     generator_states,
     load_generator_states,
 )
-from curiosity_gym.simulation import Simulation, Values
+from curiosity_gym.simulation import BaseSimulation, Values
 from curiosity_gym.validation import check_render_mode
 
 
@@ -40,7 +40,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         *,
         horizon: int,
         render_mode: str | None,

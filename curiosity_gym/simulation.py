@@ -17,7 +17,7 @@ Values = dict[str, Any]
 """What an info tells, by its name: arrays (k, ...)."""
 
 
-class Simulation:
+class BaseSimulation:
     """n episodes of one task, advanced side by side.
 
     Attributes:
@@ -111,7 +111,7 @@ class Simulation:
         """A picture (height, width, 3) of one of them."""
 
 
-class MujocoSimulation(Simulation):
+class MujocoSimulation(BaseSimulation):
     """n simulations of a task of MuJoCo's.
 
     Args:
@@ -136,11 +136,11 @@ class MujocoSimulation(Simulation):
         self.success = np.zeros(n, dtype=np.bool_)
 
     def replicate(self, n: int, n_threads: int | None) -> Self:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         return type(self)(self.task, n, n_threads)
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """See `Simulation`; what is observed is given, as no state has the forces of contacts."""
+        """See `BaseSimulation`; observations are given, as no state has the forces of contacts."""
         before = self.state
         self._put(state)
         if self._has_warned():
@@ -161,7 +161,7 @@ class MujocoSimulation(Simulation):
         """Write one simulation's state and derived fields into an `MjData`, to draw it."""
 
     def draw(self, viewer: Any, index: int) -> Frame:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         frame: Frame = viewer.draw(self, index)
         return frame
 

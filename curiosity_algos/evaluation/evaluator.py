@@ -29,7 +29,7 @@ from curiosity_algos.evaluation.transparent import (
 )
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.simulation import ControlSimulation
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.vector_env import ControlVectorEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
@@ -183,7 +183,7 @@ def _make_control(env: Any, mlp: Mlp, n_threads: int | None) -> Evaluator:
     inner = bare(env)
     return SimulationEvaluator(
         inner.task,
-        ControlSimulation,
+        Simulation,
         mlp,
         max_steps=max_steps(env),
         horizon=inner.horizon,

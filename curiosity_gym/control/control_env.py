@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from curiosity_gym.control.simulation import ControlSimulation
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.mujoco_viewer import MujocoViewer
@@ -93,7 +93,7 @@ class ControlEnv(EpisodicEnv):
         self.task = TASKS[task](random_start=random_start, **own)
         size = {"width": int(width), "height": int(height)}
         super().__init__(
-            ControlSimulation(self.task, 1),
+            Simulation(self.task, 1),
             horizon=horizon,
             render_mode=render_mode,
             make_viewer=partial(MujocoViewer, self.task.model, **size),

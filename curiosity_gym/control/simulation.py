@@ -20,7 +20,7 @@ from curiosity_gym.simulation import Ids, MujocoSimulation, Values
 from curiosity_gym.validation import check_at_least_one
 
 
-class ControlSimulation(MujocoSimulation):
+class Simulation(MujocoSimulation):
     """n simulations of one task, bit for bit those of dm_control's own environment.
 
     Raises:
@@ -61,7 +61,7 @@ class ControlSimulation(MujocoSimulation):
         rngs: Sequence[np.random.Generator] = (),
         options: dict[str, Any] | None = None,
     ) -> None:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         self._stay_in_process()
         ids, rows = self._select(ids)
         starts = self._start
@@ -78,7 +78,7 @@ class ControlSimulation(MujocoSimulation):
         self._targets[rows] = states[..., n:]
 
     def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
-        """See `Simulation`.
+        """See `BaseSimulation`.
 
         Raises:
             SimulationError: If MuJoCo warned of a simulation, most of which it then resets.
@@ -128,12 +128,12 @@ class ControlSimulation(MujocoSimulation):
 
     @property
     def info(self) -> Values:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         return {"behavior": self.behaviors}
 
     @property
     def state(self) -> Float64Array:
-        """See `Simulation`; as `ControlTask.state`."""
+        """See `BaseSimulation`; as `ControlTask.state`."""
         return np.hstack([self._batch.state, self._targets])
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:

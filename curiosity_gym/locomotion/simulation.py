@@ -61,7 +61,7 @@ class LocomotionSimulation(MujocoSimulation):
         rngs: Sequence[np.random.Generator] = (),
         options: dict[str, Any] | None = None,
     ) -> None:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         ids = np.arange(self.n) if ids is None else ids
         starts = [self.task.draw(rng) for rng in rngs]
         if len(starts) == 1:
@@ -79,7 +79,7 @@ class LocomotionSimulation(MujocoSimulation):
         self.observations[ids] = self.task.observe(fields)
 
     def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
-        """See `Simulation`; actions beyond their range cost what they cost."""
+        """See `BaseSimulation`; actions beyond their range cost what they cost."""
         numbers = range(self.n) if ids is None else ids.tolist()
         n_slices = SLICES_PER_THREAD * self._pool.n_threads
         self._pool.run(self._stepping(numbers, actions), len(numbers), n_slices)
@@ -130,12 +130,12 @@ class LocomotionSimulation(MujocoSimulation):
 
     @property
     def outcome(self) -> Values:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         return {name: values.copy() for name, values in self._outcome.items()}
 
     @property
     def info(self) -> Values:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         return {**self.task.info(self._rows(slice(None))), "behavior": self.behaviors}
 
     @property
@@ -146,7 +146,7 @@ class LocomotionSimulation(MujocoSimulation):
 
     @property
     def state(self) -> Float64Array:
-        """See `Simulation`.
+        """See `BaseSimulation`.
 
         A state of `mjSTATE_INTEGRATION`, with the solver's warm start; after it, where the velocity
         is measured from, steps, and steps that each foot touched something.

@@ -13,7 +13,7 @@ from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, reachable_cells
 from curiosity_gym.maze.dynamics import DT, MARGIN, N_BASE_FEATURES, Maze, observe, step
-from curiosity_gym.simulation import Ids, Simulation, Values
+from curiosity_gym.simulation import BaseSimulation, Ids, Values
 
 ENVS_PER_THREAD = 128
 """Least number of robots a thread: handing fewer over costs more than stepping them."""
@@ -46,7 +46,7 @@ def _observe(maze: Maze, ids: Ids, states: Float64Array, observations: Float32Ar
         observe(maze, states[i], observations[i])
 
 
-class MazeSimulation(Simulation):
+class MazeSimulation(BaseSimulation):
     """n robots in the same maze.
 
     Args:
@@ -91,7 +91,7 @@ class MazeSimulation(Simulation):
         self._pool = ThreadPool(n_threads)
 
     def replicate(self, n: int, n_threads: int | None) -> MazeSimulation:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         return MazeSimulation(self.layout, self.maze, self.lidar_range, n, n_threads)
 
     def reset(
@@ -100,7 +100,7 @@ class MazeSimulation(Simulation):
         rngs: Sequence[np.random.Generator] = (),
         options: dict[str, Any] | None = None,
     ) -> None:
-        """See `Simulation`; the options may hold a `state` to begin at, x, y, vx, vy.
+        """See `BaseSimulation`; the options may hold a `state` to begin at, x, y, vx, vy.
 
         Raises:
             ValueError: If that is not four finite numbers, too fast, or inside a wall.
@@ -118,7 +118,7 @@ class MazeSimulation(Simulation):
         return state
 
     def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         rows = self._all if ids is None else ids
 
         def run(begin: int, end: int) -> None:
@@ -134,17 +134,17 @@ class MazeSimulation(Simulation):
 
     @property
     def info(self) -> Values:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         position, velocity = self.states[:, :2].copy(), self.states[:, 2:].copy()
         return {"position": position, "velocity": velocity, "behavior": self.states.copy()}
 
     @property
     def state(self) -> Float64Array:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         return self.states.copy()
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """See `Simulation`; robots must be able to stand there, and to see this maze from there."""
+        """See `BaseSimulation`; robots must be able to stand there, and see this maze there."""
         self._check_robots(state, name="state")
         expected = np.empty_like(self.observations)
         _observe(self.maze, self._all, state, expected)
@@ -172,7 +172,7 @@ class MazeSimulation(Simulation):
             )
 
     def draw(self, viewer: Any, index: int) -> Frame:
-        """See `Simulation`."""
+        """See `BaseSimulation`."""
         beams = self.observations[index, N_BASE_FEATURES:] * self.lidar_range
         frame: Frame = viewer.draw(self.states[index], beams)
         return frame

@@ -13,7 +13,7 @@ from curiosity_algos.evaluation import simulation
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
-from curiosity_gym.control.simulation import ControlSimulation
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import Stacker
 from curiosity_gym.core import SimulationError
 
@@ -37,7 +37,7 @@ def evaluate(env, mlp, parameters, n_threads=None, seed=None):
     task = env.unwrapped.task
     horizon = env.unwrapped.horizon
     evaluator = SimulationEvaluator(
-        task, ControlSimulation, mlp, max_steps=horizon, horizon=horizon, n_threads=n_threads
+        task, Simulation, mlp, max_steps=horizon, horizon=horizon, n_threads=n_threads
     )
     return evaluator.evaluate(parameters, seed)
 
@@ -133,13 +133,13 @@ def test_a_time_limit_ends_episodes_and_leaves_rewards(play, assert_equal_episod
 def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
     env, mlp, parameters = make("Stacker", 16, success_threshold=1e-45)
     stepped = []
-    step = ControlSimulation.step
+    step = Simulation.step
 
     def count(self, actions, ids=None):
         stepped.append(len(actions))
         return step(self, actions, ids)
 
-    monkeypatch.setattr(ControlSimulation, "step", count)
+    monkeypatch.setattr(Simulation, "step", count)
     rollouts = evaluate(env, mlp, parameters)
     assert 0 < rollouts.success.sum() < 16
     assert sum(stepped) == rollouts.timesteps < 16 * HORIZON
@@ -183,9 +183,7 @@ def test_the_last_step_says_whether_an_episode_succeeded():
 
 def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
     env, mlp, parameters = make("BallInCup", 6, horizon=50)
-    evaluator = SimulationEvaluator(
-        env.unwrapped.task, ControlSimulation, mlp, max_steps=50, horizon=50
-    )
+    evaluator = SimulationEvaluator(env.unwrapped.task, Simulation, mlp, max_steps=50, horizon=50)
     expected = evaluator.evaluate(parameters)
     simulation = evaluator._simulation
     reset = simulation.reset
@@ -232,9 +230,7 @@ def test_many_individuals_are_played_in_waves(monkeypatch, assert_same_rollouts)
 
 def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     env, mlp, parameters = make("Finger", 6, horizon=100)
-    evaluator = SimulationEvaluator(
-        env.unwrapped.task, ControlSimulation, mlp, max_steps=100, horizon=100
-    )
+    evaluator = SimulationEvaluator(env.unwrapped.task, Simulation, mlp, max_steps=100, horizon=100)
     few = evaluator.evaluate(parameters[:2])
     first = evaluator.evaluate(parameters)
     np.testing.assert_array_equal(first.behaviors[:2], few.behaviors)

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from curiosity_gym.control.simulation import ControlSimulation
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.starts import RandomStarts
 from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.core import SimulationError
@@ -38,7 +38,7 @@ class TestAgainstDmControl:
         actions = np.stack(
             [make_actions(kind, N_STEPS, task.n_actions, seed) for seed in range(3)], axis=1
         )
-        observations, solved = play(ControlSimulation(task, 3, 2), actions)
+        observations, solved = play(Simulation(task, 3, 2), actions)
         for i in range(3):
             expected, expected_solved = play_reference(name, actions[:, i])
             np.testing.assert_array_equal(observations[:, i], expected)
@@ -48,7 +48,7 @@ class TestAgainstDmControl:
 
     def test_steps_at_the_goal_are_the_same(self, make_actions, play_reference):
         actions = np.stack([make_actions("bang-bang", 1000, 2, seed) for seed in range(6)], axis=1)
-        solved = play(ControlSimulation(TASKS["ball_in_cup"](), 6, 2), actions)[1]
+        solved = play(Simulation(TASKS["ball_in_cup"](), 6, 2), actions)[1]
         expected = [play_reference("ball_in_cup", actions[:, i])[1] for i in range(6)]
         np.testing.assert_array_equal(solved, np.stack(expected, axis=1))
         assert 0 < solved.sum() < solved.size
@@ -57,14 +57,14 @@ class TestAgainstDmControl:
         task = TASKS[name]()
         actions = 3.0 * make_actions("uniform", 50, task.n_actions)[:, None]
         wide, clipped = (
-            play(ControlSimulation(task, 1), each)[0] for each in (actions, np.clip(actions, -1, 1))
+            play(Simulation(task, 1), each)[0] for each in (actions, np.clip(actions, -1, 1))
         )
         np.testing.assert_array_equal(wide, clipped)
 
 
 class TestReset:
     def test_after_a_wild_episode_gives_the_first_episode_again(self, name, make_actions):
-        simulation = ControlSimulation(TASKS[name](), 2)
+        simulation = Simulation(TASKS[name](), 2)
         actions = make_actions("uniform", 100, simulation.task.n_actions)[:, None]
         first = play(simulation, actions)[0]
         play(simulation, np.ones((15, 1, simulation.task.n_actions)))
@@ -74,7 +74,7 @@ class TestReset:
     def test_of_some_leaves_the_others_alone(self, name, make_actions):
         task = TASKS[name]()
         actions = make_actions("uniform", 120, task.n_actions)
-        simulation, alone = ControlSimulation(task, 3), ControlSimulation(task, 1)
+        simulation, alone = Simulation(task, 3), Simulation(task, 1)
         simulation.reset()
         alone.reset()
         for t, action in enumerate(actions):
@@ -90,7 +90,7 @@ class TestReset:
 
     def test_starts_at_rest_without_contact_or_success(self, name, make_reference):
         task = TASKS[name]()
-        simulation = ControlSimulation(task, 2)
+        simulation = Simulation(task, 2)
         simulation.reset()
         reference = make_reference(name)
         expected = reference.reset().observation
@@ -112,14 +112,14 @@ class TestRandomStarts:
 
     def test_are_left_alone_by_what_derives_from_them(self, name):
         task = TASKS[name](random_start=True)
-        simulation, starts = ControlSimulation(task, self.N), RandomStarts(task)
+        simulation, starts = Simulation(task, self.N), RandomStarts(task)
         simulation.reset(rngs=self.rngs())
         expected = np.stack([starts.draw(rng) for rng in self.rngs()])
         np.testing.assert_array_equal(simulation.state, expected)
         assert len(np.unique(expected, axis=0)) == self.N
 
     def test_of_some_leave_the_others_alone(self, name):
-        simulation = ControlSimulation(TASKS[name](random_start=True), self.N)
+        simulation = Simulation(TASKS[name](random_start=True), self.N)
         simulation.reset(rngs=self.rngs())
         before, observations = simulation.state, simulation.observations.copy()
         simulation.reset(np.array([1, 5]), self.rngs()[5:7])
@@ -130,13 +130,13 @@ class TestRandomStarts:
         np.testing.assert_array_equal(simulation.observations[[1, 5]], observations[[5, 6]])
 
     def test_of_one_generator_are_the_same_for_all(self, name):
-        simulation = ControlSimulation(TASKS[name](random_start=True), 3)
+        simulation = Simulation(TASKS[name](random_start=True), 3)
         simulation.reset(rngs=self.rngs()[4:5])
         assert len(np.unique(simulation.state, axis=0)) == 1
 
     def test_are_gone_on_from_wherever_a_simulation_was(self, name, make_actions):
         task = TASKS[name](random_start=True)
-        simulation, other = ControlSimulation(task, self.N, 2), ControlSimulation(task, self.N)
+        simulation, other = Simulation(task, self.N, 2), Simulation(task, self.N)
         simulation.reset(rngs=self.rngs())
         other.reset(rngs=self.rngs()[::-1])
         actions = make_actions("bang-bang", 20, task.n_actions)[:, None]
@@ -150,7 +150,7 @@ class TestRandomStarts:
 class TestStep:
     def test_of_some_leaves_the_others_where_they_are(self, name, make_actions):
         task = TASKS[name]()
-        simulation, alone = ControlSimulation(task, 4), ControlSimulation(task, 2)
+        simulation, alone = Simulation(task, 4), Simulation(task, 2)
         simulation.reset()
         alone.reset()
         ids = np.array([1, 3])
@@ -163,7 +163,7 @@ class TestStep:
         np.testing.assert_array_equal(simulation.behaviors[ids], alone.behaviors)
 
     def test_raises_where_mujoco_warns_and_goes_on_after_a_reset(self, name):
-        simulation = ControlSimulation(TASKS[name](), 3)
+        simulation = Simulation(TASKS[name](), 3)
         simulation.reset()
         actions = np.zeros((3, simulation.task.n_actions))
         expected = [simulation.step(actions), simulation.observations.copy()]
@@ -179,7 +179,7 @@ class TestStep:
 class TestCopies:
     def test_continue_bit_for_bit_on_their_own(self, name, make_actions):
         for duplicate in [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))]:
-            simulation = ControlSimulation(TASKS[name](), 2)
+            simulation = Simulation(TASKS[name](), 2)
             actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
             play(simulation, actions)
             twin = duplicate(simulation)
@@ -194,7 +194,7 @@ class TestCopies:
     def test_a_forked_process_goes_on_with_threads_of_its_own(self, name, make_actions):
         if "fork" not in multiprocessing.get_all_start_methods():
             pytest.skip("no fork here")
-        simulation = ControlSimulation(TASKS[name](), 8, n_threads=2)
+        simulation = Simulation(TASKS[name](), 8, n_threads=2)
         actions = make_actions("bang-bang", 40, simulation.task.n_actions)[:, None]
         play(simulation, actions)
         context = multiprocessing.get_context("fork")

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from curiosity_gym.control.simulation import ControlSimulation
+from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS, Stacker
 
 pytestmark = pytest.mark.extra("control")
@@ -13,7 +13,7 @@ N_EPISODES = 100
 
 def solved_episodes(name, make_actions, kind):
     """How many episodes of random actions reach the goal."""
-    simulation = ControlSimulation(TASKS[name](), N_EPISODES)
+    simulation = Simulation(TASKS[name](), N_EPISODES)
     simulation.reset()
     solved = np.zeros(N_EPISODES, dtype=bool)
     for action in batches(make_actions, kind, simulation.task.n_actions, N_EPISODES):
@@ -40,7 +40,7 @@ def test_held_bang_bang_actions_catch_the_ball_in_most_episodes(make_actions):
 def test_random_actions_solve_the_stacker_at_its_default_threshold_alone(make_actions):
     """The falling arm kicks the box, which tumbles over the target in one episode of ten."""
     n_episodes = 50  # each takes .15 s
-    simulation = ControlSimulation(Stacker(), n_episodes)
+    simulation = Simulation(Stacker(), n_episodes)
     simulation.reset()
     best = np.zeros(n_episodes)
     for action in batches(make_actions, "uniform", 5, n_episodes):
@@ -52,7 +52,7 @@ def test_random_actions_solve_the_stacker_at_its_default_threshold_alone(make_ac
 
 def test_the_stacker_s_reward_is_dm_controls_own(make_actions, make_reference):
     task, reference = Stacker(), make_reference("stacker")
-    simulation = ControlSimulation(task, 1)
+    simulation = Simulation(task, 1)
     simulation.reset()
     reference.reset()
     rewards = []
@@ -66,7 +66,7 @@ def test_the_stacker_s_reward_is_dm_controls_own(make_actions, make_reference):
 @pytest.mark.parametrize("threshold", [0.05, 0.9])
 def test_the_stacker_succeeds_where_the_reward_is_at_its_threshold(threshold, make_actions):
     task = Stacker(success_threshold=threshold)
-    simulation = ControlSimulation(task, 32)
+    simulation = Simulation(task, 32)
     simulation.reset()
     for t in range(400):
         actions = np.stack([make_actions("bang-bang", t + 1, 5, i)[t] for i in range(32)])
@@ -91,7 +91,7 @@ def test_tasks_are_equal_where_they_succeed_alike():
 
 class TestBehavior:
     def test_of_ball_in_cup_is_where_ball_and_cup_are(self, make_actions):
-        simulation = ControlSimulation(TASKS["ball_in_cup"](), 1)
+        simulation = Simulation(TASKS["ball_in_cup"](), 1)
         simulation.reset()
         for action in make_actions("bang-bang", 100, 2):
             simulation.step(action[None])
@@ -99,7 +99,7 @@ class TestBehavior:
         np.testing.assert_allclose(simulation.behaviors[0], [*ball, *cup], rtol=1e-6)
 
     def test_of_finger_wraps_the_hinge(self):
-        simulation = ControlSimulation(TASKS["finger"](), 5)
+        simulation = Simulation(TASKS["finger"](), 5)
         simulation.reset()
         angles = np.array([-7.0, -np.pi, 0.5, np.pi, 9.0])
         simulation._batch.bind("qpos")[:, 2] = angles
@@ -108,7 +108,7 @@ class TestBehavior:
         assert (np.abs(wrapped) <= np.pi).all()
 
     def test_of_stacker_is_where_the_hand_is(self, make_actions):
-        simulation = ControlSimulation(TASKS["stacker"](), 1)
+        simulation = Simulation(TASKS["stacker"](), 1)
         simulation.reset()
         for action in make_actions("bang-bang", 100, 5):
             simulation.step(action[None])
@@ -118,7 +118,7 @@ class TestBehavior:
 
     def test_stays_within_its_bounds(self, name, make_actions):
         task = TASKS[name]()
-        simulation = ControlSimulation(task, 16)
+        simulation = Simulation(task, 16)
         simulation.reset()
         for t in range(300):
             simulation.step(

@@ -8,8 +8,8 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
 from curiosity_algos.motivations.novelty_archive import NoveltyArchive
-from curiosity_gym.maze.config import configure_maze
 from curiosity_gym.maze.dynamics import observe
+from curiosity_gym.maze.maze_env import MazeEnv
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def scan_task(behaviors: FloatArray, n_generations: int) -> Task:
 def maze_states(n: int) -> FloatArray:
     """States (n, 4) x, y, vx, vy: anywhere in the cells in reach, most of them at rest."""
     rng = np.random.default_rng(0)
-    grid = configure_maze(MAZE).coverage_grid
+    grid = MazeEnv(MAZE).coverage_grid
     cells = rng.choice(np.argwhere(grid.reachable), n)
     cell_size = (grid.high - grid.low) / grid.n_cells
     positions = grid.low + cell_size * (cells + rng.random((n, 2)))
@@ -102,8 +102,8 @@ def maze_states(n: int) -> FloatArray:
 
 def observations(states: FloatArray) -> FloatArray:
     """What the robot observes in each state, shape (n, 36)."""
-    config = configure_maze(MAZE)
-    observed = np.empty((len(states), *config.observation_space.shape), dtype=np.float32)
+    env = MazeEnv(MAZE)
+    observed = np.empty((len(states), *env.observation_space.shape), dtype=np.float32)
     for state, observation in zip(states, observed, strict=True):
-        observe(config.maze, state, observation)
+        observe(env.maze, state, observation)
     return observed.astype(np.float64)

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
@@ -71,8 +70,6 @@ class CoverageGrid:
             and np.array_equal(self.reachable, other.reachable)  # type: ignore[arg-type]
         )
 
-    __hash__ = None  # type: ignore[assignment]  # arrays have none either
-
     def cells(self, behaviors: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Flat cell indices (n,) of behaviors (n, B); values out of bounds count at the edge."""
         values = (behaviors[:, self.dimensions] - self.low) / (self.high - self.low)
@@ -92,41 +89,3 @@ class CoverageGrid:
         shape = (self.n_cells,) * len(kept)
         flat: npt.NDArray[np.int64] = np.ravel_multi_index([indices[i] for i in kept], shape)
         return flat
-
-
-class EnvConfig(Protocol):
-    """The checked keywords of an environment, and the spaces that follow from them."""
-
-    @property
-    def observation_space(self) -> spaces.Box[Any]:
-        """Of a single env, (O,), of float32 or float64."""
-        ...
-
-    @property
-    def action_space(self) -> spaces.Box[np.float32]:
-        """Of a single env, (A,)."""
-        ...
-
-    @property
-    def behavior_space(self) -> spaces.Box[np.float64]:
-        """Bounds of `info["behavior"]`, (B,)."""
-        ...
-
-    @property
-    def coverage_grid(self) -> CoverageGrid:
-        """The cells of the behavior that coverage counts."""
-        ...
-
-    @property
-    def horizon(self) -> int:
-        """Steps after which an episode is truncated."""
-        ...
-
-    @property
-    def fps(self) -> int:
-        """Frames a second."""
-        ...
-
-    def make_viewer(self) -> Any:
-        """A new viewer, which draws the environment and has a `close`."""
-        ...

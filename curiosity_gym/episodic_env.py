@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, FloatArray, Frame
+from curiosity_gym.core import Float32Array, FloatArray, Frame
 from curiosity_gym.episode_state import (
     check_generators,
     check_steps,
@@ -19,81 +18,50 @@ from curiosity_gym.episode_state import (
     generator_states,
     load_generator_states,
 )
-from curiosity_gym.lazy_viewer import LazyViewer
+from curiosity_gym.simulation import BaseSimulation, Values
+from curiosity_gym.validation import check_render_mode
 
 
 class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
-    """Episodes; success in step t is rewarded `1 - t / horizon`, unless a subclass does otherwise.
-
-    A subclass says how an episode begins and advances: `_begin`, `_advance`, `_info_arrays`,
-    `_physics`, `_set_physics`, `_frame`, for "human" `_show`, `_generators` if it draws, and
-    `_reward` if that is another.
+    """Episodes of one simulation; success in step t is rewarded `1 - t / horizon`.
 
     Args:
-        config: Spaces, horizon and frame rate.
-        render_mode: None, or one of the subclass' `metadata["render_modes"]`.
+        simulation: Of one episode.
+        horizon: Steps after which an episode is truncated.
+        render_mode: "rgb_array" or None.
+        make_viewer: Makes what draws the simulation.
+        sparse: False: rewards are those of the simulation.
 
     Raises:
         ValueError: If the mode is another.
     """
 
-    def __init__(self, config: EnvConfig, render_mode: str | None) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"`render_mode` must be None or one of {self.metadata['render_modes']}, "
-                f"got {render_mode!r}."
-            )
-        self.observation_space = config.observation_space
-        self.action_space = config.action_space
-        self.behavior_space = config.behavior_space
-        self.coverage_grid = config.coverage_grid
-        self.horizon = config.horizon
-        self.metadata = {**type(self).metadata, "render_fps": config.fps}
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
+
+    def __init__(
+        self,
+        simulation: BaseSimulation,
+        *,
+        horizon: int,
+        render_mode: str | None,
+        make_viewer: Callable[[], Any],
+        sparse: bool = True,
+    ) -> None:
+        check_render_mode(render_mode)
+        self.simulation = simulation
+        self.observation_space = simulation.observation_space
+        self.action_space = simulation.action_space
+        self.behavior_space = simulation.behavior_space
+        self.coverage_grid = simulation.coverage_grid
+        self.horizon = int(horizon)
+        self.sparse = bool(sparse)
+        self.metadata = {**type(self).metadata, "render_fps": simulation.fps}
         self.render_mode = render_mode
-        self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
-        self._action_shape = config.action_space.shape
-        space = config.observation_space
-        self._observation: FloatArray = np.zeros(space.shape, space.dtype)
+        self._make_viewer = make_viewer
+        self._viewer: Any = None
+        self._action_shape = simulation.action_space.shape
         self._t = -1  # no episode yet
         self._ended = False
-
-    # -- what a subclass implements ---------------------------------------------------------------
-
-    @abstractmethod
-    def _begin(self, options: dict[str, Any] | None) -> None:
-        """Begin an episode and write its first `_observation`; check options before."""
-
-    @abstractmethod
-    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
-        """Act and write `_observation`; whether the episode ended, and whether at the goal."""
-
-    @abstractmethod
-    def _info_arrays(self) -> dict[str, Float64Array]:
-        """New arrays for the info, "behavior" among them."""
-
-    @abstractmethod
-    def _physics(self) -> Float64Array:
-        """All that the next step depends on, a new array (S,), finite."""
-
-    @abstractmethod
-    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
-        """Go on from a result of `_physics`, to keep; ValueError, unchanged, if it cannot be."""
-
-    @abstractmethod
-    def _frame(self) -> Frame:
-        """A picture (height, width, 3)."""
-
-    def _generators(self) -> list[np.random.Generator]:
-        """What is drawn from: part of the episode's state."""
-        return []
-
-    def _reward(self, success: bool, t: int) -> float:
-        """Of step t, the first being 1, that has just been taken."""
-        return 1.0 - t / self.horizon if success else 0.0
-
-    def _outcome_arrays(self) -> dict[str, Any]:
-        """What the info tells of a step beside `_info_arrays`, and a reset does not."""
-        return {}
 
     # -- episodes ---------------------------------------------------------------------------------
 
@@ -110,11 +78,16 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
             ValueError: If an option is not what it may be.
         """
         super().reset(seed=seed)
-        self._begin(options)
+        self.simulation.reset(rngs=self._generators(), options=options)
         self._t, self._ended = 0, False
-        if self.render_mode == "human":
-            self.render()
-        return self._observation.copy(), {**self._info_arrays(), "is_success": False}
+        return self._observe(), {**_first(self.simulation.info), "is_success": False}
+
+    def _generators(self) -> list[np.random.Generator]:
+        return [self.np_random] if self.simulation.draws else []
+
+    def _observe(self) -> FloatArray:
+        observation: FloatArray = self.simulation.observations[0].copy()
+        return observation
 
     def step(self, action: Float32Array) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
         """Act for one step.
@@ -136,14 +109,18 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         if self._t < 0 or self._ended:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
         t, self._t = self._t + 1, -1  # no episode is under way, should the physics fail
-        terminated, success = self._advance(action)
+        terminated = bool(self.simulation.step(action[None])[0])
+        success = bool(self.simulation.success[0])
         reward = self._reward(success, t)
         truncated = not terminated and t == self.horizon
         self._t, self._ended = t, terminated or truncated
-        if self.render_mode == "human":
-            self.render()
-        info = {**self._info_arrays(), **self._outcome_arrays(), "is_success": success}
-        return self._observation.copy(), reward, terminated, truncated, info
+        told = _first({**self.simulation.info, **self.simulation.outcome})
+        return self._observe(), reward, terminated, truncated, {**told, "is_success": success}
+
+    def _reward(self, success: bool, t: int) -> float:
+        if not self.sparse:
+            return float(self.simulation.rewards[0])
+        return 1.0 - t / self.horizon if success else 0.0
 
     # -- exact resume -----------------------------------------------------------------------------
 
@@ -166,10 +143,9 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         return self._snapshot()
 
     def _snapshot(self) -> dict[str, Any]:
-        observation, physics = self._observation.copy(), self._physics()
-        own = {"steps": self._t, "ended": self._ended}
+        own = {"steps": self._t, "ended": self._ended, "observation": self._observe()}
         drawn = generator_states(self._generators())
-        return {**own, "observation": observation, "physics": physics, **drawn}
+        return {**own, "physics": self.simulation.state[0], **drawn}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
@@ -185,30 +161,36 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         own = checked_state(state, self._snapshot())
         check_steps(own["steps"], own["ended"], self.horizon)
         check_generators(own)
-        self._set_physics(own["physics"], own["observation"])
-        self._observation = own["observation"]
+        self.simulation.restore(own["physics"][None], own["observation"][None])
         self._t, self._ended = int(own["steps"]), bool(own["ended"])
         load_generator_states(self._generators(), own)
 
     # -- pictures ---------------------------------------------------------------------------------
 
     def render(self) -> Frame | None:
-        """A frame (height, width, 3) for "rgb_array"; shown in a window for "human"."""
+        """A frame (height, width, 3) for "rgb_array"."""
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: make the env with one.")
             return None
         if self._t < 0:
             raise ResetNeeded("Call reset() before render().")
-        frame = self._frame()
-        if self.render_mode == "human":
-            self._show(frame)
-            return None
-        return frame
+        return self.simulation.draw(self.viewer, 0)
 
-    def _show(self, frame: Frame) -> None:
-        """Show a picture in a window."""
-        raise NotImplementedError
+    @property
+    def viewer(self) -> Any:
+        """What draws the simulation, made when it is first asked for."""
+        if self._viewer is None:
+            self._viewer = self._make_viewer()
+        return self._viewer
 
     def close(self) -> None:
-        """Close the viewer and its window, if there is one."""
-        self._viewer.close()
+        """Let go of the viewer, which frees what it holds; the next picture makes another."""
+        self._viewer = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle and copy without the viewer, which belongs to its process."""
+        return {**self.__dict__, "_viewer": None}
+
+
+def _first(values: Values) -> dict[str, Any]:
+    return {name: value[0] for name, value in values.items()}

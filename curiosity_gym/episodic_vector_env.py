@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from numbers import Integral
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
-from curiosity_gym.core import EnvConfig, Float32Array, Float64Array, FloatArray, Frame, Mask
+from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episode_state import (
     check_generators,
     check_steps,
@@ -25,28 +26,28 @@ from curiosity_gym.episode_state import (
     load_generator_states,
 )
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.lazy_viewer import LazyViewer
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_render_mode
 
 
 class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
-    """n episodes side by side, rewarded as those of `EpisodicEnv` are.
+    """`num_envs` episodes; step for step what a `SyncVectorEnv` of the single envs gives.
 
-    Step for step what a `SyncVectorEnv` of the single envs gives, in every autoreset mode. A
-    subclass says how episodes begin and advance: `_begin`, `_advance`, `_info_arrays`, `_physics`,
-    `_set_physics`, `_frames`; it may reward in another way: `_rewards`.
+    `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. A
+    subclass says of which class the single envs are, and which of their attributes it has too.
+
+    The other arguments are those of the single environment.
 
     Args:
-        config: Spaces, horizon and frame rate of a single env.
         num_envs: Number of episodes side by side.
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
         max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
-            `gymnasium.make` does; the reward stays that of the horizon. None or -1: no such limit.
+            `gymnasium.make` does; a sparse reward stays that of the horizon. None or -1: no such
+            limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
-        draws: Whether starts are random: each env has a generator then.
+        n_threads: None: as many as there are processors. Results do not depend on it.
 
     Attributes:
         horizon: The T of the reward `1 - t / T`; no episode is longer.
@@ -54,49 +55,51 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     Raises:
         ValueError: If an argument is not what it may be.
+        TypeError: If the single environment takes no such argument.
+        gymnasium.error.DependencyNotInstalled: If the extra that it needs is not installed.
     """
 
-    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
-    _single_class: type[EpisodicEnv]
-    _keywords: dict[str, Any]
+    behavior_space: spaces.Box[np.float64]
+    coverage_grid: CoverageGrid
+    horizon: int
+    sparse: bool
+    single_class: ClassVar[Callable[..., EpisodicEnv]]
+    taken_over: ClassVar[tuple[str, ...]]
 
     def __init__(
         self,
-        config: EnvConfig,
-        *,
-        num_envs: int,
-        autoreset_mode: AutoresetMode | str,
-        max_episode_steps: int | None,
-        render_mode: str | None,
-        copy: bool,
-        draws: bool = False,
+        *args: Any,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        copy: bool = True,
+        n_threads: int | None = None,
+        **keywords: Any,
     ) -> None:
         check_at_least_one(num_envs=num_envs)
         if max_episode_steps == -1:  # as `gymnasium.make` has it
             max_episode_steps = None
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f'`render_mode` must be None or "rgb_array", got {render_mode!r}.')
-        self.num_envs = num_envs
-        self.single_observation_space = config.observation_space
-        self.single_action_space = config.action_space
-        self.observation_space = batch_space(config.observation_space, num_envs)
-        self.action_space = batch_space(config.action_space, num_envs)
-        self.behavior_space = config.behavior_space
-        self.coverage_grid = config.coverage_grid
-        self.horizon = config.horizon
-        self.max_episode_steps = max_episode_steps
+        check_render_mode(render_mode)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
-        own = {"render_fps": config.fps, "autoreset_mode": self.autoreset_mode}
-        self.metadata = {**type(self).metadata, **own}
+        self._single = single = type(self).single_class(*args, **keywords)
+        self.simulation = single.simulation.replicate(num_envs, n_threads)
+        self.num_envs = num_envs
+        self.single_observation_space = single.observation_space
+        self.single_action_space = single.action_space
+        self.observation_space = batch_space(single.observation_space, num_envs)
+        self.action_space = batch_space(single.action_space, num_envs)
+        for name in ("behavior_space", "coverage_grid", "horizon", "sparse", *self.taken_over):
+            setattr(self, name, getattr(single, name))
+        self.max_episode_steps = max_episode_steps
+        self.metadata = {**single.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.copy = copy
-        self._viewer: LazyViewer[Any] = LazyViewer(config.make_viewer)
-        shape = (num_envs, *config.observation_space.shape)
-        self._observations: FloatArray = np.zeros(shape, dtype=config.observation_space.dtype)
         self._steps = self._no_episodes()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
+        draws = self.simulation.draws
         self._rngs = [seeding.np_random()[0] for _ in range(num_envs)] if draws else []
 
     def _no_episodes(self) -> npt.NDArray[np.int64]:
@@ -107,54 +110,10 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         """Whether every env has an episode, under way or just ended."""
         return bool((self._steps >= 0).all())
 
-    @property
-    def _longest_episode(self) -> int:
-        return min(self.horizon, self.max_episode_steps or self.horizon)
-
     def make_single_env(self) -> gym.Env[FloatArray, Float32Array]:
         """A single env that gives, step for step, what each of these gives."""
-        env: EpisodicEnv = self._single_class(**self._keywords)
+        env = deepcopy(self._single)
         return env if self.max_episode_steps is None else TimeLimit(env, self.max_episode_steps)
-
-    # -- what a subclass implements ---------------------------------------------------------------
-
-    @abstractmethod
-    def _begin(self, mask: Mask, options: dict[str, Any] | None) -> None:
-        """Begin episodes in `mask`, write their rows of `_observations`; check options before."""
-
-    @abstractmethod
-    def _advance(self, actions: Float32Array, resets: Mask) -> tuple[Mask, Mask]:
-        """Step the envs, but begin an episode in those of `resets`; write all `_observations`.
-
-        Returns:
-            Where episodes have come to an end, (num_envs,), and where that is the goal; False where
-            one began.
-        """
-
-    @abstractmethod
-    def _info_arrays(self) -> dict[str, Float64Array]:
-        """New arrays (num_envs, ...) for the infos, "behavior" among them."""
-
-    @abstractmethod
-    def _physics(self) -> Float64Array:
-        """All that the next step depends on, a new array (num_envs, S), finite."""
-
-    @abstractmethod
-    def _set_physics(self, physics: Float64Array, observations: FloatArray) -> None:
-        """Go on from a result of `_physics`, to keep; ValueError, unchanged, if it cannot be."""
-
-    @abstractmethod
-    def _frames(self) -> tuple[Frame, ...]:
-        """A picture of each env."""
-
-    def _rewards(self, success: Mask) -> Float64Array:
-        """Of the steps just taken, (num_envs,), 0 where an episode began."""
-        rewards: Float64Array = np.where(success, 1.0 - self._steps / self.horizon, 0.0)
-        return rewards
-
-    def _outcome_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """What the infos tell of a step beside `_info_arrays`, and a reset does not."""
-        return {}
 
     # -- episodes ---------------------------------------------------------------------------------
 
@@ -185,7 +144,6 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         super().reset(seed=seed if isinstance(seed, int) else None)
         self._seed_generators(seed, mask)
         self._begin(mask, options)
-        self._count_begin(mask)
         return self._handed_out(), self._infos(mask)
 
     def _seed_generators(self, seed: int | Sequence[int | None] | None, mask: Mask) -> None:
@@ -209,7 +167,9 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             )
         return np.asarray(mask)
 
-    def _count_begin(self, mask: Mask) -> None:
+    def _begin(self, mask: Mask, options: dict[str, Any] | None = None) -> None:
+        ids = np.flatnonzero(mask)
+        self.simulation.reset(ids, [self._rngs[i] for i in ids] if self._rngs else (), options)
         self._steps[mask] = 0
         self._ended = self._ended & ~mask
 
@@ -240,12 +200,13 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
         resets, steps = self._ended, self._steps
         self._steps = self._no_episodes()  # all need a reset, should the physics fail midway
-        terminated, success = self._advance(actions, resets)
+        terminated = self.simulation.advance(actions, resets, self._rngs)
         self._steps = np.where(resets, 0, steps + 1)
         truncated = self._truncated(terminated)
-        rewards = self._rewards(success)
+        rewards = self._rewards()
         self._ended = terminated | truncated
-        infos = self._infos(np.ones(self.num_envs, dtype=np.bool_), ~resets, success)
+        everywhere = np.ones(self.num_envs, dtype=np.bool_)
+        infos = self._infos(everywhere, ~resets, self.simulation.success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos = self._reset_ended(infos)
         return self._handed_out(), rewards, terminated, truncated, infos
@@ -260,19 +221,24 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             truncated |= self._steps >= self.max_episode_steps
         return truncated
 
+    def _rewards(self) -> Float64Array:
+        if not self.sparse:
+            return self.simulation.rewards.copy()
+        return np.where(self.simulation.success, 1.0 - self._steps / self.horizon, 0.0)
+
     def _handed_out(self) -> FloatArray:
-        return self._observations.copy() if self.copy else self._observations
+        observations = self.simulation.observations
+        return observations.copy() if self.copy else observations
 
     def _reset_ended(self, infos: dict[str, Any]) -> dict[str, Any]:
         """Same-step autoreset: the final observations and infos go into the infos."""
         ended = self._ended
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
-            final_obs[i] = self._observations[i].copy()
+            final_obs[i] = self.simulation.observations[i].copy()
         everywhere, success = np.ones(self.num_envs, dtype=np.bool_), infos["is_success"]
         final_info = self._infos(ended, ended, success)
-        self._begin(ended, None)
-        self._count_begin(ended)
+        self._begin(ended)
         return {
             "final_obs": final_obs,
             "_final_obs": ended.copy(),
@@ -290,14 +256,10 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         """
         none = np.zeros(self.num_envs, dtype=np.bool_)
         stepped = none if stepped is None else stepped & mask
-        told = [
-            (
-                {**self._info_arrays(), "is_success": none if success is None else success.copy()},
-                mask,
-            )
-        ]
+        is_success = none if success is None else success.copy()
+        told = [({**self.simulation.info, "is_success": is_success}, mask)]
         if stepped.any():
-            told.append((self._outcome_arrays(), stepped))
+            told.append((self.simulation.outcome, stepped))
         infos: dict[str, Any] = {}
         for values, has in told:
             for key, value in values.items():
@@ -325,10 +287,10 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         return self._snapshot()
 
     def _snapshot(self) -> dict[str, Any]:
-        observations, physics = self._observations.copy(), self._physics()
         own = {"steps": self._steps.copy(), "ended": self._ended.copy()}
+        seen = {"observations": self.simulation.observations.copy()}
         drawn = generator_states(self._rngs)
-        return {**own, "observations": observations, "physics": physics, **drawn}
+        return {**own, **seen, "physics": self.simulation.state, **drawn}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
@@ -343,12 +305,12 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             ValueError: If it is not a state of such an environment; nothing has changed then.
         """
         own = checked_state(state, self._snapshot())
-        check_steps(own["steps"], own["ended"], self._longest_episode)
+        longest = min(self.horizon, self.max_episode_steps or self.horizon)
+        check_steps(own["steps"], own["ended"], longest)
         check_generators(own)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
             raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
-        self._set_physics(own["physics"], own["observations"])
-        self._observations[:] = own["observations"]
+        self.simulation.restore(own["physics"], own["observations"])
         self._steps, self._ended = own["steps"], own["ended"]
         load_generator_states(self._rngs, own)
 
@@ -361,11 +323,12 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             return None
         if not self._is_ready:
             raise ResetNeeded("Call reset() before render().")
-        return self._frames()
+        viewer = self._single.viewer
+        return tuple(self.simulation.draw(viewer, i) for i in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the viewer, if there is one."""
-        self._viewer.close()
+        self._single.close()
 
 
 def _where(mask: Mask, values: npt.NDArray[Any]) -> npt.NDArray[Any]:

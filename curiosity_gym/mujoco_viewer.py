@@ -8,31 +8,21 @@ import importlib
 import os
 import sys
 import weakref
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from gymnasium.error import DependencyNotInstalled, Error
 
-from curiosity_gym.core import CoverageGrid
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
+from curiosity_gym.simulation import MujocoSimulation
 
 if TYPE_CHECKING:
     import mujoco
 
 FURTHER_GEOMS = 1000
 """That a picture may show beside the model's own."""
-
-
-class Drawn(Protocol):
-    """Simulations that can be drawn."""
-
-    def write_data(self, simulation: int, data: Any) -> None:
-        """Write one simulation's state and derived fields into an `MjData`."""
-        ...
 
 
 class MujocoViewer:
@@ -76,7 +66,7 @@ class MujocoViewer:
         # Registered after EGL's own farewell, and so called before it.
         atexit.register(self.close)
 
-    def draw(self, simulation: Drawn, index: int = 0) -> npt.NDArray[np.uint8]:
+    def draw(self, simulation: MujocoSimulation, index: int = 0) -> npt.NDArray[np.uint8]:
         """A frame (height, width, 3) of simulation `index`.
 
         Raises:
@@ -98,31 +88,6 @@ class MujocoViewer:
         frame = np.empty((self._viewport.height, self._viewport.width, 3), dtype=np.uint8)
         self._mujoco.mjr_readPixels(frame, None, self._viewport, self._renderer)
         return np.ascontiguousarray(frame[::-1])  # OpenGL's first row is the lowest
-
-
-@dataclass(frozen=True)
-class MujocoConfig:
-    """The keywords that both kinds of MuJoCo's environments take, and what follows from a task."""
-
-    horizon: int
-    width: int
-    height: int
-    task: Any
-
-    @property
-    def behavior_space(self) -> spaces.Box[np.float64]:
-        """Bounds of `info["behavior"]`."""
-        return spaces.Box(self.task.behavior_low, self.task.behavior_high, dtype=np.float64)
-
-    @property
-    def coverage_grid(self) -> CoverageGrid:
-        """The cells of the behavior that coverage counts."""
-        grid: CoverageGrid = self.task.coverage_grid
-        return grid
-
-    def make_viewer(self) -> MujocoViewer:
-        """A new viewer of the task."""
-        return MujocoViewer(self.task.model, width=self.width, height=self.height)
 
 
 def _free(gl: Any, renderer: Any, process: int) -> None:

@@ -61,6 +61,12 @@ def check_keywords(**values: object) -> None:
     _check(_is_keywords, "None or a dictionary of keywords", values)
 
 
+def check_render_mode(render_mode: object) -> None:
+    """Raise ValueError unless `render_mode` is None or "rgb_array"."""
+    what = 'None or "rgb_array"'
+    _check(lambda value: value in (None, "rgb_array"), what, {"render_mode": render_mode})
+
+
 def check_seed(seed: object) -> None:
     """Raise ValueError unless `seed` is None or a whole number of at least 0."""
     what = "None or a whole number of at least 0"

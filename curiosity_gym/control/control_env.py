@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
-import numpy as np
-
-from curiosity_gym.control.config import configure_control
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
+from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.mujoco_viewer import MujocoViewer
+from curiosity_gym.validation import check_at_least_one, check_choice
 
 
 class ControlEnv(EpisodicEnv):
@@ -76,8 +75,6 @@ class ControlEnv(EpisodicEnv):
         * v0: Initial version.
     """
 
-    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
-
     def __init__(
         self,
         task: str | None = None,
@@ -89,40 +86,15 @@ class ControlEnv(EpisodicEnv):
         random_start: bool = False,
         render_mode: str | None = None,
     ) -> None:
-        config = configure_control(
-            task,
+        check_choice(tuple(TASKS), task=task)
+        check_at_least_one(horizon=horizon, width=width, height=height)
+        assert task is not None
+        own = {} if success_threshold is None else {"success_threshold": success_threshold}
+        self.task = TASKS[task](random_start=random_start, **own)
+        size = {"width": int(width), "height": int(height)}
+        super().__init__(
+            Simulation(self.task, 1),
             horizon=horizon,
-            width=width,
-            height=height,
-            success_threshold=success_threshold,
-            random_start=random_start,
+            render_mode=render_mode,
+            make_viewer=partial(MujocoViewer, self.task.model, **size),
         )
-        super().__init__(config, render_mode)
-        self.task = config.task
-        self._simulation = Simulation(config.task, 1)
-
-    def _begin(self, options: dict[str, Any] | None) -> None:
-        self._simulation.reset(rngs=self._generators())
-        self._observation[:] = self._simulation.observations[0]
-
-    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
-        is_solved = bool(self._simulation.step(action[None])[0])
-        self._observation[:] = self._simulation.observations[0]
-        return is_solved, is_solved
-
-    def _generators(self) -> list[np.random.Generator]:
-        return [self.np_random] if self.task.random_start else []
-
-    def _info_arrays(self) -> dict[str, Float64Array]:
-        return {"behavior": self._simulation.behaviors[0]}
-
-    def _physics(self) -> Float64Array:
-        physics: Float64Array = self._simulation.state[0]
-        return physics
-
-    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
-        self._simulation.restore(physics[None])
-
-    def _frame(self) -> Frame:
-        frame: Frame = self._viewer.get().draw(self._simulation)
-        return frame

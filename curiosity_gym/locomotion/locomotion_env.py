@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
-import numpy as np
-
-from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.layouts import MazeLayout
-from curiosity_gym.locomotion.config import configure_locomotion
-from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.locomotion.original import make_simulation
+from curiosity_gym.locomotion.tasks import TASKS
+from curiosity_gym.mujoco_viewer import MujocoViewer
+from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
 
 
 class LocomotionEnv(EpisodicEnv):
@@ -91,8 +91,6 @@ class LocomotionEnv(EpisodicEnv):
         * v0: Initial version.
     """
 
-    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
-
     def __init__(
         self,
         env_id: str | None = None,
@@ -106,49 +104,19 @@ class LocomotionEnv(EpisodicEnv):
         env_kwargs: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
     ) -> None:
-        config = configure_locomotion(
-            env_id,
-            behavior=behavior,
-            world=world,
-            sparse=sparse,
+        check_choice(tuple(TASKS), env_id=env_id)
+        check_bool(sparse=sparse)
+        if sparse and world is None:
+            raise ValueError("`sparse` must be False where there is no `world`, and so no goal.")
+        check_at_least_one(horizon=horizon, width=width, height=height)
+        assert env_id is not None
+        simulation = make_simulation(env_id, behavior, world, env_kwargs)
+        self.task = simulation.task
+        size = {"width": int(width), "height": int(height)}
+        super().__init__(
+            simulation,
             horizon=horizon,
-            width=width,
-            height=height,
-            env_kwargs=env_kwargs,
+            render_mode=render_mode,
+            make_viewer=partial(MujocoViewer, self.task.model, **size),
+            sparse=sparse,
         )
-        super().__init__(config, render_mode)
-        self.task = config.task
-        self.sparse = config.sparse
-        self._simulation = LocomotionSimulation(config.task, 1, n_threads=1)
-
-    def _begin(self, options: dict[str, Any] | None) -> None:
-        self._simulation.reset(np.arange(1), self._generators())
-        self._observation[:] = self._simulation.observations[0]
-
-    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
-        ended = bool(self._simulation.step(action[None])[0])
-        self._observation[:] = self._simulation.observations[0]
-        return ended, bool(self._simulation.success[0])
-
-    def _reward(self, success: bool, t: int) -> float:
-        return super()._reward(success, t) if self.sparse else float(self._simulation.rewards[0])
-
-    def _generators(self) -> list[np.random.Generator]:
-        return [self.np_random]
-
-    def _info_arrays(self) -> dict[str, Any]:
-        return {name: values[0] for name, values in self._simulation.info.items()}
-
-    def _outcome_arrays(self) -> dict[str, Any]:
-        return {name: values[0] for name, values in self._simulation.outcome.items()}
-
-    def _physics(self) -> Float64Array:
-        physics: Float64Array = self._simulation.state[0]
-        return physics
-
-    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
-        self._simulation.restore(physics[None])
-
-    def _frame(self) -> Frame:
-        frame: Frame = self._viewer.get().draw(self._simulation)
-        return frame

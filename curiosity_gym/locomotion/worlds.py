@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_gym.built_in import BUILT_IN, resolve_layout
 from curiosity_gym.core import Float64Array, Mask
 from curiosity_gym.extras import import_extra
-from curiosity_gym.layouts import BUILT_IN, GOAL_RADIUS, MazeLayout, resolve_layout
+from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout
 
 WALL_HEIGHT = 10.0
 """Of what stops a robot: an ant that jumps and may go on has been seen 4 m high."""
@@ -92,8 +93,6 @@ class World:
     def __eq__(self, other: object) -> bool:
         """Equal worlds have the same layout."""
         return isinstance(other, World) and self.layout == other.layout
-
-    __hash__ = None  # type: ignore[assignment]  # as of tasks
 
     def distances(self, positions: Float64Array) -> Float64Array:
         """From the goal, as the crow flies, (k,) of positions (k, 2), in meters."""

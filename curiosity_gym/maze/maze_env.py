@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
-from typing import Any
+from functools import partial
 
-from curiosity_gym.core import Float32Array, Float64Array, FloatArray, Frame
+from curiosity_gym.built_in import resolve_layout
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout
-from curiosity_gym.maze.config import check_states, configure_maze, start_state
-from curiosity_gym.maze.dynamics import N_BASE_FEATURES, observe, step
+from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach
+from curiosity_gym.maze.dynamics import build_maze
+from curiosity_gym.maze.simulation import MazeSimulation
+from curiosity_gym.maze.viewer import MazeViewer
+from curiosity_gym.validation import check_at_least_one, check_positive, check_share
+
+LIDAR_SHARE = 0.2
+"""The lidar's default range as a share of the map's diagonal."""
 
 
 class MazeEnv(EpisodicEnv):
@@ -70,7 +76,8 @@ class MazeEnv(EpisodicEnv):
         restitution: Share of the velocity into a wall that bounces back, from 0 (it stops there) to
             1. Bouncing robots find most goals by chance.
         goal_radius: How near the goal is near enough (maze units).
-        render_mode: "rgb_array", "human" (a pygame window), or None.
+        render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
+            Gymnasium's own window.
 
     Raises:
         ValueError: If an argument is not what it may be, or the layout is malformed.
@@ -78,8 +85,6 @@ class MazeEnv(EpisodicEnv):
     Version History:
         * v0: Initial version.
     """
-
-    metadata = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -94,49 +99,41 @@ class MazeEnv(EpisodicEnv):
         goal_radius: float = GOAL_RADIUS,
         render_mode: str | None = None,
     ) -> None:
-        config = configure_maze(
+        if layout is None:
+            raise ValueError(
+                "`layout` must be given: a MazeLayout, a built-in name, a .json file or ASCII text."
+            )
+        self.layout = layout = resolve_layout(layout)
+        diagonal = math.hypot(layout.width, layout.height)
+        lidar_range = LIDAR_SHARE * diagonal if lidar_range is None else lidar_range
+        positive = {"max_speed": max_speed, "max_acceleration": max_acceleration}
+        check_positive(**positive, lidar_range=lidar_range, goal_radius=goal_radius)
+        check_share(restitution=restitution)
+        check_at_least_one(horizon=horizon, n_beams=n_beams)
+        if closest_approach(layout) >= goal_radius:
+            raise ValueError(
+                f"`goal_radius` must let the robot come near enough, got {goal_radius!r}."
+            )
+        self.lidar_range = float(lidar_range)
+        self.maze = build_maze(
             layout,
             horizon=horizon,
-            max_speed=max_speed,
-            max_acceleration=max_acceleration,
             n_beams=n_beams,
             lidar_range=lidar_range,
             restitution=restitution,
             goal_radius=goal_radius,
+            **positive,
         )
-        super().__init__(config, render_mode)
-        self.layout = config.layout
-        self.maze = config.maze
-        self.lidar_range = config.lidar_range
-        self._state = self.maze.start.copy()
-
-    def _begin(self, options: dict[str, Any] | None) -> None:
-        self._state = start_state(self.layout, self.maze, options)
-        observe(self.maze, self._state, self._observation)
-
-    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
-        is_at_goal = step(self.maze, self._state, action, self._observation)
-        return is_at_goal, is_at_goal
-
-    def _info_arrays(self) -> dict[str, Float64Array]:
-        behavior = self._state.copy()
-        return {
-            "position": behavior[:2].copy(),
-            "velocity": behavior[2:].copy(),
-            "behavior": behavior,
-        }
-
-    def _physics(self) -> Float64Array:
-        return self._state.copy()
-
-    def _set_physics(self, physics: Float64Array, observation: FloatArray) -> None:
-        check_states(self.layout, self.maze, physics[None], observation[None])
-        self._state = physics
-
-    def _frame(self) -> Frame:
-        beams = self._observation[N_BASE_FEATURES:] * self.lidar_range
-        frame: Frame = self._viewer.get().draw(self._state, beams)
-        return frame
-
-    def _show(self, frame: Frame) -> None:
-        self._viewer.get().show(frame)
+        make_viewer = partial(
+            MazeViewer,
+            layout,
+            n_beams=n_beams,
+            beam_range=self.lidar_range,
+            goal_radius=float(goal_radius),
+        )
+        super().__init__(
+            MazeSimulation(layout, self.maze, self.lidar_range, n_threads=1),
+            horizon=horizon,
+            render_mode=render_mode,
+            make_viewer=make_viewer,
+        )

@@ -115,37 +115,8 @@ def _overlaps(edges: FloatArray, others: FloatArray) -> BoolArray:
 
 
 def _flood(free: BoolArray, reached: BoolArray) -> BoolArray:
-    """Spread over free neighbors: each straight run that is entered, is filled once as a whole."""
-    columns, rows = _Runs(free), _Runs(free.T)
-    n_columns, n_rows = free.shape
-    filled = np.zeros(free.size, dtype=bool)
-    cells: IntArray = np.flatnonzero(reached).astype(np.int32)
-    while cells.size:
-        cells = columns.fill(cells)
-        filled[cells] = True
-        across = rows.fill(cells % n_rows * n_columns + cells // n_rows)
-        cells = across % n_columns * n_rows + across // n_columns
-    return filled.reshape(free.shape)
+    """Spread over free neighbors."""
+    from scipy import ndimage  # late: it takes longer to import than all of this package
 
-
-class _Runs:
-    """The straight runs of free entries along the last axis of an array, by flat indices."""
-
-    def __init__(self, free: BoolArray) -> None:
-        begins = ~free  # a run is counted with the blocked entry before it
-        begins[:, 0] = True
-        self._free = free.ravel()
-        self._label = np.cumsum(begins.ravel(), dtype=np.int32) - np.int32(1)
-        self._edges = np.append(np.flatnonzero(begins), begins.size).astype(np.int32)
-        self._is_filled = np.zeros(self._edges.size - 1, dtype=bool)
-
-    def fill(self, entries: IntArray) -> IntArray:
-        """Fill the runs that hold `entries`; the free entries of those not filled before."""
-        labels = self._label[entries]
-        runs = np.unique(labels[np.diff(labels, prepend=-1) != 0])  # neighbors share their run
-        runs = runs[~self._is_filled[runs]]
-        self._is_filled[runs] = True
-        begins, lengths = self._edges[runs], self._edges[runs + 1] - self._edges[runs]
-        shifts = np.repeat(begins - (np.cumsum(lengths, dtype=np.int32) - lengths), lengths)
-        found: IntArray = shifts + np.arange(shifts.size, dtype=np.int32)
-        return found[self._free[found]]
+    pieces, _ = ndimage.label(free)
+    return free & np.isin(pieces, pieces[reached])

@@ -1,13 +1,11 @@
-"""Drawing a robot in its maze: frames by Pillow, and a pygame window that shows them."""
+"""Drawing a robot in its maze: frames by Pillow."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from curiosity_gym.extras import import_extra
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
 
 Frame = NDArray[np.uint8]
@@ -38,7 +36,6 @@ class MazeViewer:
         beam_range: Length (maze units) at which beams are cut; shorter ones end in a dot.
         goal_radius: Radius (maze units) of the area around the goal.
         size: Longer side of a frame (pixels); both sides are even, as video codecs require.
-        fps: Frames that the window shows a second at most.
     """
 
     def __init__(
@@ -49,20 +46,15 @@ class MazeViewer:
         beam_range: float,
         goal_radius: float,
         size: int = 500,
-        fps: int = 10,
     ) -> None:
         angles = 2.0 * np.pi * np.arange(n_beams) / n_beams
         self._directions = np.column_stack([np.cos(angles), np.sin(angles)])
         self._hit_range = beam_range * (1.0 - 1e-6)  # float32 beams may round below the range
-        self._fps = fps
         world = np.array([layout.width, layout.height])
         sides = np.maximum(2, 2 * np.round(world * (size / world.max() / 2.0)).astype(int))
         self._frame_size = int(sides[0]), int(sides[1])
         self._scale = sides * _SUPERSAMPLING / world
         self._background = self._draw_background(layout, goal_radius)
-        self._pygame: Any = None
-        self._window: Any = None
-        self._clock: Any = None
 
     def draw(self, state: Sequence[float] | FloatArray, beams: FloatArray) -> Frame:
         """Draw one frame.
@@ -82,33 +74,6 @@ class MazeViewer:
         canvas.line(tick, fill=VELOCITY, width=2 * _SUPERSAMPLING)
         self._draw_disk(canvas, position, ROBOT_RADIUS, at_least=4, fill=ROBOT)
         return np.array(image.reduce(_SUPERSAMPLING))
-
-    def show(self, frame: Frame) -> None:
-        """Show a frame in a window, no sooner than `1 / fps` seconds after the one before.
-
-        Raises:
-            DependencyNotInstalled: pygame is missing.
-        """
-        if self._window is None:
-            self._open_window()
-        pygame = self._pygame
-        pygame.event.pump()  # without it, the system takes the window for hung
-        self._window.blit(pygame.image.frombuffer(frame.tobytes(), self._frame_size, "RGB"), (0, 0))
-        pygame.display.flip()
-        self._clock.tick(self._fps)
-
-    def _open_window(self) -> None:
-        (self._pygame,) = import_extra("render", "pygame")
-        self._pygame.display.init()
-        self._pygame.display.set_caption("Curiosity maze")
-        self._window = self._pygame.display.set_mode(self._frame_size)
-        self._clock = self._pygame.time.Clock()
-
-    def close(self) -> None:
-        """Close the window, if one is open; the next `show` opens another."""
-        if self._window is not None:
-            self._pygame.display.quit()
-            self._window = None
 
     def _draw_background(self, layout: MazeLayout, goal_radius: float) -> Image.Image:
         width, height = (side * _SUPERSAMPLING for side in self._frame_size)

@@ -76,50 +76,6 @@ class _LastStep:
         return self._behavior
 
 
-class BehaviorRecorder:
-    """Adds behaviors to infos.
-
-    Args:
-        behavior: See `BehaviorWrapper`.
-        behavior_space: See `BehaviorWrapper`.
-
-    Attributes:
-        space: The bounds of the behavior, (B,) float64.
-
-    Raises:
-        ValueError: If an argument is not what it may be.
-    """
-
-    def __init__(self, behavior: Behavior, behavior_space: spaces.Space[Any]) -> None:
-        self.space = _checked_space(behavior_space)
-        self._accumulator = _own_accumulator(behavior)
-
-    def reset(
-        self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]
-    ) -> dict[str, Any]:
-        """The info of a reset with its `behavior`, a copy; ValueError if that is wrong."""
-        self._accumulator.reset(env, observation, info)
-        return {**info, "behavior": self._result()}
-
-    def step(
-        self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]
-    ) -> dict[str, Any]:
-        """The info of a step with its `behavior`, a copy; ValueError if that is wrong."""
-        self._accumulator.step(env, observation, info)
-        return {**info, "behavior": self._result()}
-
-    def _result(self) -> npt.NDArray[np.float64]:
-        behavior = _numbers(self._accumulator.result())
-        if behavior.shape != self.space.shape:
-            raise ValueError(
-                f"`behavior` must return shape {self.space.shape}, as `behavior_space` has it, "
-                f"got {behavior.shape}."
-            )
-        if not np.isfinite(behavior).all():
-            raise ValueError(f"`behavior` must return finite numbers, got {behavior}.")
-        return behavior
-
-
 def _own_accumulator(behavior: Behavior) -> BehaviorAccumulator:
     if isinstance(behavior, BehaviorAccumulator) and not isinstance(behavior, type):
         return copy.deepcopy(behavior)
@@ -142,7 +98,6 @@ def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
 
 
 def _numbers(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """A new array: environments may write into the same one at every step."""
     try:
         if value is not None:  # which numpy takes for NaN
             return np.array(value, dtype=np.float64)
@@ -176,8 +131,8 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         check_copyable(behavior=behavior)
         RecordConstructorArgs.__init__(self, behavior=behavior, behavior_space=behavior_space)
         gym.Wrapper.__init__(self, env)
-        self._recorder = BehaviorRecorder(behavior, behavior_space)
-        self.behavior_space = self._recorder.space
+        self.behavior_space = _checked_space(behavior_space)
+        self._accumulator = _own_accumulator(behavior)
         # Hides the grid of `env`, which counts another behavior.
         self.coverage_grid = None
 
@@ -187,11 +142,24 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """Begin an episode; see the wrapped environment."""
         observation, info = self.env.reset(seed=seed, options=options)
         check_info(info)
-        return observation, self._recorder.reset(self.env, observation, info)
+        self._accumulator.reset(self.env, observation, info)
+        return observation, {**info, "behavior": self._behavior()}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take one step; see the wrapped environment."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         check_info(info)
-        info = self._recorder.step(self.env, observation, info)
-        return observation, reward, terminated, truncated, info
+        self._accumulator.step(self.env, observation, info)
+        return observation, reward, terminated, truncated, {**info, "behavior": self._behavior()}
+
+    def _behavior(self) -> npt.NDArray[np.float64]:
+        """A new array: environments may write into the same one at every step."""
+        behavior = _numbers(self._accumulator.result())
+        if behavior.shape != self.behavior_space.shape:
+            raise ValueError(
+                f"`behavior` must return shape {self.behavior_space.shape}, as `behavior_space` "
+                f"has it, got {behavior.shape}."
+            )
+        if not np.isfinite(behavior).all():
+            raise ValueError(f"`behavior` must return finite numbers, got {behavior}.")
+        return behavior

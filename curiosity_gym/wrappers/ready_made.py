@@ -206,19 +206,15 @@ def _cart_and_pole(env: BareEnv, observation: Any, info: dict[str, Any]) -> Floa
     return np.array([position, math.atan2(sine, cosine)])
 
 
-def _cart_and_pole_bounds(env: BareEnv) -> spaces.Box:
-    high = np.array([2.0, math.pi])
-    return spaces.Box(-high, high, dtype=np.float64)
-
-
 def _arm_angles(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64Array:
     """The upper and the lower arm's angles from upright (rad)."""
     sines, cosines = observation["orientations"].reshape(2, 2)
     return np.arctan2(sines, cosines)  # type: ignore[no-any-return]
 
 
-def _arm_angles_bounds(env: BareEnv) -> spaces.Box:
-    return spaces.Box(-math.pi, math.pi, (2,), dtype=np.float64)
+def _within(*limits: float) -> Callable[[BareEnv], spaces.Box]:
+    high = np.array(limits)
+    return lambda env: spaces.Box(-high, high, dtype=np.float64)
 
 
 def _maze(horizon: int, start: tuple[int, int], goal: tuple[int, int]) -> SparseTask:
@@ -232,10 +228,10 @@ TASKS = {
     "PointMaze_Large-v3": _maze(800, start=(7, 1), goal=(7, 10)),
     "AntMaze_UMaze-v5": _maze(700, start=(1, 1), goal=(3, 1)),
     "dm_control/cartpole-swingup_sparse-v0": SparseTask(
-        _make_control, _is_rewarded, _cart_and_pole, _cart_and_pole_bounds, horizon=1000
+        _make_control, _is_rewarded, _cart_and_pole, _within(2.0, math.pi), horizon=1000
     ),
     "dm_control/acrobot-swingup_sparse-v0": SparseTask(
-        _make_control, _is_rewarded, _arm_angles, _arm_angles_bounds, horizon=1000
+        _make_control, _is_rewarded, _arm_angles, _within(math.pi, math.pi), horizon=1000
     ),
 }
 """Every task that `SparseEnv` makes, by the id of its original."""

@@ -14,7 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.validation import check_at_least_one, check_copyable, check_info
-from curiosity_gym.wrappers.behavior import Behavior, BehaviorRecorder
+from curiosity_gym.wrappers.behavior import Behavior, BehaviorWrapper
 
 Observation = npt.NDArray[np.float32]
 Success = Callable[[gym.Env[Any, Any], Any, SupportsFloat, dict[str, Any]], bool]
@@ -88,6 +88,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             behavior_space=behavior_space,
         )
         gym.Wrapper.__init__(self, env)
+        if (behavior is None) != (behavior_space is None):
+            raise ValueError("`behavior` and `behavior_space` must be given together.")
         _check_arguments(env, success, horizon)
         self.horizon = int(horizon)
         self.observation_space = _flat_space(env.observation_space)
@@ -96,11 +98,11 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             _as_float32(env.action_space) if _is_float_box(env.action_space) else env.action_space
         )
         self._success = success
-        self._recorder = _make_recorder(behavior, behavior_space)
-        if self._recorder is not None:
-            self.behavior_space = self._recorder.space
-            # Hides the grid of `env`, which counts another behavior.
-            self.coverage_grid = None
+        self._played = env
+        if behavior is not None and behavior_space is not None:
+            self._played = BehaviorWrapper(env, behavior, behavior_space)
+            self.behavior_space = self._played.behavior_space
+            self.coverage_grid = None  # as in `BehaviorWrapper`
         self._t = 0
         self._is_running = False
 
@@ -109,10 +111,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; `seed` and `options` are those of the wrapped environment."""
         self._is_running = False
-        observation, info = self.env.reset(seed=seed, options=options)
+        observation, info = self._played.reset(seed=seed, options=options)
         check_info(info)
-        if self._recorder is not None:
-            info = self._recorder.reset(self.env, observation, info)
         self._t, self._is_running = 0, True
         return self._flatten(observation), {**info, "is_success": False}
 
@@ -131,15 +131,13 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
         # Before the step: after an error the state may be one that no episode leads to.
         self._is_running = False
-        observation, reward, terminated, truncated, info = self.env.step(action)
+        observation, reward, terminated, truncated, info = self._played.step(action)
         check_info(info)
         self._t += 1
         is_success = bool(self._success(self.env, observation, reward, info))
         terminated = bool(is_success or terminated)
         truncated = not terminated and bool(truncated or self._t == self.horizon)
         reward = 1.0 - self._t / self.horizon if is_success else 0.0
-        if self._recorder is not None:
-            info = self._recorder.step(self.env, observation, info)
         flat = self._flatten(observation)
         self._is_running = not (terminated or truncated)
         return flat, reward, terminated, truncated, {**info, "is_success": is_success}
@@ -183,16 +181,6 @@ def _time_limit(env: gym.Env[Any, Any]) -> int | None:
             limits.append(env._max_episode_steps)
         env = env.env
     return min(limits, default=None)
-
-
-def _make_recorder(
-    behavior: Behavior | None, behavior_space: spaces.Box | None
-) -> BehaviorRecorder | None:
-    if behavior is None and behavior_space is None:
-        return None
-    if behavior is None or behavior_space is None:
-        raise ValueError("`behavior` and `behavior_space` must be given together.")
-    return BehaviorRecorder(behavior, behavior_space)
 
 
 def _is_float_box(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:

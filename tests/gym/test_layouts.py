@@ -2,21 +2,19 @@ import copy
 import json
 import pickle
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.layouts import (
-    BUILT_IN,
     GOAL_RADIUS,
     MAX_WALLS,
     MazeLayout,
     closest_approach,
     reachable_cells,
-    resolve_layout,
 )
 
 FIELDS = {
@@ -296,41 +294,9 @@ class TestAscii:
             MazeLayout.from_ascii("S#G\n.#.\n")
 
 
-class TestResolve:
-    def test_built_in_name(self):
-        for name in BUILT_IN:
-            assert resolve_layout(name) is BUILT_IN[name]
-            assert BUILT_IN[name].name == name
-
-    def test_layout_is_itself(self):
-        layout = make_layout()
-        assert resolve_layout(layout) is layout
-
-    @pytest.mark.parametrize("as_type", [str, Path])
-    def test_json_path(self, tmp_path, as_type):
-        path = tmp_path / "maze.json"
-        make_layout().to_json(path)
-        assert resolve_layout(as_type(path)) == make_layout()
-
-    def test_ascii_text(self):
-        assert resolve_layout(ASCII) == MazeLayout.from_ascii(ASCII)
-
-    def test_anything_else_is_refused(self):
-        for layout in ["maze", "", "S.G", Path("maze.txt"), None, 3, FIELDS]:
-            with pytest.raises(
-                ValueError, match=r"^`layout` must be .*snake, us, hard, labyrinth.*json"
-            ):
-                resolve_layout(layout)
-
-
 def test_reachable_cells_are_indexed_x_first():
     # Free are the lower left half and a corridor along the bottom.
     layout = make_layout(walls=[[15, 5, 15, 15]], start=(3.0, 3.0), goal=(28.0, 2.0))
     cells = reachable_cells(layout, 4)
     assert cells.shape == (4, 4)
     np.testing.assert_array_equal(cells, [[1, 1, 1, 1], [1, 1, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]])
-
-
-def test_built_in_mazes_cannot_be_replaced():
-    with pytest.raises(TypeError):
-        BUILT_IN["snake"] = make_layout()

@@ -9,7 +9,7 @@ import pytest
 
 import curiosity_gym
 from curiosity_gym import MazeLayout, register_envs
-from curiosity_gym.layouts import BUILT_IN
+from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.registration import SPECS
 

@@ -328,7 +328,7 @@ class TestFailedPhysics:
             each.reset()
             each.step(action)
         state = env.state_dict()
-        env._simulation._batch.bind("qvel")[0, 0] = 1e12
+        env.simulation._batch.bind("qvel")[0, 0] = 1e12
         with pytest.raises(SimulationError):
             env.step(action)
         with pytest.raises(ResetNeeded):
@@ -343,7 +343,7 @@ class TestFailedPhysics:
             each.reset()
             each.step(actions[0])
         state = envs.state_dict()
-        envs._simulation._batch.bind("qvel")[1, 0] = 1e12
+        envs.simulation._batch.bind("qvel")[1, 0] = 1e12
         with pytest.raises(SimulationError):
             envs.step(actions[0])
         envs.reset(options={"reset_mask": np.array([False, True, False])})

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from gymnasium import spaces
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
@@ -32,8 +33,11 @@ class ControlTask:
 
     Attributes:
         model: The compiled MuJoCo model, the target where the fixed start has it.
-        n_observations: Length of an observation.
+        observation_space: Unbounded: positions and velocities have no limits of their own.
+        action_space: Every actuator's range.
         n_actions: Number of actuators.
+        dt: Seconds of a control step.
+        draws: Whether episodes begin at random.
         behavior_low: (B,) lower bounds of the behavior.
         behavior_high: (B,) upper bounds.
         coverage_grid: The cells of the behavior that coverage counts.
@@ -60,7 +64,7 @@ class ControlTask:
 
     def __init__(self, *, random_start: bool = False) -> None:
         check_bool(random_start=random_start)
-        self.random_start = bool(random_start)
+        self.draws = bool(random_start)
         # The package before its module: two threads would wait for each other's import.
         names = ("mujoco", "dm_control.suite", f"dm_control.suite.{self.domain}")
         mujoco, _, suite = import_extra("control", *names)
@@ -68,6 +72,9 @@ class ControlTask:
         # Without this stage of collision detection the bits are the same, and the steps faster.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         self.n_actions: int = self.model.nu
+        self.dt = float(self.model.opt.timestep * self.n_substeps)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (self.n_observations,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (self.n_actions,), np.float32)
         self._prepare(self.model)
         self.coverage_grid = CoverageGrid(
             tuple(range(len(self.behavior_low))),
@@ -78,7 +85,7 @@ class ControlTask:
 
     def __eq__(self, other: object) -> bool:
         """Equal tasks begin, observe and succeed alike."""
-        return type(self) is type(other) and self.random_start == other.random_start
+        return type(self) is type(other) and self.draws == other.draws
 
     @property
     def suite(self) -> ModuleType:
@@ -119,14 +126,9 @@ class ControlTask:
         return np.append(state, getattr(model, self.moving_target)("target").pos)
 
     @property
-    def draws(self) -> bool:
-        """Whether episodes begin at random."""
-        return self.random_start
-
-    @property
     def moving_target(self) -> str | None:
         """`target`; None where every episode has it in the same place."""
-        return self.target if self.random_start else None
+        return self.target if self.draws else None
 
     @abstractmethod
     def make_suite_task(self, random: np.random.RandomState) -> Any:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from curiosity_gym.core import Float32Array, Float64Array, Mask
-from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, flat
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, flat
+from curiosity_gym.simulation import Values
 
 
 class Ant(LocomotionTask):
@@ -35,7 +36,6 @@ class Ant(LocomotionTask):
     walks_around = True
 
     contact_cost_weight: float
-    healthy_reward: float
     terminate_when_unhealthy: bool
     healthy_z_range: tuple[float, float]
     contact_force_range: tuple[float, float]
@@ -75,18 +75,8 @@ class Ant(LocomotionTask):
         forces: Float64Array = np.clip(fields.cfrc_ext, *self.contact_force_range)
         return forces
 
-    def reward(
-        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
-    ) -> tuple[Float64Array, Values]:
+    def costs(self, fields: Fields, actions: Float32Array) -> Values:
         """See `LocomotionTask`."""
-        forward = speed * self.forward_reward_weight
-        survive = healthy * self.healthy_reward
-        control = self.control_cost(actions)
         forces = flat(self._contact_forces(fields))
         contact = self.contact_cost_weight * np.square(forces).sum(axis=1)
-        return forward + survive - (control + contact), {
-            "reward_forward": forward,
-            "reward_ctrl": -control,
-            "reward_contact": -contact,
-            "reward_survive": survive,
-        }
+        return {**super().costs(fields, actions), "reward_contact": contact}

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import reduce
+from operator import add
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -17,12 +19,11 @@ from gymnasium import spaces
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
 from curiosity_gym.locomotion.worlds import World
+from curiosity_gym.simulation import Values
 from curiosity_gym.validation import check_choice
 
 Fields = Any
 """Namespace of MuJoCo's fields (`qpos`, `cfrc_ext`, ...), arrays (k, ...)."""
-Values = dict[str, Any]
-"""What an info tells, by its name: arrays (k, ...)."""
 
 BEHAVIORS = ("position", "feet")
 EXTENT = 30.0
@@ -53,8 +54,7 @@ class LocomotionTask:
 
     Raises:
         ValueError: If `behavior` is none of them, or the model lacks the feet it asks for; if the
-            robot cannot turn in a world, or does not start where that does; if an option is not
-            true or false, and Gymnasium's own observations are not in their space.
+            robot cannot turn in a world, or does not start where that does.
     """
 
     env_id: ClassVar[str]
@@ -75,11 +75,14 @@ class LocomotionTask:
     """Attributes that say where in the model something is."""
     n_dimensions: ClassVar[int] = 2
     """Coordinates of a position: those that begin `qpos`."""
+    draws: ClassVar[bool] = True
+    """Whether episodes begin at random."""
     walks_around: ClassVar[bool] = False
     """Whether there can be walls around it."""
 
     forward_reward_weight: float
     ctrl_cost_weight: float
+    healthy_reward: float
     reset_noise_scale: float
     exclude_current_positions_from_observation: bool
 
@@ -95,7 +98,6 @@ class LocomotionTask:
         inner: Any = env.unwrapped
         for name in self.options:
             setattr(self, name, getattr(inner, f"_{name}"))
-        self._check_truths()
         if world is not None:
             self._check_can_be_in_a_world(inner)
         self.behavior_name = behavior
@@ -114,15 +116,6 @@ class LocomotionTask:
         self.needs_forces = "cfrc_ext" in self.fields or behavior == "feet"
         self._prepare(inner)
         self._bound_behavior()
-
-    def _check_truths(self) -> None:
-        for name in self.options:
-            value = getattr(self, name)
-            if name.startswith(("exclude_", "include_")) and not self._is_truth(name, value):
-                raise ValueError(f"`{name}` must be True or False, got {value!r:.60}.")
-
-    def _is_truth(self, name: str, value: Any) -> bool:
-        return value in (True, False)  # Gymnasium multiplies a length by it
 
     def _check_can_be_in_a_world(self, env: Any) -> None:
         if not self.walks_around:
@@ -169,17 +162,10 @@ class LocomotionTask:
             and np.array_equal(_bytes(self.model), _bytes(other.model))
         )
 
-    __hash__ = None  # type: ignore[assignment]  # models have none either
-
     @property
     def all_fields(self) -> tuple[str, ...]:
         """Names of the fields that simulations keep: the task's own, and what tells of feet."""
         return tuple(dict.fromkeys([*self.fields, *(["cfrc_ext"] if self.needs_forces else [])]))
-
-    @property
-    def draws(self) -> bool:
-        """Whether episodes begin at random: always."""
-        return True
 
     def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Float64Array]:
         """Positions and velocities (nq,), (nv,) of a start, drawn as Gymnasium draws them."""
@@ -253,9 +239,17 @@ class LocomotionTask:
             actions: (k, n_actions).
             healthy: (k,).
         """
-        forward = self.forward_reward_weight * speed
-        control = self.control_cost(actions)
-        return forward - control, {"reward_forward": forward, "reward_ctrl": -control}
+        gains: Values = {"reward_forward": self.forward_reward_weight * speed}
+        if "healthy_reward" in self.options:
+            gains["reward_survive"] = healthy * self.healthy_reward
+        costs = self.costs(fields, actions)
+        # Added up in Gymnasium's order.
+        reward = reduce(add, gains.values()) - reduce(add, costs.values())
+        return reward, {**gains, **{name: -cost for name, cost in costs.items()}}
+
+    def costs(self, fields: Fields, actions: Float32Array) -> Values:
+        """What is subtracted from the rewards, (k,) each."""
+        return {"reward_ctrl": self.ctrl_cost_weight * np.square(actions).sum(axis=1)}
 
     def info(self, fields: Fields) -> Values:
         """What the info tells at any time."""
@@ -263,10 +257,6 @@ class LocomotionTask:
         x, y = position.T
         distance = np.sqrt(np.vecdot(position, position))
         return {"x_position": x, "y_position": y, "distance_from_origin": distance}
-
-    def control_cost(self, actions: Float32Array) -> Any:
-        """Weighted squares of the actions, (k,)."""
-        return self.ctrl_cost_weight * np.square(actions).sum(axis=1)
 
     def positions(self, fields: Fields) -> Float64Array:
         """What an observation begins with."""

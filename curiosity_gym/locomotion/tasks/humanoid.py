@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from curiosity_gym.core import Float32Array, Float64Array, Mask
-from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, flat, is_inside
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, flat, is_inside
+from curiosity_gym.simulation import Values
 
 
 class Humanoid(LocomotionTask):
@@ -49,18 +48,12 @@ class Humanoid(LocomotionTask):
 
     contact_cost_weight: float
     contact_cost_range: tuple[float, float]
-    healthy_reward: float
     terminate_when_unhealthy: bool
     healthy_z_range: tuple[float, float]
     include_cinert_in_observation: bool
     include_cvel_in_observation: bool
     include_qfrc_actuator_in_observation: bool
     include_cfrc_ext_in_observation: bool
-
-    def _is_truth(self, name: str, value: Any) -> bool:
-        # Gymnasium multiplies by it, and then includes nothing unless it is True itself.
-        is_half = name.startswith("include_") and value and value is not True
-        return super()._is_truth(name, value) and not is_half
 
     def place(self, fields: Fields) -> Float64Array:
         """The center of mass."""
@@ -84,21 +77,11 @@ class Humanoid(LocomotionTask):
         parts = [flat(values) for is_included, values in optional if is_included is True]
         return np.concatenate([self.positions(fields), fields.qvel, *parts], axis=1)
 
-    def reward(
-        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
-    ) -> tuple[Float64Array, Values]:
+    def costs(self, fields: Fields, actions: Float32Array) -> Values:
         """See `LocomotionTask`."""
-        forward = self.forward_reward_weight * speed
-        survive = healthy * self.healthy_reward
-        control = self.control_cost(fields.ctrl)
         contact = self.contact_cost_weight * np.square(flat(fields.cfrc_ext)).sum(axis=1)
         contact = np.clip(contact, *self.contact_cost_range)
-        return forward + survive - (control + contact), {
-            "reward_survive": survive,
-            "reward_forward": forward,
-            "reward_ctrl": -control,
-            "reward_contact": -contact,
-        }
+        return {**super().costs(fields, fields.ctrl), "reward_contact": contact}
 
     def info(self, fields: Fields) -> Values:
         """See `LocomotionTask`."""

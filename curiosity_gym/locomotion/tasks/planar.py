@@ -6,8 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from curiosity_gym.core import Float32Array, Float64Array, Mask
-from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, Values, is_inside
+from curiosity_gym.core import Float64Array, Mask
+from curiosity_gym.locomotion.tasks.base import Fields, LocomotionTask, is_inside
+from curiosity_gym.simulation import Values
 
 
 class HalfCheetah(LocomotionTask):
@@ -50,7 +51,6 @@ class Walker2d(LocomotionTask):
     feet: ClassVar[tuple[str, ...]] = ("foot_geom", "foot_left_geom")
     n_dimensions = 1
 
-    healthy_reward: float
     terminate_when_unhealthy: bool
     healthy_z_range: tuple[float, float]
     healthy_angle_range: tuple[float, float]
@@ -68,19 +68,6 @@ class Walker2d(LocomotionTask):
         """See `LocomotionTask`."""
         velocities = np.clip(fields.qvel, -10, 10)
         return np.concatenate([self.positions(fields), velocities], axis=1)
-
-    def reward(
-        self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
-    ) -> tuple[Float64Array, Values]:
-        """See `LocomotionTask`."""
-        forward = self.forward_reward_weight * speed
-        survive = healthy * self.healthy_reward
-        control = self.control_cost(actions)
-        return forward + survive - control, {
-            "reward_forward": forward,
-            "reward_ctrl": -control,
-            "reward_survive": survive,
-        }
 
     def info(self, fields: Fields) -> Values:
         """See `LocomotionTask`."""

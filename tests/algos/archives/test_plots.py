@@ -12,7 +12,8 @@ from matplotlib.colors import LogNorm, to_rgba
 
 from curiosity_algos.archives.plots import plot_archive
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_gym.layouts import BUILT_IN, MazeLayout
+from curiosity_gym.built_in import BUILT_IN
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.viewer import FLOOR, WALL
 
 WIDE = MazeLayout("wide", 40, 20, (5, 5), (35, 5), [[18, 0, 4, 10]])

@@ -213,7 +213,7 @@ class TestStep:
     def test_raises_where_the_physics_fail_and_needs_a_reset_then(self):
         env = ControlEnv("ball_in_cup")
         env.reset()
-        env._simulation._batch.bind("qvel")[0, 0] = 1e12
+        env.simulation._batch.bind("qvel")[0, 0] = 1e12
         with pytest.raises(SimulationError, match="simulation 0"):
             env.step(np.zeros(2))
         with pytest.raises(ResetNeeded):

@@ -141,7 +141,7 @@ class TestRandomStarts:
         other.reset(rngs=self.rngs()[::-1])
         actions = make_actions("bang-bang", 20, task.n_actions)[:, None]
         simulation.step(actions[0])
-        other.restore(simulation.state)
+        other.restore(simulation.state, simulation.observations)
         for action in actions:
             np.testing.assert_array_equal(simulation.step(action), other.step(action))
             np.testing.assert_array_equal(simulation.observations, other.observations)

@@ -169,7 +169,7 @@ class TestStep:
     def test_raises_where_the_physics_fail_and_needs_a_reset_then(self, actions, assert_identical):
         envs, twins = make_native(), make_native()
         envs.reset()
-        envs._simulation._batch.bind("qvel")[3, 0] = 1e12
+        envs.simulation._batch.bind("qvel")[3, 0] = 1e12
         with pytest.raises(SimulationError, match="simulation 3"):
             envs.step(actions[0])
         with pytest.raises(ResetNeeded):

@@ -65,7 +65,7 @@ class TestWalls:
         keywords = {"terminate_when_unhealthy": False, "xml_file": xml}
         env = LocomotionEnv("Ant-v5", world="trap", env_kwargs=keywords)
         env.reset(seed=0)
-        data = env._simulation.data[0]
+        data = env.simulation.data[0]
         for _ in range(100):  # through a wall, it would end at the goal
             data.qvel[:2] = 4.0, 0.0
             env.step(np.zeros(8, np.float32))
@@ -142,7 +142,7 @@ class TestRewards:
     def test_end_at_the_goal(self, sparse):
         env = make("AntTrap", sparse=sparse, horizon=100)
         env.reset(seed=0)
-        data = env._simulation.data[0]
+        data = env.simulation.data[0]
         goal = np.array(TRAP.goal) - TRAP.start
         for offset, is_reached in ((GOAL_RADIUS + 0.3, False), (GOAL_RADIUS - 0.3, True)):
             data.qpos[:2] = goal[0] + offset, goal[1]

@@ -6,7 +6,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_gym.layouts import BUILT_IN, ROBOT_RADIUS, MazeLayout
+from curiosity_gym.built_in import BUILT_IN
+from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
 from curiosity_gym.maze.dynamics import (
     DT,
     MARGIN,

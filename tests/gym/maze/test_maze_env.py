@@ -12,7 +12,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
-from curiosity_gym.layouts import BUILT_IN, MazeLayout, reachable_cells
+from curiosity_gym.built_in import BUILT_IN
+from curiosity_gym.layouts import MazeLayout, reachable_cells
 from curiosity_gym.maze.dynamics import DT
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.registration import SPECS

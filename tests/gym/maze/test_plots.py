@@ -8,7 +8,7 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import PatchCollection, PathCollection
 from matplotlib.colors import LogNorm, to_rgba
 
-from curiosity_gym.layouts import BUILT_IN
+from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.maze.plots import draw_densities, draw_layout, plot_density
 
 

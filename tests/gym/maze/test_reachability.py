@@ -4,7 +4,8 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from curiosity_gym.layouts import BUILT_IN, ROBOT_RADIUS
+from curiosity_gym.built_in import BUILT_IN
+from curiosity_gym.layouts import ROBOT_RADIUS
 from curiosity_gym.maze.reachability import reachable_region
 
 SIZE = (16.0, 12.0)

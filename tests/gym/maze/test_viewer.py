@@ -3,10 +3,10 @@ import sys
 
 import numpy as np
 import pytest
-from gymnasium.error import DependencyNotInstalled
 from PIL import ImageColor
 
-from curiosity_gym.layouts import BUILT_IN, MazeLayout
+from curiosity_gym.built_in import BUILT_IN
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze import viewer as viewer_module
 from curiosity_gym.maze.viewer import MazeViewer
 
@@ -27,12 +27,6 @@ def color_at(frame, x, y, scale=SCALE):
 
 def rgb(name):
     return ImageColor.getrgb(getattr(viewer_module, name))
-
-
-@pytest.fixture
-def dummy_screen(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    return pytest.importorskip("pygame")
 
 
 class TestDraw:
@@ -112,35 +106,6 @@ class TestDraw:
     def test_any_number_of_beams(self):
         frame = make_viewer(n_beams=0).draw(AT_REST, np.empty(0))
         assert frame.shape == (SIZE, SIZE, 3)
-
-
-class TestShow:
-    def test_window_holds_the_frame(self, dummy_screen):
-        viewer = make_viewer(fps=1000)
-        for x in (55.0, 60.0):
-            frame = viewer.draw((x, 105.0, 0.0, 0.0), NO_BEAMS)
-            viewer.show(frame)
-            window = dummy_screen.surfarray.array3d(dummy_screen.display.get_surface())
-            np.testing.assert_array_equal(window.transpose(1, 0, 2), frame)
-        viewer.close()
-
-    def test_close_may_be_repeated_and_undone(self, dummy_screen):
-        viewer = make_viewer(fps=1000)
-        viewer.close()
-        frame = viewer.draw(AT_REST, NO_BEAMS)
-        for _ in range(2):
-            viewer.show(frame)
-            assert dummy_screen.display.get_init()
-            viewer.close()
-            viewer.close()
-            assert not dummy_screen.display.get_init()
-
-    def test_missing_pygame_is_named(self, monkeypatch):
-        monkeypatch.setitem(sys.modules, "pygame", None)
-        viewer = make_viewer()
-        command = r'`pip install "curiosity-search\[render\]"`'
-        with pytest.raises(DependencyNotInstalled, match=rf"needs pygame.*{command}\.$"):
-            viewer.show(viewer.draw(AT_REST, NO_BEAMS))
 
 
 def test_import_loads_neither_pygame_nor_matplotlib():

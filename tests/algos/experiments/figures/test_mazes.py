@@ -8,7 +8,7 @@ import pytest
 from matplotlib.collections import LineCollection, PathCollection
 
 from curiosity_algos.experiments.figures.mazes import show_final_states, show_mazes
-from curiosity_gym.layouts import BUILT_IN
+from curiosity_gym.built_in import BUILT_IN
 
 ENVS = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0"]
 

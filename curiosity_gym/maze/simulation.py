@@ -1,0 +1,190 @@
+"""n robots in one maze: the state of all in arrays, one compiled call a step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from curiosity_gym.compiled import ThreadPool, compiled
+from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
+from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, reachable_cells
+from curiosity_gym.maze.dynamics import DT, MARGIN, N_BASE_FEATURES, Maze, observe, step
+from curiosity_gym.simulation import BaseSimulation, Ids, Values
+
+ENVS_PER_THREAD = 128
+"""Least number of robots a thread: handing fewer over costs more than stepping them."""
+NEAREST = ROBOT_RADIUS - 1.01 * MARGIN
+"""Least distance from a wall to a robot that slides past its corner, less a bit for rounding."""
+TOLERANCE = 1e-4
+"""How far an observation may be off on another processor, whose cosines may end in other bits."""
+
+
+@compiled
+def _step_slice(
+    maze: Maze,
+    begin: int,
+    end: int,
+    ids: Ids,
+    states: Float64Array,
+    actions: Float32Array,
+    observations: Float32Array,
+    success: Mask,
+) -> None:
+    """Step the robots `ids[begin:end]`."""
+    for k in range(begin, end):
+        i = ids[k]
+        success[i] = step(maze, states[i], actions[k], observations[i])
+
+
+@compiled
+def _observe(maze: Maze, ids: Ids, states: Float64Array, observations: Float32Array) -> None:
+    for i in ids:
+        observe(maze, states[i], observations[i])
+
+
+class MazeSimulation(BaseSimulation):
+    """n robots in the same maze.
+
+    Args:
+        layout: The maze.
+        maze: The same, for the compiled functions.
+        lidar_range: Reach of the beams (maze units).
+        n: Number of robots.
+        n_threads: At least 1; None: as many as there are processors. Results do not depend on it.
+
+    Attributes:
+        states: (n, 4) x, y, vx, vy.
+
+    Raises:
+        ValueError: If `n_threads` is less than 1.
+    """
+
+    fps = round(1.0 / DT)
+    draws = False
+
+    def __init__(
+        self,
+        layout: MazeLayout,
+        maze: Maze,
+        lidar_range: float,
+        n: int = 1,
+        n_threads: int | None = None,
+    ) -> None:
+        self.layout, self.maze, self.lidar_range, self.n = layout, maze, lidar_range, n
+        n_beams = len(maze.inverse_x)
+        low = np.concatenate([np.full(N_BASE_FEATURES, -1.0), np.zeros(n_beams)]).astype(np.float32)
+        self.observation_space = spaces.Box(low, np.ones_like(low))
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        world, speed = np.array([layout.width, layout.height]), np.full(2, maze.max_speed)
+        bounds = np.append(np.zeros(2), -speed), np.append(world, speed)
+        self.behavior_space = spaces.Box(*bounds, dtype=np.float64)
+        cells = reachable_cells(layout)
+        self.coverage_grid = CoverageGrid((0, 1), np.zeros(2), world, reachable=cells)
+        self.observations = np.zeros((n, *low.shape), dtype=np.float32)
+        self.success = np.zeros(n, dtype=np.bool_)
+        self.states = np.tile(maze.start, (n, 1))
+        self._all = np.arange(n)
+        self._pool = ThreadPool(n_threads)
+
+    def replicate(self, n: int, n_threads: int | None) -> MazeSimulation:
+        """See `BaseSimulation`."""
+        return MazeSimulation(self.layout, self.maze, self.lidar_range, n, n_threads)
+
+    def reset(
+        self,
+        ids: Ids | None = None,
+        rngs: Sequence[np.random.Generator] = (),
+        options: dict[str, Any] | None = None,
+    ) -> None:
+        """See `BaseSimulation`; the options may hold a `state` to begin at, x, y, vx, vy.
+
+        Raises:
+            ValueError: If that is not four finite numbers, too fast, or inside a wall.
+        """
+        ids = self._all if ids is None else ids
+        self.states[ids] = self._start(options)
+        self.success[ids] = False
+        _observe(self.maze, ids, self.states, self.observations)
+
+    def _start(self, options: dict[str, Any] | None) -> Float64Array:
+        if not options or options.get("state") is None:
+            return self.maze.start
+        state = _four_numbers(options["state"])
+        self._check_robots(state[None], name='options["state"]')
+        return state
+
+    def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
+        """See `BaseSimulation`."""
+        rows = self._all if ids is None else ids
+
+        def run(begin: int, end: int) -> None:
+            arrays = (rows, self.states, actions, self.observations, self.success)
+            _step_slice(self.maze, begin, end, *arrays)
+
+        n_slices = min(self._pool.n_threads, len(rows) // ENVS_PER_THREAD)
+        if n_slices < 2:
+            run(0, len(rows))
+        else:
+            self._pool.run(run, len(rows), n_slices)
+        return self.success.copy() if ids is None else self.success[ids]
+
+    @property
+    def info(self) -> Values:
+        """See `BaseSimulation`."""
+        position, velocity = self.states[:, :2].copy(), self.states[:, 2:].copy()
+        return {"position": position, "velocity": velocity, "behavior": self.states.copy()}
+
+    @property
+    def state(self) -> Float64Array:
+        """See `BaseSimulation`."""
+        return self.states.copy()
+
+    def restore(self, state: Float64Array, observations: FloatArray) -> None:
+        """See `BaseSimulation`; robots must be able to stand there, and see this maze there."""
+        self._check_robots(state, name="state")
+        expected = np.empty_like(self.observations)
+        _observe(self.maze, self._all, state, expected)
+        if not np.allclose(observations, expected, rtol=0.0, atol=TOLERANCE):
+            raise ValueError(
+                "`state` must be of this maze: its observations are not what is seen there."
+            )
+        self.states[:], self.observations[:] = state, observations
+
+    def _check_robots(self, states: Float64Array, *, name: str) -> None:
+        """Raise ValueError, naming an argument, unless robots go and stand as they may."""
+        if (np.abs(states[:, 2:]) > self.maze.max_speed).any():
+            raise ValueError(f"`{name}` must not be faster than {self.maze.max_speed:g} per axis.")
+        places = states[:, None, :2]
+        low, high = self.layout.walls[:, :2], self.layout.walls.reshape(-1, 2, 2).sum(axis=1)
+        inside = (places > low - NEAREST) & (places < high + NEAREST)
+        limit = np.array([self.layout.width, self.layout.height]) - NEAREST
+        in_world = ((places >= NEAREST) & (places <= limit)).all(axis=(1, 2))
+        wrong = states[~in_world | inside.all(axis=2).any(axis=1)]
+        if len(wrong):
+            x, y = wrong[0, :2]
+            raise ValueError(
+                f"`{name}` must leave the robot {ROBOT_RADIUS:g} from walls and border, "
+                f"got ({x:g}, {y:g})."
+            )
+
+    def draw(self, viewer: Any, index: int) -> Frame:
+        """See `BaseSimulation`."""
+        beams = self.observations[index, N_BASE_FEATURES:] * self.lidar_range
+        frame: Frame = viewer.draw(self.states[index], beams)
+        return frame
+
+
+def _four_numbers(value: object) -> npt.NDArray[np.float64]:
+    try:
+        state = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        state = np.empty(0)
+    if state.shape != (4,) or not np.isfinite(state).all():
+        raise ValueError(
+            f'`options["state"]` must be 4 finite numbers x, y, vx, vy, got {value!r:.60}.'
+        )
+    return state

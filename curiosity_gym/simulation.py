@@ -1,0 +1,177 @@
+"""The base of what simulates: the single and the vector environments of a kind drive the same."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from curiosity_gym.core import CoverageGrid, Float64Array, FloatArray, Frame, Mask
+
+Ids = npt.NDArray[np.int64]
+Values = dict[str, Any]
+"""What an info tells, by its name: arrays (k, ...)."""
+
+
+class BaseSimulation:
+    """n episodes of one task, advanced side by side.
+
+    Attributes:
+        observation_space: Of a single environment, like the other spaces.
+        coverage_grid: The cells of the behavior that coverage counts.
+        fps: Steps a second.
+        draws: Whether episodes begin at random.
+        n: Number of episodes.
+        observations: (n, O), overwritten by each step.
+        rewards: (n,) of the last step of each, of a kind that does not reward success alone.
+        success: (n,) whether that step reached the goal.
+    """
+
+    observation_space: spaces.Box[Any]
+    action_space: spaces.Box[np.float32]
+    behavior_space: spaces.Box[np.float64]
+    coverage_grid: CoverageGrid
+    fps: int
+    draws: bool
+    n: int
+    observations: FloatArray
+    rewards: Float64Array
+    success: Mask
+
+    @abstractmethod
+    def replicate(self, n: int, n_threads: int | None) -> Self:
+        """N simulations of the same task; None: as many threads as there are processors."""
+
+    @abstractmethod
+    def reset(
+        self,
+        ids: Ids | None = None,
+        rngs: Sequence[np.random.Generator] = (),
+        options: dict[str, Any] | None = None,
+    ) -> None:
+        """Begin episodes; the others stay as they are.
+
+        Args:
+            ids: Which, sorted; None: all.
+            rngs: What random starts are drawn from, one for each of `ids`, or one for all of them,
+                which then begin alike. Fixed starts take none.
+            options: Those of a reset; they are checked before anything changes.
+        """
+
+    @abstractmethod
+    def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
+        """Advance episodes by a step; which of them it ends, (k,), a new array.
+
+        Args:
+            actions: (k, A), one row for each of `ids`.
+            ids: k of them, sorted; None: all.
+        """
+
+    def advance(
+        self, actions: npt.NDArray[np.floating[Any]], resets: Mask, rngs: list[np.random.Generator]
+    ) -> Mask:
+        """Step all (n, A), but begin an episode in those of `resets`; which a step ended, (n,)."""
+        if not resets.any():
+            return self.step(actions)
+        ended = np.zeros(self.n, dtype=np.bool_)
+        going, ids = np.flatnonzero(~resets), np.flatnonzero(resets)
+        ended[going] = self.step(actions[going], going)
+        self.reset(ids, [rngs[i] for i in ids] if rngs else ())
+        return ended
+
+    @property
+    @abstractmethod
+    def info(self) -> Values:
+        """What the infos tell at any time, new arrays (n, ...), the behavior among them."""
+
+    @property
+    def outcome(self) -> Values:
+        """What they tell of the last step of each beside that, new arrays (n, ...)."""
+        return {}
+
+    @property
+    @abstractmethod
+    def state(self) -> Float64Array:
+        """(n, S) all that the next steps depend on, finite; a new array."""
+
+    @abstractmethod
+    def restore(self, state: Float64Array, observations: FloatArray) -> None:
+        """Go on from a `state` and what was observed there, bit for bit.
+
+        Raises:
+            ValueError: If no episode leads there; the simulations are where they were then.
+        """
+
+    @abstractmethod
+    def draw(self, viewer: Any, index: int) -> Frame:
+        """A picture (height, width, 3) of one of them."""
+
+
+class MujocoSimulation(BaseSimulation):
+    """n simulations of a task of MuJoCo's.
+
+    Args:
+        task: The task that is simulated.
+        n: Number of simulations.
+        n_threads: At least 1; None: as many as there are processors. Results do not depend on it.
+    """
+
+    _kept: ClassVar[tuple[str, ...]] = ("observations", "success")
+    """Attributes that are pickled; the constructor makes the others, and `_put` fills them."""
+
+    def __init__(self, task: Any, n: int, n_threads: int | None = None) -> None:
+        self.task = task
+        self.n = n
+        self.n_threads = n_threads
+        self.observation_space, self.action_space = task.observation_space, task.action_space
+        self.behavior_space = spaces.Box(task.behavior_low, task.behavior_high, dtype=np.float64)
+        self.coverage_grid = task.coverage_grid
+        self.fps = round(1.0 / task.dt)
+        self.draws = task.draws
+        self.observations = np.zeros((n, task.n_observations), task.observation_space.dtype)
+        self.success = np.zeros(n, dtype=np.bool_)
+
+    def replicate(self, n: int, n_threads: int | None) -> Self:
+        """See `BaseSimulation`."""
+        return type(self)(self.task, n, n_threads)
+
+    def restore(self, state: Float64Array, observations: FloatArray) -> None:
+        """See `BaseSimulation`; observations are given, as no state has the forces of contacts."""
+        before = self.state
+        self._put(state)
+        if self._has_warned():
+            self._put(before)
+            raise ValueError("`state` must be one that physics led to: MuJoCo warns of it.")
+        self.observations[:] = observations
+
+    @abstractmethod
+    def _put(self, state: Float64Array) -> None:
+        """Write the states and what derives from them, as a step leaves it."""
+
+    @abstractmethod
+    def _has_warned(self) -> bool:
+        """Whether MuJoCo warned of a state; it does not any more."""
+
+    @abstractmethod
+    def write_data(self, simulation: int, data: Any) -> None:
+        """Write one simulation's state and derived fields into an `MjData`, to draw it."""
+
+    def draw(self, viewer: Any, index: int) -> Frame:
+        """See `BaseSimulation`."""
+        frame: Frame = viewer.draw(self, index)
+        return frame
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the state of the physics: what simulates owns threads and does not pickle."""
+        made_of = {"made_of": (self.task, self.n, self.n_threads), "state": self.state}
+        return {**made_of, **{name: getattr(self, name) for name in self._kept}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the simulations anew: the next step gives the same bits as that of the original."""
+        self.__init__(*state.pop("made_of"))  # type: ignore[misc]
+        self._put(state.pop("state"))
+        self.__dict__.update(state)

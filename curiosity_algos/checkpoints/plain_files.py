@@ -21,31 +21,6 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def as_tensors(value: Any) -> Any:
-    """A copy of nested values: tensors for numpy's arrays, Python's numbers for its scalars."""
-    return _mapped(value, np.ndarray | np.generic, _as_tensor)
-
-
-def as_arrays(value: Any) -> Any:
-    """A copy of nested values: numpy's arrays for tensors."""
-    return _mapped(value, th.Tensor, lambda tensor: tensor.numpy())
-
-
-def _as_tensor(value: Any) -> Any:
-    return th.from_numpy(value) if isinstance(value, np.ndarray) else plain(value)
-
-
-def _mapped(value: Any, kind: Any, function: Any) -> Any:
-    if isinstance(value, kind):
-        return function(value)
-    if isinstance(value, dict):
-        return {key: _mapped(each, kind, function) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        mapped = [_mapped(each, kind, function) for each in value]
-        return mapped if isinstance(value, list) else tuple(mapped)
-    return value
-
-
 def is_plain(value: Any) -> bool:
     """Whether torch reads it back without running code: tensors and plain values."""
     if isinstance(value, Mapping):

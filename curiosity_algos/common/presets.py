@@ -7,7 +7,6 @@ from typing import Any
 
 import yaml
 
-from curiosity_gym.registration import SPECS
 from curiosity_gym.validation import check_choice
 
 # Not by paths: the package may lie in an archive.
@@ -29,11 +28,11 @@ def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, An
         What differs from the defaults; empty where the defaults are the preset's settings.
 
     Raises:
-        ValueError: If there is no such preset, it has no settings of the algorithm for the
-            environment, or its file is no table of keywords by algorithm and id.
+        ValueError: If there is no such preset, or it has no settings of the algorithm for the
+            environment.
     """
     check_choice(PRESETS, preset=preset)
-    table = _read(preset)
+    table = yaml.safe_load(_FILES[f"{preset}.yml"].read_text())
     if algorithm not in table:
         known = ", ".join(table)
         raise ValueError(f'`preset` "{preset}" is of {known}, not of {algorithm}.')
@@ -42,18 +41,3 @@ def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, An
         known = ", ".join(settings)
         raise ValueError(f'`preset` "{preset}" of {algorithm} is for {known}, not for {env_id}.')
     return dict(settings[env_id])
-
-
-def _read(preset: str) -> dict[str, dict[str, dict[str, Any]]]:
-    """The keywords of each algorithm and environment; classes check that keywords are their own."""
-    table: dict[str, dict[str, dict[str, Any]]] = yaml.safe_load(
-        _FILES[f"{preset}.yml"].read_text()
-    )
-    for algorithm, settings in table.items():
-        for env_id, keywords in settings.items():
-            if env_id not in SPECS or not isinstance(keywords, dict):
-                raise ValueError(
-                    f"{preset}.yml must have keywords for each id of curiosity_gym, of {algorithm} "
-                    f"it has {env_id}: {keywords}."
-                )
-    return table

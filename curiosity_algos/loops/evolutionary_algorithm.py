@@ -34,7 +34,6 @@ from curiosity_algos.evaluation.evaluator import (
     check_policy_kwargs,
     make_evaluator,
 )
-from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.generation import as_step
@@ -56,7 +55,7 @@ class AlgorithmKeywords(TypedDict, total=False):
     _init_setup_model: bool
 
 
-class EvolutionaryAlgorithm(FromPreset, PopulationModel):
+class EvolutionaryAlgorithm(PopulationModel):
     """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
 
     A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is

@@ -7,16 +7,15 @@ import os
 import pathlib
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 import torch as th
-from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import TensorDict
 
 from curiosity_algos.checkpoints.model_file import read_attributes, read_model, save_model
 from curiosity_algos.checkpoints.parts import read_parts
-from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator
+from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.validation import check_choice
@@ -32,6 +31,12 @@ class PopulationModel(Resumable):
     evaluator: Evaluator | None
     _evaluator_choice: Evaluator | str
     _best_parameters: Float32Array | None
+    _attributes: ClassVar = {
+        "policy": "policy_class",
+        "evaluator": "_evaluator_choice",
+        "archive": "_own_archive",
+    }
+    """By argument of the constructor, the attribute of another name that it is kept in."""
     _user_parts: dict[str, list[str]]
     """By argument, the kinds of parts that the user passed: no file holds them."""
 
@@ -141,53 +146,6 @@ class PopulationModel(Resumable):
         save_model(self, path, exclude, include, plain=True, policy_class=policy)
 
     @classmethod
-    def load(
-        cls,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        env: AnyEnv | None = None,
-        device: th.device | str = "auto",
-        custom_objects: dict[str, Any] | None = None,
-        print_system_info: bool = False,
-        force_reset: bool = True,
-        *,
-        allow_pickle: bool = False,
-        **kwargs: Any,
-    ) -> Self:
-        """Load a model, without running code that the file holds.
-
-        Args:
-            path: Of the file; `.zip` may be left out.
-            env: As in the constructor; None: the model can predict, and learn after `set_env`.
-            device: As in the constructor.
-            custom_objects: By name, what to take in place of the attributes in the file.
-            print_system_info: As in SB3.
-            force_reset: As in SB3.
-            allow_pickle: Also read objects of classes that are not of this package, which can run
-                any code: only for files that you trust.
-            **kwargs: Other names replace the model's attributes, objects that the file could only
-                hold with cloudpickle among them (`policy=MyPolicy`, `bonus=my_bonus`), and
-                `evaluator`, which no file holds. `seed` begins every random draw anew, see
-                `set_random_seed`; without it they go on.
-
-        Raises:
-            FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if it holds objects
-                that are not given here; if a keyword would replace a setting that what is in the
-                file was made with.
-            RuntimeError: If a `bonus` given here is made in another way than the one saved.
-        """
-        return super().load(
-            path,
-            env,
-            device,
-            custom_objects,
-            print_system_info,
-            force_reset,
-            allow_pickle=allow_pickle,
-            **kwargs,
-        )
-
-    @classmethod
     def _read(
         cls,
         file: pathlib.Path | io.BufferedIOBase,
@@ -200,15 +158,13 @@ class PopulationModel(Resumable):
         name, allow_pickle = cls.__name__, given.pop("allow_pickle")
         # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
         custom = {k: v for k, v in (custom_objects or {}).items() if k != "learning_rate"}
-        if "policy" in given:
-            custom["policy_class"] = given.pop("policy")
-        if "evaluator" in given:
-            given["_evaluator_choice"] = given.pop("evaluator")
+        given = {cls._attributes.get(k, k): value for k, value in given.items()}
         attributes = read_attributes(
             file, name, custom | given, fixed=cls._fixed_settings(), allow_pickle=allow_pickle
         )
-        if isinstance(attributes.get("policy_class"), str):
-            attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
+        if isinstance(policy := attributes.get("policy_class"), str):
+            check_choice(tuple(cls.policy_aliases), policy=policy)
+            attributes["policy_class"] = cls.policy_aliases[policy]
         data, parameters = read_model(file, name, device, attributes, print_system_info)
         had = data["_user_parts"].get("evaluator")
         if env is not None and had and "_evaluator_choice" not in given:
@@ -216,7 +172,7 @@ class PopulationModel(Resumable):
                 '`evaluator` must be given to `load`, or "auto": the saved model had one, '
                 f"{had[0]}."
             )
-        return data | given, parameters
+        return given | data, parameters
 
     def _go_on(self, read: Mapping[str, Any]) -> None:
         self._put_back(read)
@@ -235,11 +191,6 @@ class PopulationModel(Resumable):
                 current.bit_generator.state = value.bit_generator.state  # parts may draw from it
             else:
                 vars(self)[name] = value
-
-    @classmethod
-    def _policy_of(cls, alias: str) -> type[BasePolicy]:
-        check_choice(tuple(cls.policy_aliases), policy=alias)
-        return cls.policy_aliases[alias]
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:

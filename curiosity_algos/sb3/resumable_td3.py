@@ -47,7 +47,6 @@ from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.sb3.action_noise import GaussianActionNoise
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_algos.sb3.td3_envs import check_env, check_length, longest_episode
@@ -60,7 +59,7 @@ from curiosity_gym.validation import (
 )
 
 
-class ResumableTD3(FromPreset, Resumable, TD3):
+class ResumableTD3(Resumable, TD3):
     """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
 
     A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout

@@ -12,7 +12,6 @@ import yaml
 
 import curiosity_algos
 from curiosity_algos import NSES, TD3ICM, load_preset
-from curiosity_algos.common import presets
 from curiosity_algos.common.presets import PRESETS
 from curiosity_algos.experiments.names import ALGORITHMS
 
@@ -48,20 +47,6 @@ def test_every_algorithm_and_task_has_settings(preset):
         assert settings.keys() == {*MAZES, *aliases, *CONTROL}
         taken = inspect.signature(getattr(curiosity_algos, algorithm)).parameters.keys()
         assert all(keywords.keys() <= taken for keywords in settings.values())
-
-
-class TestFile:
-    @pytest.fixture
-    def write(self, tmp_path, monkeypatch):
-        path = tmp_path / "paper.yml"
-        monkeypatch.setitem(presets._FILES, "paper.yml", path)
-        return path.write_text
-
-    def test_environments_must_be_known(self, write):
-        for text in ("CuriosityMaze-Hrd-v0: {}", f"{HARD}:", f"{HARD}: 3", f"{HARD}: [sigma]"):
-            write(f"NSES: {{{HARD}: {{}}}}\nCuriosityES:\n  {text}")
-            with pytest.raises(ValueError, match="of CuriosityES it has Curiosity"):
-                load_preset("paper", "NSES", HARD)
 
 
 def test_the_papers_td3_is_the_class_but_for_its_inputs():

@@ -17,7 +17,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.evaluation.vector_infos import has_generators, info_of
+from curiosity_algos.evaluation.vector_infos import has_generators, info_rows
 
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
@@ -165,7 +165,9 @@ class GymnasiumBatch:
             infos = infos["final_info"]
         elif self._mode == AutoresetMode.DISABLED and ended.any():
             self._env.reset(options={"reset_mask": ended})
-        last = {i: info_of(infos, i) for i in np.flatnonzero(ended & active).tolist()}
+        gone = np.flatnonzero(ended & active).tolist()
+        rows = info_rows(infos, self.n) if gone else []
+        last = {i: rows[i] for i in gone}
         return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last, behaviors)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,22 +19,25 @@ def has_generators(env: VectorEnv[Any, Any, Any]) -> bool:
     return hasattr(inner, "env_fns") or isinstance(inner, EpisodicVectorEnv)
 
 
-def info_of(infos: Mapping[str, Any], i: int) -> dict[str, Any]:
-    """One env's entries of a VectorEnv's infos (`_key` masks whether env i has `key`)."""
-    return {
-        key: info_of(values, i) if isinstance(values, Mapping) else _number(values[i])
-        for key, values, has in entries_of(infos)
-        if has is None or has[i]
-    }
+def info_rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
+    """Infos of a VectorEnv as one dictionary an env, those of ended episodes aside.
 
-
-def _number(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def entries_of(infos: Mapping[str, Any], default: Any = None) -> Iterator[tuple[str, Any, Any]]:
-    """Name, values and mask of each entry; in a dictionary that has one, its own may have none."""
+    `_key` masks which envs have `key`; in a dictionary that has a mask, its own may have none.
+    """
+    rows: list[dict[str, Any]] = [{} for _ in range(n)]
     for key, values in infos.items():
-        if key not in _FINAL and not (key.startswith("_") and key[1:] in infos):
-            mask = infos.get(f"_{key}")
-            yield key, values, default if mask is None else mask.tolist()
+        if key in _FINAL or (key.startswith("_") and key[1:] in infos):
+            continue
+        mask = infos.get(f"_{key}")
+        has = [True] * n if mask is None else mask.tolist()
+        for row, value, is_there in zip(rows, _each(values, n), has, strict=True):
+            if is_there:
+                row[key] = value
+    return rows
+
+
+def _each(values: Any, n: int) -> Any:
+    """One value an env; numbers as Python has them."""
+    if isinstance(values, Mapping):
+        return info_rows(values, n)
+    return values.tolist() if isinstance(values, np.ndarray) and values.ndim == 1 else values

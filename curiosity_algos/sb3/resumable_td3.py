@@ -47,9 +47,13 @@ from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.sb3.action_noise import GaussianActionNoise
 from curiosity_algos.sb3.resumable import Resumable
-from curiosity_algos.sb3.td3_envs import check_env, check_length, longest_episode
+from curiosity_algos.sb3.td3_envs import (
+    GaussianActionNoise,
+    check_env,
+    check_length,
+    longest_episode,
+)
 from curiosity_gym.validation import (
     LARGEST_COUNT,
     check_at_least_one,

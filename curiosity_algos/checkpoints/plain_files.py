@@ -32,11 +32,7 @@ def is_plain(value: Any) -> bool:
 
 
 def check_plain(state: Any, name: str) -> None:
-    """Check that a file can hold the state of the argument `name`.
-
-    Raises:
-        ValueError: If it cannot.
-    """
+    """Raise ValueError unless a file can hold the state of the argument `name`."""
     if not is_plain(state):
         raise ValueError(f"`{name}` must have a state of tensors and plain values.")
 
@@ -48,17 +44,7 @@ def write_plain(path: str | os.PathLike[str], content: dict[str, Any], kind: str
 
 
 def read_plain(path: str | os.PathLike[str], kind: str, *, what: str) -> dict[str, Any]:
-    """Read a file of a kind.
-
-    Args:
-        path: Of the file.
-        kind: As it was written.
-        what: The name of such things, for errors.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-        ValueError: If it is damaged, or of another kind.
-    """
+    """Read a file of a kind, as it was written; errors call it `what`."""
     if not Path(path).is_file():
         raise FileNotFoundError(f"`path` must be a saved {what}, there is no file {path}.")
     try:  # torch's unpickler may fail at anything that is no whole zip

@@ -27,14 +27,8 @@ def play(
     """One episode of each policy, in blocks where there are more than the evaluator's `block_size`.
 
     Summaries take the place of trajectories then, and are the same as of the whole. An evaluator
-    without a `block_size` gets all policies at once.
-
-    Args:
-        evaluator: Plays them.
-        parameters: (P, n_parameters).
-        seed: Of every episode's reset.
-        make_summarizers: Called once, before anything is played, where blocks are; None:
-            trajectories are needed whole.
+    without a `block_size` gets all policies (P, n_parameters) at once, and so does any where
+    `make_summarizers` is None, as trajectories are needed whole.
     """
     n = len(parameters)
     if make_summarizers is None:
@@ -56,12 +50,7 @@ def summarize_in_blocks(
 ) -> Rollouts:
     """Play policies in blocks, and read what is needed of the trajectories of each.
 
-    Args:
-        evaluator: Plays them.
-        parameters: (P, n_parameters).
-        seed: Of every episode's reset.
-        summarizers: By the name of their summary.
-        first: Number of the first policy in the population that these are a part of.
+    The policies (P, n_parameters) are those of a population from its `first` on.
     """
     n = len(parameters)
     size = _block_size(evaluator, n)

@@ -61,11 +61,7 @@ class Coverage:
             self._visited.add_cells(np.asarray(visited).tolist())
 
     def add_steps(self, behaviors: Sequence[Any]) -> None:
-        """Count the cells that steps of episodes ended in, by the behaviors (B,) after them.
-
-        Raises:
-            ValueError: If they are no numbers, or not of one shape.
-        """
+        """Count the cells that steps of episodes ended in, by the behaviors (B,) after them."""
         self._visited.add_each(behaviors)
 
     @property

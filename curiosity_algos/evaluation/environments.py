@@ -31,12 +31,7 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 
 
 class MadeVecEnv(DummyVecEnv):
-    """An environment that an id or a function made, and how to make more of its kind.
-
-    Args:
-        env: The first.
-        make: Makes another.
-    """
+    """An environment that an id or a function made, and how to make more of its kind."""
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
@@ -44,12 +39,7 @@ class MadeVecEnv(DummyVecEnv):
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:
-    """The environment of an id, or of a function that makes one; anything else as it is.
-
-    Args:
-        env: An id, a function without arguments, or an environment.
-        **kwargs: Of `gymnasium.make`, for an id.
-    """
+    """The environment of an id, with keywords, or of a function; anything else as it is."""
     if isinstance(env, str):
         made = gym.make(env, **kwargs)
         assert made.spec is not None

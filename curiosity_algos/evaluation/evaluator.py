@@ -85,11 +85,7 @@ def make_evaluator(
 
 
 def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
-    """The hidden layers' widths.
-
-    Raises:
-        ValueError: If a key other than `net_arch` is there, or `net_arch` is no list.
-    """
+    """The hidden layers' widths; raises ValueError where there are other keys, or no list."""
     if not isinstance(policy_kwargs, dict | None):
         raise ValueError(f"`policy_kwargs` must be a dictionary or None, got {policy_kwargs!r}.")
     given = dict(policy_kwargs or {})

@@ -29,11 +29,7 @@ MAX_LOSSES = 5
 
 
 def _packed(evaluator: Evaluator) -> bytes:
-    """A pickled function that makes a worker's evaluator: with environments of its own, or a copy.
-
-    Raises:
-        ValueError: If workers can have neither.
-    """
+    """A pickled function that makes a worker's evaluator: one anew, or a copy."""
     try:
         if not isinstance(evaluator, VectorEvaluator):  # a description, such as that of a maze
             return _pickled(partial(_itself, evaluator))
@@ -153,13 +149,8 @@ class RayEvaluator:
     ) -> Rollouts:
         """One episode of each policy (P, n_parameters), and what is read of its trajectory.
 
-        Args:
-            parameters: (P, n_parameters).
-            seed: Of every episode's reset.
-            summarizers: By name; None: trajectories are returned whole.
-
-        Raises:
-            RuntimeError: If no worker is left, or Ray fails.
+        Without `summarizers` trajectories are returned whole. Raises RuntimeError if no worker is
+        left, or Ray fails.
         """
         parameters = check_parameters(parameters, self.n_parameters)
         pickled = None if summarizers is None else _pickled_summarizers(summarizers)

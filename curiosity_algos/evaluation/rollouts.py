@@ -42,11 +42,7 @@ def check_observations(observations: npt.NDArray[Any]) -> None:
 
 
 def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
-    """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none.
-
-    Raises:
-        ValueError: If they do not all have one of numbers, of the same shape (B,).
-    """
+    """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none."""
     return as_behaviors([info.get("behavior", ()) for info in infos])
 
 
@@ -153,12 +149,7 @@ class Rollouts:
         return make_summarizers(len(self))[name](self, slice(0, len(self)))
 
     def summarize(self, summarizers: Mapping[str, Summarizer], individuals: slice) -> Rollouts:
-        """The same with a summary of each name in the place of trajectories.
-
-        Args:
-            summarizers: By the name of their summary.
-            individuals: Which ones of a population these are.
-        """
+        """The same, some individuals of a population, with summaries instead of trajectories."""
         summaries = {name: each(self, individuals) for name, each in summarizers.items()}
         return replace(self.without_trajectories(), summaries=summaries)
 
@@ -181,11 +172,7 @@ def sparse_returns(
 
 
 def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
-    """Join parts of a population into one record, padded to the longest episode.
-
-    Raises:
-        ValueError: If the behaviors of one part have another shape than those of another.
-    """
+    """Join parts of a population into one record, padded to the longest episode."""
     if len(parts) == 1:
         return parts[0]
     check_same_shape([part.behaviors[0] for part in parts])

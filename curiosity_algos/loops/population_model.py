@@ -45,23 +45,11 @@ class PopulationModel(Resumable):
         """Let `predict` act with the best policy."""
 
     def _begin_at(self, parameters: Float32Array) -> None:
-        """Search on from these parameters, shape (n_parameters,), where an algorithm can.
-
-        Raises:
-            ValueError: If it cannot; nothing has changed then.
-        """
+        """Search on from these parameters, shape (n_parameters,), where an algorithm can."""
         raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
 
     def _check_user_parts(self, name: str, kinds: list[str]) -> None:
-        """Check parts that the user passed, which `load` is to be given again.
-
-        Args:
-            name: The argument's name.
-            kinds: What tells such parts apart; empty: none was passed.
-
-        Raises:
-            ValueError: If the model that was saved had others.
-        """
+        """Raise ValueError unless the user passes parts of the kinds that the saved model had."""
         expected = self._user_parts.setdefault(name, kinds)
         if kinds != expected:
             raise ValueError(
@@ -100,11 +88,7 @@ class PopulationModel(Resumable):
         super().set_parameters(parameters, exact_match, device)
 
     def _checked(self, state: Any) -> Float32Array:
-        """The parameters in the state of a policy, shape (n_parameters,).
-
-        Raises:
-            ValueError: If there are others, or they are NaN or infinite.
-        """
+        """The parameters in the state of a policy, shape (n_parameters,), finite."""
         flat, n_parameters = state.get("flat"), self.policy.mlp.n_parameters
         if np.shape(flat) != (n_parameters,):  # None has a shape, ()
             raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")

@@ -84,11 +84,7 @@ class Resumable(BaseAlgorithm):
 
     @contextmanager
     def _learning(self) -> Iterator[None]:
-        """Learn alone in the process; say so if what was collected before is lost.
-
-        Raises:
-            RuntimeError: If a model learns in another thread.
-        """
+        """Learn alone in the process; say so if what was collected before is lost."""
         with sole_learner():
             if self._lacks_transitions:
                 warnings.warn(
@@ -103,11 +99,7 @@ class Resumable(BaseAlgorithm):
 
     @classmethod
     def _open_env(cls, env: Any) -> Any:
-        """The environment of an id; anything else as it is.
-
-        Raises:
-            ValueError: If the algorithm has no use for it.
-        """
+        """The environment of an id, anything else as it is, if the algorithm has a use for it."""
         return open_env(env)
 
     @staticmethod

@@ -14,7 +14,6 @@ import torch as th
 from stable_baselines3.common.type_aliases import TensorDict
 
 from curiosity_algos.checkpoints.model_file import read_attributes, read_model, save_model
-from curiosity_algos.checkpoints.parts import read_parts
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.sb3.resumable import Resumable
@@ -57,35 +56,11 @@ class PopulationModel(Resumable):
                 f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
             )
 
-    def set_parameters(
-        self,
-        load_path_or_dict: str | TensorDict,
-        exact_match: bool = True,
-        device: th.device | str = "auto",
-    ) -> None:
-        """Take over parameters, the state of the search with them.
-
-        Given a policy without the state of a search, with `exact_match=False`, the search goes on
-        from that policy: an evolution strategy's center moves there, an archive that is still empty
-        is filled from there. The best policy found so far is kept.
-
-        Args:
-            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
-            exact_match: Whether all parts must be there.
-            device: As in SB3.
-
-        Raises:
-            ValueError: If parts are missing, or unknown; if the policy has another number of
-                parameters, or they are not finite; if it is given without a search that has no use
-                for it: archives have parents of their own once they hold elites. Nothing has
-                changed then.
-        """
-        parameters = read_parts(self, load_path_or_dict, exact_match, device)
+    def _prepare_for(self, parameters: TensorDict, exact_match: bool) -> None:
         if "policy" in parameters:
             flat = self._checked(parameters["policy"])
             if parameters.keys() <= _BESIDE_THE_SEARCH and not exact_match:
                 self._begin_at(flat)
-        super().set_parameters(parameters, exact_match, device)
 
     def _checked(self, state: Any) -> Float32Array:
         """The parameters in the state of a policy, shape (n_parameters,), finite."""

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.type_aliases import GymEnv, TensorDict
 from stable_baselines3.common.vec_env import VecEnv
@@ -24,9 +25,8 @@ from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
-from curiosity_algos.evaluation.arguments import wrap_env
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
-from curiosity_algos.evaluation.environments import env_id, open_env
+from curiosity_algos.evaluation.environments import GymnasiumView, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.validation import check_seed
@@ -104,7 +104,9 @@ class Resumable(BaseAlgorithm):
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        return wrap_env(env, verbose, monitor_wrapper)
+        if isinstance(env, VectorEnv):
+            return GymnasiumView(env)
+        return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
 
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """Train on another environment with the same spaces.
@@ -192,13 +194,29 @@ class Resumable(BaseAlgorithm):
         exact_match: bool = True,
         device: th.device | str = "auto",
     ) -> None:
-        """As in SB3, but names that do not match change nothing.
+        """Take over parameters, the state of a search with them.
+
+        Given a policy without the state of a search, with `exact_match=False`, a population's
+        search goes on from that policy: an evolution strategy's center moves there, an archive that
+        is still empty is filled from there. The best policy found so far is kept.
+
+        Args:
+            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
+            exact_match: Whether all parts must be there.
+            device: As in SB3.
 
         Raises:
-            ValueError: If parts are missing, or unknown.
+            ValueError: If parts are missing, or unknown; of a population, if the policy has another
+                number of parameters, or they are not finite; if it is given without a search that
+                has no use for it: archives have parents of their own once they hold elites. Nothing
+                has changed then.
         """
         parameters = read_parts(self, load_path_or_dict, exact_match, device)
+        self._prepare_for(parameters, exact_match)
         super().set_parameters(parameters, exact_match, device)
+
+    def _prepare_for(self, parameters: TensorDict, exact_match: bool) -> None:
+        """Check what is about to be taken over; nothing has changed if that raises."""
 
     @classmethod
     def load(

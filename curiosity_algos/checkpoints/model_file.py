@@ -64,7 +64,7 @@ def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
 def save_model(
     model: BaseAlgorithm,
     path: str | os.PathLike[str] | io.BufferedIOBase,
-    exclude: Iterable[str] | None,
+    exclude: Set[str],
     include: Iterable[str] | None,
     *,
     plain: bool = False,
@@ -76,7 +76,7 @@ def save_model(
     possible; those in `extra` take the place of the model's own. Raises ValueError where the state
     of a part could not be read back.
     """
-    exclude, include = set(exclude or ()), set(include or ())
+    include = set(include or ())
     parameters = _parameters(model)
     if exclude & TRANSITIONS and _drop_transitions(parameters):
         extra["_lacks_transitions"] = True
@@ -145,12 +145,13 @@ def read_attributes(
     leaves such out, else they are an error.
     """
     data = _read_data(file)
-    pickled = {name for name, value in data.items() if _is_pickled(value)}
+    pickled = {k for k, value in data.items() if isinstance(value, dict) and _PICKLED in value}
     for name in sorted(fixed & given.keys() - pickled):
         raise ValueError(f"`{name}` must be left as it was saved: make a new {algorithm}.")
     pickled -= given.keys()
     if pickled and not allow_pickle:
-        names = " and ".join(f"`{_argument(name)}`" for name in sorted(pickled))
+        arguments = sorted("policy" if each == "policy_class" else each for each in pickled)
+        names = " and ".join(f"`{name}`" for name in arguments)
         raise ValueError(
             f"{names} must be given to `load` (as keywords): {file} holds objects that are read by "
             "running code. Pass allow_pickle=True if you trust whoever made the file."
@@ -160,14 +161,6 @@ def read_attributes(
     except (RecursionError, ValueError) as error:
         raise ValueError(f"`path` must be a saved {algorithm}, {file} is damaged.") from error
     return {**read, **{name: value for name, value in given.items() if name in data}}
-
-
-def _is_pickled(value: Any) -> bool:
-    return isinstance(value, dict) and _PICKLED in value
-
-
-def _argument(attribute: str) -> str:
-    return "policy" if attribute == "policy_class" else attribute
 
 
 def read_model(

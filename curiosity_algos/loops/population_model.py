@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import io
-import os
 import pathlib
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Set
 from typing import Any, ClassVar
 
 import numpy as np
 import torch as th
 from stable_baselines3.common.type_aliases import TensorDict
 
-from curiosity_algos.checkpoints.model_file import read_attributes, read_model, save_model
+from curiosity_algos.checkpoints.model_file import read_attributes, read_model
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.sb3.resumable import Resumable
@@ -80,29 +79,10 @@ class PopulationModel(Resumable):
         seen += ["_generation_values", "_intrinsic"]
         return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
 
-    def save(
-        self,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        exclude: Iterable[str] | None = None,
-        include: Iterable[str] | None = None,
-    ) -> None:
-        """Save everything that a run needs to go on bit for bit.
-
-        The file takes the place of an older one only once it is wholly on disk. Settings are JSON
-        and arrays; objects of your own, such as a policy's class, are written with cloudpickle.
-
-        Args:
-            path: Of the file; `.zip` is added where it has no suffix.
-            exclude: Names to leave out; "buffer" leaves out the bonus' transitions, and a run
-                that goes on without them is another one: `learn` warns.
-            include: Names to save although they are left out by default.
-
-        Raises:
-            OSError: If it cannot be written; an older file is then as it was.
-        """
+    def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
         aliases = {policy: name for name, policy in self.policy_aliases.items()}
         policy = aliases.get(self.policy_class, self.policy_class)
-        save_model(self, path, exclude, include, plain=True, policy_class=policy)
+        return {"plain": True, "policy_class": policy}
 
     @classmethod
     def _read(

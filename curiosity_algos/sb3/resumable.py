@@ -8,7 +8,7 @@ import os
 import pathlib
 import warnings
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, ClassVar, Self
 
@@ -20,7 +20,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.type_aliases import GymEnv, TensorDict
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_model
+from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_model, save_model
 from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_parts
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import AnyGenerator, reseed
@@ -214,6 +214,36 @@ class Resumable(BaseAlgorithm):
         parameters = read_parts(self, load_path_or_dict, exact_match, device)
         self._prepare_for(parameters, exact_match)
         super().set_parameters(parameters, exact_match, device)
+
+    def save(
+        self,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        exclude: Iterable[str] | None = None,
+        include: Iterable[str] | None = None,
+    ) -> None:
+        """Save everything that a run needs to go on bit for bit, replay buffers too.
+
+        The file takes the place of an older one only once it is wholly on disk. That of a
+        population algorithm holds JSON and arrays; objects of your own in it, such as a policy's
+        class, are written with cloudpickle. TD3's episode that has not ended goes on after `load`
+        where the env can say where it stands, as those of `curiosity_gym` can; elsewhere a new one
+        begins.
+
+        Args:
+            path: Of the file; `.zip` is added where it has no suffix.
+            exclude: Names to leave out; "buffer" leaves out transitions, and a run that goes on
+                without them is another one: `learn` warns.
+            include: Names to save although they are left out by default.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+        """
+        exclude = set(exclude or ())
+        save_model(self, path, exclude, include, **self._saved_instead(exclude))
+
+    @abstractmethod
+    def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
+        """Attributes to save in place of the model's own, and how `save_model` writes them."""
 
     def _prepare_for(self, parameters: TensorDict, exact_match: bool) -> None:
         """Check what is about to be taken over; nothing has changed if that raises."""

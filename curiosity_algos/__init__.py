@@ -15,7 +15,7 @@ from curiosity_algos.bonuses.apt import APT
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.presets import load_preset
-from curiosity_algos.evaluation.evaluator import make_evaluator, register_evaluator
+from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper, ICMVecEnvWrapper
 from curiosity_algos.sb3.callbacks import BonusCheckpointCallback, ExplorationCallback
@@ -49,7 +49,6 @@ __all__ = [
     "Rollouts",
     "load_preset",
     "make_evaluator",
-    "register_evaluator",
 ]
 
 _WITH_ARCHIVES = {

@@ -14,14 +14,13 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.quality_diversity import FieldTypes, MutationKeywords, QualityDiversity
 from curiosity_algos.motivations.novelty import behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_whole
 
 
 class NSLC(QualityDiversity):
@@ -65,7 +64,7 @@ class NSLC(QualityDiversity):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(k=self.k, archive_size=self.archive_size)
-        check_parents(self.n_parents, self.population_size)
+        check_whole(1, self.population_size, n_parents=self.n_parents)
 
     def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
         return behavior_size(self.behavior, self.observation_space, space)

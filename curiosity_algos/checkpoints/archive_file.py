@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,12 +23,11 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.checkpoints.plain_files import is_whole_zip
 
 FORMAT = "curiosity archive 1"
 FIELDS = {"solution", "objective", "measures", "index"}
 """Kept of every elite."""
-SMALL, PACKED = 2**26, 20
-"""Bytes that any file may unpack to, and how many times its own size."""
 
 
 def archive_path(path: str | os.PathLike[str]) -> Path:
@@ -53,21 +51,14 @@ def write_archive(
 def read_archive(
     path: str | os.PathLike[str], kind: str
 ) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
-    """Settings and elites of a file that says that it holds an archive of the class `kind`.
-
-    Their contents are not checked.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-        ValueError: If it is damaged, foreign, or holds another kind of archive.
-    """
+    """Settings and elites, as they are, of a file that says that it holds an archive of a class."""
     path = archive_path(path)
     if not path.is_file():
         raise FileNotFoundError(f"`path` must be a saved archive, there is no file {path}.")
     try:
-        _check_size(path)
+        is_stored = is_whole_zip(path)  # and unpacks to no more than it is
         with np.load(path) as file:
-            data = dict(file)
+            data = dict(file) if is_stored else {}
         about = json.loads(str(data.pop("about")))
         is_ours = about["format"] == FORMAT and isinstance(about["settings"], dict)
         is_whole = data.keys() >= FIELDS and all(isinstance(a, np.ndarray) for a in data.values())
@@ -78,11 +69,3 @@ def read_archive(
         what = "not a whole file of this package" if found is None else f"one of {found}"
         raise ValueError(f"`path` must be a saved {kind}, {path} is {what}.")
     return about["settings"], data
-
-
-def _check_size(path: Path) -> None:
-    """Raise ValueError where members would unpack to far more than numbers can be packed."""
-    with zipfile.ZipFile(path) as file:
-        n_bytes = sum(member.file_size for member in file.infolist())
-    if n_bytes > SMALL + PACKED * path.stat().st_size:
-        raise ValueError

@@ -52,7 +52,7 @@ _PROGRESS: dict[str, Any] = {
     "_user_parts": dict,
     "_lacks_transitions": bool,
 }
-"""What population algorithms go on from; those of Stable-Baselines3 have less of it."""
+"""What population algorithms go on from; TD3 has less of it."""
 
 
 def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
@@ -64,7 +64,7 @@ def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
 def save_model(
     model: BaseAlgorithm,
     path: str | os.PathLike[str] | io.BufferedIOBase,
-    exclude: Iterable[str] | None,
+    exclude: Set[str],
     include: Iterable[str] | None,
     *,
     plain: bool = False,
@@ -72,20 +72,11 @@ def save_model(
 ) -> None:
     """Save a model as Stable-Baselines3 does, but in a file that appears only once it is whole.
 
-    Args:
-        model: What is saved: its attributes, and the state of the parts it names.
-        path: Of the file, or a file object; `.zip` is added where it has no suffix.
-        exclude: Attributes to leave out; "buffer" leaves out the transitions of the parts.
-        include: Attributes to save although they are left out by default.
-        plain: Write attributes as `read_attributes` takes them, without cloudpickle where that is
-            possible.
-        **extra: Attributes to write in place of the model's own.
-
-    Raises:
-        OSError: If it cannot be written; an older file is then as it was.
-        ValueError: If the state of a part could not be read back; an older file is then as it was.
+    `plain` writes attributes as `read_attributes` takes them, without cloudpickle where that is
+    possible; those in `extra` take the place of the model's own. Raises ValueError where the state
+    of a part could not be read back.
     """
-    exclude, include = set(exclude or ()), set(include or ())
+    include = set(include or ())
     parameters = _parameters(model)
     if exclude & TRANSITIONS and _drop_transitions(parameters):
         extra["_lacks_transitions"] = True
@@ -148,26 +139,19 @@ def read_attributes(
     fixed: Set[str],
     allow_pickle: bool,
 ) -> dict[str, Any]:
-    """A model's attributes in a file, read without running code.
+    """A model's attributes in a file, read without running code, or those that are `given`.
 
-    Args:
-        file: What `check_is_checkpoint` gave.
-        algorithm: As `check_is_checkpoint` was given it.
-        given: Attributes to take in place of those in the file.
-        fixed: Names that may be given only where the file cannot be read without running code.
-        allow_pickle: Leave out what only cloudpickle can read, in place of an error.
-
-    Raises:
-        ValueError: If the file needs cloudpickle, or its attributes are damaged; if a fixed one is
-            given.
+    The `fixed` ones may be given only where nothing but cloudpickle can read them; `allow_pickle`
+    leaves such out, else they are an error.
     """
     data = _read_data(file)
-    pickled = {name for name, value in data.items() if _is_pickled(value)}
+    pickled = {k for k, value in data.items() if isinstance(value, dict) and _PICKLED in value}
     for name in sorted(fixed & given.keys() - pickled):
         raise ValueError(f"`{name}` must be left as it was saved: make a new {algorithm}.")
     pickled -= given.keys()
     if pickled and not allow_pickle:
-        names = " and ".join(f"`{_argument(name)}`" for name in sorted(pickled))
+        arguments = sorted("policy" if each == "policy_class" else each for each in pickled)
+        names = " and ".join(f"`{name}`" for name in arguments)
         raise ValueError(
             f"{names} must be given to `load` (as keywords): {file} holds objects that are read by "
             "running code. Pass allow_pickle=True if you trust whoever made the file."
@@ -179,14 +163,6 @@ def read_attributes(
     return {**read, **{name: value for name, value in given.items() if name in data}}
 
 
-def _is_pickled(value: Any) -> bool:
-    return isinstance(value, dict) and _PICKLED in value
-
-
-def _argument(attribute: str) -> str:
-    return "policy" if attribute == "policy_class" else attribute
-
-
 def read_model(
     file: pathlib.Path | io.BufferedIOBase,
     algorithm: str,
@@ -194,17 +170,9 @@ def read_model(
     custom_objects: dict[str, Any] | None,
     print_system_info: bool = False,
 ) -> tuple[dict[str, Any], TensorDict]:
-    """Read a model's attributes and the states of its parts.
+    """Read a model's attributes and the states of its parts, arguments as in SB3.
 
-    Args:
-        file: What `check_is_checkpoint` gave.
-        algorithm: As `check_is_checkpoint` was given it.
-        device: Of the tensors read.
-        custom_objects: By name, what to take in place of the attributes in the file.
-        print_system_info: As in SB3.
-
-    Raises:
-        ValueError: If the file is damaged, or its tensors would run code.
+    Raises ValueError if the file is damaged, or its tensors would run code.
     """
     device = get_device(device)
     if print_system_info:
@@ -241,15 +209,7 @@ def _is_sound(data: Mapping[str, Any]) -> bool:
 def check_is_checkpoint(
     source: str | os.PathLike[str] | io.BufferedIOBase, algorithm: str
 ) -> pathlib.Path | io.BufferedIOBase:
-    """Check that `source` is a whole model of `algorithm`, the name of a class of this package.
-
-    Returns:
-        What to read the model from: the file's path with its suffix, or the file object.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-        ValueError: If it is truncated, foreign, or of another algorithm.
-    """
+    """The file to read, or an error unless it holds a whole model of a class of this package."""
     if isinstance(source, io.BufferedIOBase):
         file: pathlib.Path | io.BufferedIOBase = source
         begin = source.tell()

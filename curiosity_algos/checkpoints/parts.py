@@ -79,19 +79,9 @@ def build_model(
     device: th.device | str,
     force_reset: bool,
 ) -> _Model:
-    """Make the model that `read_model` read, as SB3's `load` does.
+    """Make the model whose attributes and states `read_model` gave, as SB3's `load` does.
 
-    Args:
-        cls: The model's class.
-        data: Its attributes; those of the env are replaced.
-        parameters: The states of its parts.
-        env: The environment to learn in, or None.
-        device: As in the constructor.
-        force_reset: As in SB3.
-
-    Raises:
-        ValueError: If the env has other spaces, or the states do not fit the model.
-        RuntimeError: If those of networks do not fit.
+    Raises ValueError if the env has other spaces, or the states do not fit the model.
     """
     if env is not None:
         env = cls._wrap_env(env, data["verbose"])

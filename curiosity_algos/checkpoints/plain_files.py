@@ -21,31 +21,6 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def as_tensors(value: Any) -> Any:
-    """A copy of nested values: tensors for numpy's arrays, Python's numbers for its scalars."""
-    return _mapped(value, np.ndarray | np.generic, _as_tensor)
-
-
-def as_arrays(value: Any) -> Any:
-    """A copy of nested values: numpy's arrays for tensors."""
-    return _mapped(value, th.Tensor, lambda tensor: tensor.numpy())
-
-
-def _as_tensor(value: Any) -> Any:
-    return th.from_numpy(value) if isinstance(value, np.ndarray) else plain(value)
-
-
-def _mapped(value: Any, kind: Any, function: Any) -> Any:
-    if isinstance(value, kind):
-        return function(value)
-    if isinstance(value, dict):
-        return {key: _mapped(each, kind, function) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        mapped = [_mapped(each, kind, function) for each in value]
-        return mapped if isinstance(value, list) else tuple(mapped)
-    return value
-
-
 def is_plain(value: Any) -> bool:
     """Whether torch reads it back without running code: tensors and plain values."""
     if isinstance(value, Mapping):
@@ -57,11 +32,7 @@ def is_plain(value: Any) -> bool:
 
 
 def check_plain(state: Any, name: str) -> None:
-    """Check that a file can hold the state of the argument `name`.
-
-    Raises:
-        ValueError: If it cannot.
-    """
+    """Raise ValueError unless a file can hold the state of the argument `name`."""
     if not is_plain(state):
         raise ValueError(f"`{name}` must have a state of tensors and plain values.")
 
@@ -73,17 +44,7 @@ def write_plain(path: str | os.PathLike[str], content: dict[str, Any], kind: str
 
 
 def read_plain(path: str | os.PathLike[str], kind: str, *, what: str) -> dict[str, Any]:
-    """Read a file of a kind.
-
-    Args:
-        path: Of the file.
-        kind: As it was written.
-        what: The name of such things, for errors.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-        ValueError: If it is damaged, or of another kind.
-    """
+    """Read a file of a kind, as it was written; errors call it `what`."""
     if not Path(path).is_file():
         raise FileNotFoundError(f"`path` must be a saved {what}, there is no file {path}.")
     try:  # torch's unpickler may fail at anything that is no whole zip

@@ -28,7 +28,7 @@ def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, An
         What differs from the defaults; empty where the defaults are the preset's settings.
 
     Raises:
-        ValueError: If there is no such preset, it has no settings of the algorithm for the
+        ValueError: If there is no such preset, or it has no settings of the algorithm for the
             environment.
     """
     check_choice(PRESETS, preset=preset)

@@ -7,7 +7,6 @@ import math
 from numbers import Real
 from typing import Any
 
-from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
@@ -15,7 +14,6 @@ from stable_baselines3.common.vec_env import VecEnv
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import torch_device
-from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 
@@ -44,13 +42,6 @@ def use_python_numbers(algorithm: BaseAlgorithm) -> None:
         setattr(algorithm, name, plain(getattr(algorithm, name)))
 
 
-def wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-    """The VecEnv that Stable-Baselines3 sees of an environment of any kind."""
-    if isinstance(env, VectorEnv):
-        return GymnasiumView(env)
-    return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
-
-
 def check_learning(
     env: VecEnv | None, total_timesteps: object, log_interval: object, callback: object = None
 ) -> None:
@@ -75,12 +66,3 @@ def _is_callback(callback: object) -> bool:
         return all(isinstance(each, BaseCallback) for each in callback)
     is_function = callable(callback) and not isinstance(callback, type)
     return callback is None or isinstance(callback, BaseCallback) or is_function
-
-
-def check_parents(n_parents: int, population_size: int) -> None:
-    """Raise ValueError unless 1 to `population_size` individuals are parents."""
-    check_at_least_one(population_size=population_size, n_parents=n_parents)
-    if n_parents > population_size:
-        raise ValueError(
-            f"`n_parents` must be at most `population_size` = {population_size}, got {n_parents}."
-        )

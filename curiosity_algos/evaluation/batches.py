@@ -7,8 +7,9 @@ an episode after its end is undefined.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -17,10 +18,12 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.evaluation.vector_infos import has_generators, info_of
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 Actions = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
+
+_FINAL = ("final_obs", "final_info")
 
 
 @dataclass(frozen=True)
@@ -42,35 +45,8 @@ class Step:
     behaviors: list[Any]
 
 
-class Batch(Protocol):
-    """n episodes side by side."""
-
-    n: int
-
-    def reset(self, seed: int | None) -> npt.NDArray[Any]:
-        """Begin n episodes, all with the same seed.
-
-        Returns:
-            The first observations, (n, O).
-        """
-        ...
-
-    def step(self, actions: Actions, active: Mask) -> Step:
-        """Step the episodes.
-
-        Args:
-            actions: One for each episode, (n, A), or (n,) of a Discrete.
-            active: (n,) bool, the episodes that have not ended yet.
-        """
-        ...
-
-
 class SingleEnvBatch:
-    """Single envs in a Python loop; an episode that has ended costs nothing more.
-
-    Attributes:
-        envs: The single envs.
-    """
+    """Single envs in a Python loop; an episode that has ended costs nothing more."""
 
     def __init__(self, envs: list[gym.Env[Any, Any]]) -> None:
         self.envs = envs
@@ -82,19 +58,14 @@ class SingleEnvBatch:
         self._observations = np.zeros((self.n, *space.shape), dtype=space.dtype)
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
-        """See `Batch`."""
+        """Begin n episodes, all with the same seed; the first observations, (n, O)."""
         for i, env in enumerate(self.envs):
             observation, _ = env.reset(seed=seed)
             self._keep(i, observation)
         return self._observations.copy()
 
     def step(self, actions: Actions, active: Mask) -> Step:
-        """See `Batch`.
-
-        Raises:
-            ValueError: If an observation is not of the space's shape, a reward no number, or the
-                info of an episode's last step no dictionary.
-        """
+        """Step the `active` (n,) episodes, those that have not ended, by actions (n, A) or (n,)."""
         rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
         infos, behaviors = {}, []
         for i in np.flatnonzero(active).tolist():
@@ -146,14 +117,14 @@ class GymnasiumBatch:
         self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
-        """See `Batch`."""
+        """See `SingleEnvBatch`."""
         # An env with one generator for all its episodes takes one seed: their starts may differ.
         seeds = [seed] * self.n if seed is not None and has_generators(self._env) else seed
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         return np.array(observations)
 
     def step(self, actions: Actions, active: Mask) -> Step:
-        """See `Batch`."""
+        """See `SingleEnvBatch`."""
         observations, rewards, terminated, truncated, infos = self._env.step(actions)
         observations = np.array(observations)
         ended = np.asarray(terminated | truncated)
@@ -165,7 +136,9 @@ class GymnasiumBatch:
             infos = infos["final_info"]
         elif self._mode == AutoresetMode.DISABLED and ended.any():
             self._env.reset(options={"reset_mask": ended})
-        last = {i: info_of(infos, i) for i in np.flatnonzero(ended & active).tolist()}
+        gone = np.flatnonzero(ended & active).tolist()
+        rows = info_rows(infos, self.n) if gone else []
+        last = {i: rows[i] for i in gone}
         return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last, behaviors)
 
 
@@ -177,13 +150,13 @@ class Sb3Batch:
         self.n = env.num_envs
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
-        """See `Batch`."""
+        """See `SingleEnvBatch`."""
         return np.stack(
             [observation for observation, _ in self._env.env_method("reset", seed=seed)]
         )
 
     def step(self, actions: Actions, active: Mask) -> Step:
-        """See `Batch`."""
+        """See `SingleEnvBatch`."""
         observations, rewards, ended, infos = self._env.step(actions)
         observations = np.array(observations)
         last = {i: infos[i] for i in np.flatnonzero(ended & active).tolist()}
@@ -192,3 +165,37 @@ class Sb3Batch:
         going = [infos[i] for i in np.flatnonzero(active & ~ended).tolist()]
         behaviors = [info["behavior"] for info in going if "behavior" in info]
         return Step(observations, rewards.astype(np.float64), ended, last, behaviors)
+
+
+Batch = SingleEnvBatch | GymnasiumBatch | Sb3Batch
+"""n episodes side by side."""
+
+
+def has_generators(env: VectorEnv[Any, Any, Any]) -> bool:
+    """Whether each env has a generator of its own, and a reset takes a seed for each."""
+    inner = env.unwrapped
+    return hasattr(inner, "env_fns") or isinstance(inner, EpisodicVectorEnv)
+
+
+def info_rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
+    """Infos of a VectorEnv as one dictionary an env, those of ended episodes aside.
+
+    `_key` masks which envs have `key`; in a dictionary that has a mask, its own may have none.
+    """
+    rows: list[dict[str, Any]] = [{} for _ in range(n)]
+    for key, values in infos.items():
+        if key in _FINAL or (key.startswith("_") and key[1:] in infos):
+            continue
+        mask = infos.get(f"_{key}")
+        has = [True] * n if mask is None else mask.tolist()
+        for row, value, is_there in zip(rows, _each(values, n), has, strict=True):
+            if is_there:
+                row[key] = value
+    return rows
+
+
+def _each(values: Any, n: int) -> Any:
+    """One value an env; numbers as Python has them."""
+    if isinstance(values, Mapping):
+        return info_rows(values, n)
+    return values.tolist() if isinstance(values, np.ndarray) and values.ndim == 1 else values

@@ -7,10 +7,6 @@ tenth of one. Blocks are also faster: their memory is used again, and stays in p
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Protocol, runtime_checkable
-
-import numpy as np
 
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
@@ -18,23 +14,8 @@ from curiosity_algos.evaluation.rollouts import (
     MakeSummarizers,
     Rollouts,
     Summarizer,
-    Summary,
     concatenate,
 )
-
-
-@runtime_checkable
-class SummarizingEvaluator(Protocol):
-    """An evaluator that reads trajectories where it plays them, and returns no more of them."""
-
-    def evaluate_and_summarize(
-        self,
-        parameters: Float32Array,
-        seed: int | None,
-        summarizers: Mapping[str, Summarizer] | None,
-    ) -> Rollouts:
-        """One episode of each policy (P, n_parameters), and the summaries of its trajectory."""
-        ...
 
 
 def play(
@@ -46,20 +27,15 @@ def play(
     """One episode of each policy, in blocks where there are more than the evaluator's `block_size`.
 
     Summaries take the place of trajectories then, and are the same as of the whole. An evaluator
-    without a `block_size` gets all policies at once.
-
-    Args:
-        evaluator: Plays them.
-        parameters: (P, n_parameters).
-        seed: Of every episode's reset.
-        make_summarizers: Called once, before anything is played, where blocks are; None:
-            trajectories are needed whole.
+    without a `block_size` gets all policies (P, n_parameters) at once, and so does any where
+    `make_summarizers` is None, as trajectories are needed whole.
     """
     n = len(parameters)
     if make_summarizers is None:
         return evaluator.evaluate(parameters, seed)
-    if isinstance(evaluator, SummarizingEvaluator):
-        return evaluator.evaluate_and_summarize(parameters, seed, make_summarizers(n))
+    if hasattr(evaluator, "evaluate_and_summarize"):  # a `RayEvaluator`, whose workers do it
+        rollouts: Rollouts = evaluator.evaluate_and_summarize(parameters, seed, make_summarizers(n))
+        return rollouts
     if n <= _block_size(evaluator, n):
         return evaluator.evaluate(parameters, seed)
     return summarize_in_blocks(evaluator, parameters, seed, make_summarizers(n))
@@ -74,54 +50,18 @@ def summarize_in_blocks(
 ) -> Rollouts:
     """Play policies in blocks, and read what is needed of the trajectories of each.
 
-    Args:
-        evaluator: Plays them.
-        parameters: (P, n_parameters).
-        seed: Of every episode's reset.
-        summarizers: By the name of their summary.
-        first: Number of the first policy in the population that these are a part of.
+    The policies (P, n_parameters) are those of a population from its `first` on.
     """
     n = len(parameters)
     size = _block_size(evaluator, n)
-    parts = RolloutParts(n)
+    parts = []
     for begin in range(0, n, size):
-        block = slice(begin, min(begin + size, n))
-        rollouts = evaluator.evaluate(parameters[block], seed)
-        parts.put(block, rollouts.summarize(summarizers, slice(first + begin, first + block.stop)))
-    return parts.rollouts()
+        rollouts = evaluator.evaluate(parameters[begin : begin + size], seed)
+        block = slice(first + begin, first + min(begin + size, n))
+        parts.append(rollouts.summarize(summarizers, block))
+    return concatenate(parts)
 
 
 def _block_size(evaluator: Evaluator, n: int) -> int:
     size: int = getattr(evaluator, "block_size", None) or n
     return size
-
-
-class RolloutParts:
-    """Rollouts of a population that come in parts, in whatever order.
-
-    Summaries, the most of them, are put in their place at once: joined at the end, they would be
-    there twice.
-
-    Args:
-        n: Individuals of the population.
-    """
-
-    def __init__(self, n: int) -> None:
-        self._n = n
-        self._parts: dict[int, Rollouts] = {}
-        self._summaries: dict[str, Summary] = {}
-
-    def put(self, individuals: slice, part: Rollouts) -> None:
-        """Take the rollouts of some individuals."""
-        for name, arrays in part.summaries.items():
-            if name not in self._summaries:
-                shapes = [((self._n, *array.shape[1:]), array.dtype) for array in arrays]
-                self._summaries[name] = tuple(np.empty(*each) for each in shapes)
-            for whole, array in zip(self._summaries[name], arrays, strict=True):
-                whole[individuals] = array
-        self._parts[individuals.start] = replace(part, summaries={})
-
-    def rollouts(self) -> Rollouts:
-        """Of all individuals, in their order."""
-        joined = concatenate([self._parts[begin] for begin in sorted(self._parts)])
-        return replace(joined, summaries=self._summaries)

@@ -79,11 +79,7 @@ class VisitedCells:
         self._waiting.append(behaviors)
 
     def add_each(self, behaviors: Sequence[Any]) -> None:
-        """Count the cells of behaviors (B,) as infos hold them; None has none.
-
-        Raises:
-            ValueError: If they are no numbers, or not of one shape.
-        """
+        """Count the cells of behaviors (B,) as infos hold them; None has none."""
         known = [behavior for behavior in behaviors if behavior is not None]
         if self._grid is not None and known:
             self.add(as_behaviors(known))

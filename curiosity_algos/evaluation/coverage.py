@@ -61,49 +61,41 @@ class Coverage:
             self._visited.add_cells(np.asarray(visited).tolist())
 
     def add_steps(self, behaviors: Sequence[Any]) -> None:
-        """Count the cells that steps of episodes ended in, by the behaviors (B,) after them.
-
-        Raises:
-            ValueError: If they are no numbers, or not of one shape.
-        """
+        """Count the cells that steps of episodes ended in, by the behaviors (B,) after them."""
         self._visited.add_each(behaviors)
 
     @property
     def all(self) -> float | None:
         """Share of all cells in which episodes ended (the paper's figure)."""
-        return None if self.grid is None else len(self._final) / math.prod(self.grid.shape)
+        return self.shares.get("all")
 
     @property
     def reachable(self) -> float | None:
         """Share of the reachable cells in which episodes ended; of all where these are unknown."""
-        return None if self.grid is None else self._share(self.grid, self._final)
+        return self.shares.get("reachable")
 
     @property
     def visited(self) -> float | None:
         """Share of the reachable cells in which any step ended; of all where these are unknown."""
-        return None if self.grid is None else self._share(self.grid, self._visited.indices())
-
-    @staticmethod
-    def _share(grid: CoverageGrid, cells: npt.NDArray[np.int64]) -> float:
-        if grid.reachable is None:
-            return len(cells) / math.prod(grid.shape)
-        reachable = grid.reachable.ravel()
-        return float(reachable[cells].sum() / reachable.sum())
+        return self.shares.get("visited")
 
     @property
     def shares(self) -> dict[str, float]:
         """Every share by name: `reachable`, `visited`, `all`, those of the grid's projections."""
-        if self.grid is None or self.all is None:
+        if (grid := self.grid) is None:
             return {}
+        is_reachable = np.ones(math.prod(grid.shape), dtype=np.bool_)
+        if grid.reachable is not None:
+            is_reachable = grid.reachable.ravel()
+        n_reachable = is_reachable.sum()
         shares = {
-            "reachable": self._share(self.grid, self._final),
-            "visited": self._share(self.grid, self._visited.indices()),
-            "all": self.all,
+            "reachable": float(is_reachable[self._final].sum() / n_reachable),
+            "visited": float(is_reachable[self._visited.indices()].sum() / n_reachable),
+            "all": len(self._final) / is_reachable.size,
         }
         return shares | {
-            name: len(np.unique(self.grid.project(self._final, name)))
-            / self.grid.n_cells ** len(kept)
-            for name, kept in self.grid.projections.items()
+            name: len(np.unique(grid.project(self._final, name))) / grid.n_cells ** len(kept)
+            for name, kept in grid.projections.items()
         }
 
     def state_dict(self) -> dict[str, Any]:
@@ -112,16 +104,7 @@ class Coverage:
         return {name: th.from_numpy(each) for name, each in cells.items()}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If it is of a version that did not count the visited cells.
-        """
-        if state.keys() != {"final", "visited"}:
-            raise ValueError(
-                "coverage must have `final` and `visited` cells, another version of "
-                "curiosity-search has saved it."
-            )
+        """Take over what `state_dict` gave."""
         self._final = state["final"].cpu().numpy().copy()
         self._visited = VisitedCells(self.grid)
         self._visited.add_cells(state["visited"].tolist())

@@ -24,8 +24,6 @@ VECTOR_KEYWORDS = {
     "wrappers",
 }
 """Keywords in the spec of a vector environment that a single one does not take."""
-_LIMITS = ("_max_episode_steps", "horizon")
-"""Attributes of single envs, of a TimeLimit and of sparse environments."""
 
 MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 MakeEnv = Callable[[], gym.Env[Any, Any]]
@@ -33,12 +31,7 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 
 
 class MadeVecEnv(DummyVecEnv):
-    """An environment that an id or a function made, and how to make more of its kind.
-
-    Args:
-        env: The first.
-        make: Makes another.
-    """
+    """An environment that an id or a function made, and how to make more of its kind."""
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
@@ -46,12 +39,7 @@ class MadeVecEnv(DummyVecEnv):
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:
-    """The environment of an id, or of a function that makes one; anything else as it is.
-
-    Args:
-        env: An id, a function without arguments, or an environment.
-        **kwargs: Of `gymnasium.make`, for an id.
-    """
+    """The environment of an id, with keywords, or of a function; anything else as it is."""
     if isinstance(env, str):
         made = gym.make(env, **kwargs)
         assert made.spec is not None
@@ -120,59 +108,40 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
 
 def step_limit(env: MadeEnv) -> int | None:
     """Steps after which an environment truncates its episodes, at most; None where unknown."""
-    limits = [limit for limit in _limits(env) if isinstance(limit, int | np.integer)]
-    return max(map(int, limits), default=None)
+    limits = [getattr(spec, "max_episode_steps", None) for spec in env_attributes(env, "spec")]
+    # Of a TimeLimit, and of sparse environments.
+    for name in ("_max_episode_steps", "horizon"):
+        limits += env_attributes(env, name)
+    return max((int(each) for each in limits if isinstance(each, int | np.integer)), default=None)
 
 
-def _limits(env: MadeEnv) -> list[Any]:
-    """What all the single envs, and a vector environment itself, say of their length."""
-    if isinstance(env, VectorEnv):
-        own = [_limit_of_spec(env), getattr(env.unwrapped, "horizon", None)]
-        return [*own, *_limits_inside(env.unwrapped)]
+def env_attributes(env: MadeEnv, name: str) -> list[Any]:
+    """The attribute of each single env, whatever wraps it; none where they have none.
+
+    A vector environment without single ones has it once.
+    """
+    # Asked for first: a worker process dies of an attribute that is not there.
     if isinstance(env, VecEnv):
-        # Asked for first: a SubprocVecEnv's worker dies of an attribute that is not there.
-        return [limit for name in _LIMITS if env.has_attr(name) for limit in env.get_attr(name)]
-    return [_limit_of_spec(env), *(env_attribute(env, name) for name in _LIMITS)]
-
-
-def _limits_inside(env: VectorEnv[Any, Any, Any]) -> list[Any]:
-    if hasattr(env, "envs"):
-        return [limit for single in env.envs for limit in _limits(single)]
-    if isinstance(env, AsyncVectorEnv):
-        # Asked for first, as of a SubprocVecEnv.
-        known = [name for name in _LIMITS if all(env.call("has_wrapper_attr", name))]
-        return [limit for name in known for limit in env.call(name)]
-    return []
-
-
-def _limit_of_spec(env: gym.Env[Any, Any] | VectorEnv[Any, Any, Any]) -> int | None:
-    return getattr(env.spec, "max_episode_steps", None)
+        return env.get_attr(name) if env.has_attr(name) else []
+    if isinstance(env, gym.Env):
+        return [env.get_wrapper_attr(name)] if env.has_wrapper_attr(name) else []
+    inner: Any = env.unwrapped
+    if hasattr(inner, "envs"):
+        return [value for each in inner.envs for value in env_attributes(each, name)]
+    if isinstance(inner, AsyncVectorEnv):
+        return list(inner.call(name)) if all(inner.call("has_wrapper_attr", name)) else []
+    return [getattr(inner, name)] if hasattr(inner, name) else []
 
 
 def env_attribute(env: MadeEnv, name: str) -> Any:
     """The attribute of the (first) single env, whatever wraps it; None where it has none."""
-    # Asked for first: a worker process dies of an attribute that is not there.
-    if isinstance(env, VecEnv):
-        return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None
-    if isinstance(env, VectorEnv):
-        return _attribute_inside(env.unwrapped, name)
-    return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
+    return next(iter(env_attributes(env, name)), None)
 
 
-def _attribute_inside(env: VectorEnv[Any, Any, Any], name: str) -> Any:
-    if hasattr(env, "envs"):
-        return env_attribute(env.envs[0], name)
-    if isinstance(env, AsyncVectorEnv):
-        return env.call(name)[0] if all(env.call("has_wrapper_attr", name)) else None
-    return getattr(env, name, None)
-
-
-def env_id(env: object) -> str | None:
+def env_id(env: Any) -> str | None:
     """The id that an environment was made by, or None where it has none."""
     if isinstance(env, str):
         return env.rpartition(":")[2]
-    if isinstance(env, VecEnv):
-        spec = env.get_attr("spec", indices=0)[0] if env.has_attr("spec") else None
-    else:
-        spec = getattr(env, "spec", None)
+    is_made = isinstance(env, gym.Env | VectorEnv | VecEnv)
+    spec = env_attribute(env, "spec") if is_made else None
     return None if spec is None else str(spec.id)

@@ -34,13 +34,7 @@ class EpisodeRecord:
     def add(
         self, infos: Sequence[Mapping[str, Any]], dones: npt.NDArray[Any], num_timesteps: int
     ) -> None:
-        """Count one step of a VecEnv, and the episodes that ended in it.
-
-        Args:
-            infos: Of the step, one for each env.
-            dones: (n_envs,) bool, whether each env's episode ended.
-            num_timesteps: Timesteps of the run, this step included.
-        """
+        """Count one step of a VecEnv, `num_timesteps` of the run, and the episodes that ended."""
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
         self.coverage.add_steps(_behaviors(infos))
         behaviors = _behaviors(ended)

@@ -12,7 +12,6 @@ from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward, scra
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,
-    padded_rollouts,
     sparse_returns,
 )
 from curiosity_gym.compiled import ThreadPool, compiled
@@ -134,11 +133,12 @@ class MazeEvaluator:
             _rollout_slice(self.maze, self._grid, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
-        return padded_rollouts(
+        return Rollouts(
             returns=sparse_returns(self.maze.horizon, lengths, success),
             lengths=lengths,
             success=success,
             behaviors=states,
+            final_observations=observations[np.arange(n), lengths],
             observations=observations,
             actions=actions,
             visited=np.flatnonzero(visited.any(axis=0)),

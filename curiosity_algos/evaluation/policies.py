@@ -208,16 +208,7 @@ def forward_each(
     odd: Float32Array,
     outputs: Float32Array,
 ) -> None:
-    """Each policy on its own observation.
-
-    Args:
-        mlp: The networks' shape.
-        parameters: (n, n_parameters), or (1, n_parameters) for one policy on every observation.
-        observations: (n, n_inputs)
-        even: (widest layer,) scratch memory.
-        odd: (widest layer,) more scratch memory.
-        outputs: (n, n_outputs) overwritten.
-    """
+    """Each policy on its own observation, as `forward`; parameters (1, n_parameters) serve all."""
     last = parameters.shape[0] - 1
     for i in range(observations.shape[0]):
         forward(mlp, parameters[min(i, last)], observations[i], even, odd, outputs[i])

@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
 from threading import Thread
-from typing import Any, Protocol
+from typing import Any
 
 import cloudpickle
 
@@ -24,26 +24,10 @@ SHARDS_PER_PROCESS = 2
 SINGLE_THREADED = dict.fromkeys(("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 
 
-class Player(Protocol):
-    """Plays in a process of its own."""
-
-    def evaluate(self, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """One episode of each policy (P, n_parameters)."""
-        ...
-
-
 class Processes:
-    """Plays on n processes, which start when they are first needed.
+    """Plays on n processes, which start when first needed; each makes an evaluator of its own."""
 
-    Args:
-        make_player: Makes what plays in each of them.
-        n: Processes.
-
-    Raises:
-        ValueError: If `make_player` cannot be sent to them.
-    """
-
-    def __init__(self, make_player: Callable[[], Player], n: int) -> None:
+    def __init__(self, make_player: Callable[[], Any], n: int) -> None:
         try:
             self._packed = cloudpickle.dumps(make_player)
         except Exception as error:  # of any kind: what it holds says what it likes
@@ -56,12 +40,7 @@ class Processes:
         self._owner = os.getpid()
 
     def play(self, parameters: Float32Array, seed: int) -> Rollouts:
-        """One episode of each policy (P, n_parameters).
-
-        Raises:
-            Exception: What the environment raised.
-            RuntimeError: If it has ended a process.
-        """
+        """One episode of each policy (P, n_parameters); raises what the environment raised."""
         from loky.process_executor import BrokenProcessPool
 
         try:
@@ -100,7 +79,7 @@ class Processes:
 
 
 _packed: bytes
-_player: Player | None = None
+_player: Any = None
 """What plays in a process that `Processes` has begun, made by what `_packed` holds."""
 
 
@@ -124,7 +103,8 @@ def _play(parameters: Float32Array, seed: int) -> Rollouts:
         if _player is None:
             _player = cloudpickle.loads(_packed)()
             gc.freeze()  # loky collects garbage once a second: .15 s, of all that is imported now
-        return _player.evaluate(parameters, seed)
+        rollouts: Rollouts = _player.evaluate(parameters, seed)
+        return rollouts
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))

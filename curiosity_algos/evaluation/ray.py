@@ -14,12 +14,11 @@ from functools import partial
 from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
-from curiosity_algos.evaluation.blocks import RolloutParts
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
 from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.ray_workers import SECONDS, Generation, MakeEvaluator, Workers
-from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters, concatenate
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -30,11 +29,7 @@ MAX_LOSSES = 5
 
 
 def _packed(evaluator: Evaluator) -> bytes:
-    """A pickled function that makes a worker's evaluator: with environments of its own, or a copy.
-
-    Raises:
-        ValueError: If workers can have neither.
-    """
+    """A pickled function that makes a worker's evaluator: one anew, or a copy."""
     try:
         if not isinstance(evaluator, VectorEvaluator):  # a description, such as that of a maze
             return _pickled(partial(_itself, evaluator))
@@ -154,13 +149,8 @@ class RayEvaluator:
     ) -> Rollouts:
         """One episode of each policy (P, n_parameters), and what is read of its trajectory.
 
-        Args:
-            parameters: (P, n_parameters).
-            seed: Of every episode's reset.
-            summarizers: By name; None: trajectories are returned whole.
-
-        Raises:
-            RuntimeError: If no worker is left, or Ray fails.
+        Without `summarizers` trajectories are returned whole. Raises RuntimeError if no worker is
+        left, or Ray fails.
         """
         parameters = check_parameters(parameters, self.n_parameters)
         pickled = None if summarizers is None else _pickled_summarizers(summarizers)
@@ -227,7 +217,7 @@ class RayEvaluator:
 
     def _gather(self, generation: Any, shards: list[slice]) -> Rollouts:
         """Rollouts of all shards, in whatever order they come."""
-        workers, parts, losses = self._workers, RolloutParts(shards[-1].stop), Counter[int]()
+        workers, parts, losses = self._workers, dict[int, Rollouts](), Counter[int]()
         left, n_missing = deque(shards), len(shards)
         last_live = time.monotonic()
         while n_missing:
@@ -235,7 +225,7 @@ class RayEvaluator:
             workers.give(generation, left)
             for shard, rollouts in workers.ended(self._wait()):
                 if rollouts is not None:
-                    parts.put(shard, rollouts)
+                    parts[shard.start] = rollouts
                     n_missing -= 1
                 else:
                     losses[shard.start] += 1
@@ -243,7 +233,7 @@ class RayEvaluator:
                     left.append(shard)
             last_live = time.monotonic() if workers.n_live else last_live
             self._check_live(last_live)
-        return parts.rollouts()
+        return concatenate([parts[begin] for begin in sorted(parts)])
 
     def _check_live(self, last_live: float) -> None:
         if time.monotonic() - last_live > self.start_timeout:

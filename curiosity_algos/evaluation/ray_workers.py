@@ -39,12 +39,9 @@ MakeEvaluator = Callable[[], Evaluator]
 
 @dataclass(frozen=True)
 class Generation:
-    """What all shards of a population have in common.
+    """What all shards of a population have in common; summarizers are pickled.
 
-    Attributes:
-        parameters: (P, n_parameters).
-        seed: Of every episode's reset.
-        summarizers: Of trajectories, pickled: what Ray unpickles cannot be written to.
+    What Ray unpickles cannot be written to.
     """
 
     parameters: Float32Array
@@ -80,20 +77,14 @@ class Worker:
 
 @dataclass(eq=False)
 class WorkerHandle:
-    """An actor, and what it is waited for.
-
-    Attributes:
-        actor: The handle of a `Worker`.
-        packed: Reference to what it makes its evaluator of.
-        awaited: What it is about to return; None: it is idle.
-        shard: What it plays; None where it is idle or starts.
-        deadline: When it is taken for hung.
-    """
+    """An actor, and what it is waited for until it is taken for hung."""
 
     actor: Any
     packed: Any
     awaited: Any = None
+    """What it is about to return; None: it is idle."""
     shard: slice | None = None
+    """What it plays; None where it is idle or starts."""
     deadline: float = math.inf
 
     def start(self, deadline: float = math.inf) -> None:
@@ -113,14 +104,7 @@ class WorkerHandle:
 
 
 class Workers:
-    """The actors of a search.
-
-    Args:
-        packed: A pickled function that makes the evaluator of each.
-        num_cpus: Processors of each.
-        resources: Other resources of each, by Ray's names.
-        timeout: Seconds that a shard may take; None: as long as it likes.
-    """
+    """The actors of a search, see `RayEvaluator`; `packed` makes the evaluator of each."""
 
     def __init__(
         self,
@@ -169,15 +153,7 @@ class Workers:
         return list(done)
 
     def ended(self, done: list[Any]) -> list[tuple[slice, Rollouts | None]]:
-        """Shards that have ended, with their rollouts; None: they were lost.
-
-        Args:
-            done: References that `wait` gave.
-
-        Raises:
-            BaseException: What the evaluator raised.
-            RuntimeError: If a worker cannot make the evaluator.
-        """
+        """Shards that `wait` says have ended, with their rollouts; None: they were lost."""
         awaited = {each.awaited: each for each in self._workers if each.awaited is not None}
         now = time.monotonic()
         workers = [awaited[each] for each in done]

@@ -42,11 +42,7 @@ def check_observations(observations: npt.NDArray[Any]) -> None:
 
 
 def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
-    """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none.
-
-    Raises:
-        ValueError: If they do not all have one of numbers, of the same shape (B,).
-    """
+    """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none."""
     return as_behaviors([info.get("behavior", ()) for info in infos])
 
 
@@ -152,21 +148,8 @@ class Rollouts:
             return self.summaries[name]
         return make_summarizers(len(self))[name](self, slice(0, len(self)))
 
-    def only(self, individuals: slice) -> Rollouts:
-        """Those of some individuals; which cells those alone visited is not known."""
-        names = ("returns", "lengths", "success", "behaviors", "final_observations")
-        parts: dict[str, Any] = {name: getattr(self, name)[individuals] for name in names}
-        observations, actions = (each[individuals] for each in self.trajectories)
-        parts |= {"observations": observations, "actions": actions}
-        return replace(self, **parts, visited=None, summaries={})
-
     def summarize(self, summarizers: Mapping[str, Summarizer], individuals: slice) -> Rollouts:
-        """The same with a summary of each name in the place of trajectories.
-
-        Args:
-            summarizers: By the name of their summary.
-            individuals: Which ones of a population these are.
-        """
+        """The same, some individuals of a population, with summaries instead of trajectories."""
         summaries = {name: each(self, individuals) for name, each in summarizers.items()}
         return replace(self.without_trajectories(), summaries=summaries)
 
@@ -188,60 +171,32 @@ def sparse_returns(
     return returns
 
 
-def padded_rollouts(
-    *,
-    returns: Float64Array,
-    lengths: npt.NDArray[np.int64],
-    success: npt.NDArray[np.bool_],
-    behaviors: Float64Array,
-    observations: Float32Array,
-    actions: npt.NDArray[np.float32],
-    visited: npt.NDArray[np.int64] | None = None,
-) -> Rollouts:
-    """Rollouts of trajectories that are as long as the longest episode, or longer.
-
-    The arguments are attributes of `Rollouts`.
-    """
+def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
+    """Join parts of a population into one record, padded to the longest episode."""
+    if len(parts) == 1:
+        return parts[0]
+    check_same_shape([part.behaviors[0] for part in parts])
+    longest = max(part.lengths.max() for part in parts)
+    names = ("returns", "lengths", "success", "behaviors", "final_observations")
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in names
+    }
     return Rollouts(
-        returns=returns,
-        lengths=lengths,
-        success=success,
-        behaviors=behaviors,
-        final_observations=observations[np.arange(len(lengths)), lengths],
-        observations=observations,
-        actions=actions,
-        visited=visited,
+        **joined,
+        observations=_join_padded([part.observations for part in parts], longest + 1),
+        actions=_join_padded([part.actions for part in parts], longest),
+        visited=_union([part.visited for part in parts]),
+        summaries={name: _join(parts, name) for name in parts[0].summaries},
     )
 
 
-def concatenate(waves: list[Rollouts]) -> Rollouts:
-    """Join waves without summaries into one record, padded to the longest episode.
-
-    Raises:
-        ValueError: If the behaviors of one wave have another shape than those of another.
-    """
-    if len(waves) == 1:
-        return waves[0]
-    check_same_shape([wave.behaviors[0] for wave in waves])
-    longest = max(wave.lengths.max() for wave in waves)
-
-    def join(name: str) -> npt.NDArray[Any]:
-        return np.concatenate([getattr(wave, name) for wave in waves])
-
-    return Rollouts(
-        returns=join("returns"),
-        lengths=join("lengths"),
-        success=join("success"),
-        behaviors=join("behaviors"),
-        final_observations=join("final_observations"),
-        observations=_join_padded([wave.observations for wave in waves], longest + 1),
-        actions=_join_padded([wave.actions for wave in waves], longest),
-        visited=_union([wave.visited for wave in waves]),
-    )
+def _join(parts: Sequence[Rollouts], name: str) -> Summary:
+    arrays = zip(*(part.summaries[name] for part in parts), strict=True)
+    return tuple(map(np.concatenate, arrays))
 
 
 def _union(visited: list[npt.NDArray[np.int64] | None]) -> npt.NDArray[np.int64] | None:
-    """The cells of all waves; None where no wave counted any."""
+    """The cells of all parts; None where no part counted any."""
     counted = [cells for cells in visited if cells is not None]
     return np.unique(np.concatenate(counted)) if counted else None
 

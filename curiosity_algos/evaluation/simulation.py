@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium.utils import seeding
 
 from curiosity_algos.evaluation.cells import VisitedCells
@@ -16,69 +15,18 @@ from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,
     concatenate,
-    padded_rollouts,
     sparse_returns,
 )
-from curiosity_gym.core import CoverageGrid, Float64Array, FloatArray, Mask
+from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.tasks import ControlTask
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.locomotion.tasks import LocomotionTask
 
 MAX_SIMULATIONS = 256
 """Throughput is flat from 56 on, and a simulation takes half a megabyte."""
 
 
-class Simulation(Protocol):
-    """N simulations of one task; with `rewards`, (n,) of the last steps, unless it is sparse."""
-
-    @property
-    def n(self) -> int:
-        """Number of simulations."""
-        ...
-
-    @property
-    def observations(self) -> FloatArray:
-        """(n, O), overwritten by each step."""
-        ...
-
-    @property
-    def success(self) -> Mask:
-        """(n,) whether the last step of each reached the goal, overwritten likewise."""
-        ...
-
-    @property
-    def behaviors(self) -> Float64Array:
-        """Of each episode so far, (n, B)."""
-        ...
-
-    def reset(self, ids: npt.NDArray[np.int64], rngs: Sequence[np.random.Generator]) -> None:
-        """Begin episodes in simulations `ids`, of a generator each, or one for all."""
-        ...
-
-    def step(self, actions: Float32Array, ids: npt.NDArray[np.int64]) -> Mask:
-        """Step simulations `ids`; which of their episodes end."""
-        ...
-
-
-class Task(Protocol):
-    """What is simulated: its sizes, and the cells that coverage counts."""
-
-    @property
-    def n_observations(self) -> int:
-        """Length of an observation."""
-        ...
-
-    @property
-    def n_actions(self) -> int:
-        """Number of actuators."""
-        ...
-
-    @property
-    def coverage_grid(self) -> CoverageGrid | None:
-        """None: there is nothing to count."""
-        ...
-
-    @property
-    def draws(self) -> bool:
-        """Whether episodes begin at random."""
-        ...
+AnySimulation = Simulation | LocomotionSimulation
 
 
 class SimulationEvaluator:
@@ -98,8 +46,8 @@ class SimulationEvaluator:
 
     def __init__(
         self,
-        task: Task,
-        simulate: Callable[..., Simulation],
+        task: ControlTask | LocomotionTask,
+        simulate: Callable[..., AnySimulation],
         mlp: Mlp,
         *,
         max_steps: int,
@@ -115,7 +63,7 @@ class SimulationEvaluator:
         self.block_size = MAX_SIMULATIONS
         self.draws = task.draws
         self._n_threads = n_threads
-        self._simulation: Simulation | None = None
+        self._simulation: AnySimulation | None = None
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters).
@@ -135,7 +83,7 @@ class SimulationEvaluator:
 
     def _play(
         self,
-        simulation: Simulation,
+        simulation: AnySimulation,
         parameters: Float32Array,
         rngs: Sequence[np.random.Generator],
     ) -> Rollouts:
@@ -170,11 +118,12 @@ class SimulationEvaluator:
         longest = int(lengths.max())
         if self.horizon is not None:
             returns = sparse_returns(self.horizon, lengths, success)
-        return padded_rollouts(
+        return Rollouts(
             returns=returns,
             lengths=lengths,
             success=success,
             behaviors=simulation.behaviors[:n],
+            final_observations=observations[np.arange(n), lengths],
             observations=observations[:, : longest + 1],
             actions=actions[:, :longest],
             visited=None if self.task.coverage_grid is None else visited.indices(),

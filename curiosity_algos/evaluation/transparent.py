@@ -1,7 +1,8 @@
-"""Wrappers that evaluators see through, as they change nothing that a policy meets."""
+"""What evaluators see of an environment through wrappers that change nothing for a policy."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -12,10 +13,15 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper,
 
 from curiosity_algos.evaluation.environments import MadeVecEnv
 from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.simulation import Simulation
+from curiosity_gym.control.vector_env import ControlVectorEnv
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
-from curiosity_gym.locomotion.tasks import LocomotionTask, task_class
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.locomotion.tasks import task_class
+from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.maze.vector_env import MazeVectorEnv
 
 _TRANSPARENT = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, wrappers.TimeLimit)
 """Wrappers that change neither dynamics nor rewards nor observations; `max_steps` knows limits."""
@@ -53,22 +59,54 @@ def bare(env: Any) -> Any:
     return env
 
 
-def is_exactly(env: Any, *classes: type) -> bool:
-    """Whether an env is of one of the classes, no subclass, and has all its methods of it."""
-    return type(env) in classes and not has_methods_of_its_own(env)
+@dataclass(frozen=True)
+class KnownTask:
+    """A maze, a control task or a robot, which compiled evaluators can play without its env.
+
+    Attributes:
+        task: The maze or task.
+        simulate: Makes simulations of a task; None: it is a maze.
+        grid: The cells that are counted in a maze.
+        horizon: T of the reward `1 - t / T`; None: rewards are the task's own.
+        max_steps: Steps after which an episode ends.
+    """
+
+    task: Any
+    simulate: type[Any] | None
+    grid: Any
+    horizon: int | None
+    max_steps: int
+
+    def is_same(self, other: KnownTask | None) -> bool:
+        """Whether policies meet the same in both."""
+        if other is None or self.simulate is not other.simulate:
+            return False
+        if (self.horizon, self.max_steps) != (other.horizon, other.max_steps):
+            return False
+        is_maze = self.simulate is None
+        return same_maze(self.task, other.task) if is_maze else bool(self.task == other.task)
 
 
-def has_methods_of_its_own(env: Any) -> bool:
-    """Whether methods of this one env were replaced, as by `env.reset_model = mine`."""
-    return any(callable(getattr(type(env), name, None)) for name in vars(env))
+def known_task(env: Any) -> KnownTask | None:
+    """The task of an environment; None: it is none of ours or Gymnasium's robots, or changed.
 
-
-def robot_task(env: Any) -> LocomotionTask | None:
-    """The task of one of Gymnasium's own robots, without wrappers; None: it is another env."""
-    make_task = task_class(env)
-    if make_task is None or has_methods_of_its_own(env):
+    Subclasses, and methods of this one env, as by `env.reset_model = mine`, may step or reward in
+    another way.
+    """
+    inner = bare(env)
+    if any(callable(getattr(type(inner), name, None)) for name in vars(inner)):
         return None
-    return make_task(env, behavior=None)
+    if type(inner) in (MazeEnv, MazeVectorEnv):
+        return KnownTask(inner.maze, None, inner.coverage_grid, inner.horizon, max_steps(env))
+    if type(inner) in (ControlEnv, ControlVectorEnv):
+        return KnownTask(inner.task, Simulation, None, inner.horizon, max_steps(env))
+    if type(inner) in (LocomotionEnv, LocomotionVectorEnv):
+        horizon = inner.horizon if inner.sparse else None
+        return KnownTask(inner.task, LocomotionSimulation, None, horizon, max_steps(env))
+    make_task, limit = task_class(inner), time_limit(env)
+    if make_task is None or limit is None or env.render_mode == "human":
+        return None
+    return KnownTask(make_task(inner, behavior=None), LocomotionSimulation, None, None, limit)
 
 
 def max_steps(env: Any) -> int:
@@ -94,20 +132,7 @@ def time_limit(env: Any) -> int | None:
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
     """Whether one env can stand for all: it is alone, or they are the same maze, task or robot."""
-    first, *others = [env.env if isinstance(env, Monitor) else env for env in envs]
-    return all(_is_same(first, other) for other in others)
-
-
-def _is_same(env: Any, other: Any) -> bool:
-    one, two = bare(env), bare(other)
-    known = MazeEnv, ControlEnv, LocomotionEnv
-    if task_class(one) is not None:
-        task = robot_task(one)
-        return time_limit(env) == time_limit(other) and task is not None and task == robot_task(two)
-    if type(one) is not type(two) or not (is_exactly(one, *known) and is_exactly(two, *known)):
-        return False
-    if one.horizon != two.horizon or max_steps(env) != max_steps(other):
-        return False
-    if type(one) is LocomotionEnv and one.sparse != two.sparse:
-        return False
-    return same_maze(one.maze, two.maze) if type(one) is MazeEnv else bool(one.task == two.task)
+    if len(envs) == 1:
+        return True
+    first, *others = [known_task(env.env if isinstance(env, Monitor) else env) for env in envs]
+    return first is not None and all(map(first.is_same, others))

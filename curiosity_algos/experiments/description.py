@@ -21,10 +21,10 @@ from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView
-from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import bonus_wrapper
+from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.processors import available_cpus
 
 PACKAGES = (
@@ -131,7 +131,7 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
     if local is not None:  # that of a cluster gives the same results
         own["evaluator"] = local
     settings = _arguments(model, vars(model) | own)
-    return settings | ({"preset": model.preset} if isinstance(model, FromPreset) else {})
+    return settings | ({"preset": model.preset} if isinstance(model, Resumable) else {})
 
 
 def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from stable_baselines3.common.utils import ConstantSchedule
 
 from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.evaluation.arguments import check_parents
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
@@ -25,7 +24,13 @@ from curiosity_algos.motivations.base import Motivation
 from curiosity_algos.motivations.phi import Phi, check_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_gym.validation import check_bool, check_choice, check_positive
+from curiosity_gym.validation import (
+    check_at_least_one,
+    check_bool,
+    check_choice,
+    check_positive,
+    check_whole,
+)
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -138,7 +143,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_parents(self.n_parents, self.population_size)
+        check_at_least_one(population_size=self.population_size)
+        check_whole(1, self.population_size, n_parents=self.n_parents)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(STEPS, step=self.step)
         check_bool(mirrored_sampling=self.mirrored_sampling)

@@ -34,10 +34,8 @@ from curiosity_algos.evaluation.evaluator import (
     check_policy_kwargs,
     make_evaluator,
 )
-from curiosity_algos.evaluation.from_preset import FromPreset
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
-from curiosity_algos.loops.generation import as_step
 from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
 from curiosity_gym.validation import check_at_least_one, check_choice
@@ -56,7 +54,7 @@ class AlgorithmKeywords(TypedDict, total=False):
     _init_setup_model: bool
 
 
-class EvolutionaryAlgorithm(FromPreset, PopulationModel):
+class EvolutionaryAlgorithm(PopulationModel):
     """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
 
     A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is
@@ -133,9 +131,6 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
         self._user_parts: dict[str, list[str]] = {}
         self.n_threads = n_threads
         self.generation = 0
-        self._best_return: float
-        self.first_success_timesteps: int | None
-        self._best_parameters: Float32Array | None
         self._forget_best()
         self._see_env(self.env)
         if _init_setup_model:
@@ -265,7 +260,7 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
 
     def _forget_best(self) -> None:
         self._best_return = -np.inf
-        self.first_success_timesteps = None
+        self.first_success_timesteps: int | None = None
         self._best_parameters = None
         self._has_reward = False
 
@@ -351,7 +346,7 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
         return goes_on
 
     def _run_generation(self) -> dict[str, Any]:
-        """Run a generation; the entries of callbacks' `locals`, see `as_step`."""
+        """Run a generation; the entries of callbacks' `locals`."""
         assert self.evaluator is not None
         parameters = self._ask()
         rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())
@@ -363,6 +358,7 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
         self._check_rollouts(rollouts)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
+        seconds = self._seconds()
         self._generation_values = {
             "rollout/ep_rew_mean": rollouts.returns.mean(),
             "rollout/ep_rew_max": rollouts.returns.max(),
@@ -371,7 +367,10 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
             **metrics,
         }
         return {
-            **as_step(rollouts, self._seconds()),
+            "rollouts": rollouts,
+            "rewards": rollouts.returns,
+            "dones": np.ones(len(rollouts), dtype=bool),
+            "infos": [_info(rollouts, i, seconds) for i in range(len(rollouts))],
             "parameters": parameters,
             "episode_seed": self._episodes.current,
             "intrinsic": self._intrinsic,
@@ -430,3 +429,19 @@ class EvolutionaryAlgorithm(FromPreset, PopulationModel):
         for key, value in values.items():
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)
+
+
+def _info(rollouts: Rollouts, i: int, seconds: float) -> dict[str, Any]:
+    """The info of the last step of an individual's episode, as a Monitor would give it."""
+    info: dict[str, Any] = {
+        "episode": {
+            "r": round(float(rollouts.returns[i]), 6),
+            "l": int(rollouts.lengths[i]),
+            "t": round(seconds, 6),
+        },
+        "is_success": bool(rollouts.success[i]),
+        "terminal_observation": rollouts.final_observations[i],
+    }
+    if rollouts.behaviors.shape[1]:
+        info["behavior"] = rollouts.behaviors[i]
+    return info

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import io
-import os
 import pathlib
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from collections.abc import Mapping, Set
+from typing import Any, ClassVar
 
 import numpy as np
 import torch as th
-from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import TensorDict
 
-from curiosity_algos.checkpoints.model_file import read_attributes, read_model, save_model
-from curiosity_algos.checkpoints.parts import read_parts
-from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator
+from curiosity_algos.checkpoints.model_file import read_attributes, read_model
+from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.validation import check_choice
@@ -32,6 +29,12 @@ class PopulationModel(Resumable):
     evaluator: Evaluator | None
     _evaluator_choice: Evaluator | str
     _best_parameters: Float32Array | None
+    _attributes: ClassVar = {
+        "policy": "policy_class",
+        "evaluator": "_evaluator_choice",
+        "archive": "_own_archive",
+    }
+    """By argument of the constructor, the attribute of another name that it is kept in."""
     _user_parts: dict[str, list[str]]
     """By argument, the kinds of parts that the user passed: no file holds them."""
 
@@ -40,23 +43,11 @@ class PopulationModel(Resumable):
         """Let `predict` act with the best policy."""
 
     def _begin_at(self, parameters: Float32Array) -> None:
-        """Search on from these parameters, shape (n_parameters,), where an algorithm can.
-
-        Raises:
-            ValueError: If it cannot; nothing has changed then.
-        """
+        """Search on from these parameters, shape (n_parameters,), where an algorithm can."""
         raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
 
     def _check_user_parts(self, name: str, kinds: list[str]) -> None:
-        """Check parts that the user passed, which `load` is to be given again.
-
-        Args:
-            name: The argument's name.
-            kinds: What tells such parts apart; empty: none was passed.
-
-        Raises:
-            ValueError: If the model that was saved had others.
-        """
+        """Raise ValueError unless the user passes parts of the kinds that the saved model had."""
         expected = self._user_parts.setdefault(name, kinds)
         if kinds != expected:
             raise ValueError(
@@ -64,42 +55,14 @@ class PopulationModel(Resumable):
                 f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
             )
 
-    def set_parameters(
-        self,
-        load_path_or_dict: str | TensorDict,
-        exact_match: bool = True,
-        device: th.device | str = "auto",
-    ) -> None:
-        """Take over parameters, the state of the search with them.
-
-        Given a policy without the state of a search, with `exact_match=False`, the search goes on
-        from that policy: an evolution strategy's center moves there, an archive that is still empty
-        is filled from there. The best policy found so far is kept.
-
-        Args:
-            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
-            exact_match: Whether all parts must be there.
-            device: As in SB3.
-
-        Raises:
-            ValueError: If parts are missing, or unknown; if the policy has another number of
-                parameters, or they are not finite; if it is given without a search that has no use
-                for it: archives have parents of their own once they hold elites. Nothing has
-                changed then.
-        """
-        parameters = read_parts(self, load_path_or_dict, exact_match, device)
+    def _prepare_for(self, parameters: TensorDict, exact_match: bool) -> None:
         if "policy" in parameters:
             flat = self._checked(parameters["policy"])
             if parameters.keys() <= _BESIDE_THE_SEARCH and not exact_match:
                 self._begin_at(flat)
-        super().set_parameters(parameters, exact_match, device)
 
     def _checked(self, state: Any) -> Float32Array:
-        """The parameters in the state of a policy, shape (n_parameters,).
-
-        Raises:
-            ValueError: If there are others, or they are NaN or infinite.
-        """
+        """The parameters in the state of a policy, shape (n_parameters,), finite."""
         flat, n_parameters = state.get("flat"), self.policy.mlp.n_parameters
         if np.shape(flat) != (n_parameters,):  # None has a shape, ()
             raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")
@@ -116,76 +79,10 @@ class PopulationModel(Resumable):
         seen += ["_generation_values", "_intrinsic"]
         return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
 
-    def save(
-        self,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        exclude: Iterable[str] | None = None,
-        include: Iterable[str] | None = None,
-    ) -> None:
-        """Save everything that a run needs to go on bit for bit.
-
-        The file takes the place of an older one only once it is wholly on disk. Settings are JSON
-        and arrays; objects of your own, such as a policy's class, are written with cloudpickle.
-
-        Args:
-            path: Of the file; `.zip` is added where it has no suffix.
-            exclude: Names to leave out; "buffer" leaves out the bonus' transitions, and a run
-                that goes on without them is another one: `learn` warns.
-            include: Names to save although they are left out by default.
-
-        Raises:
-            OSError: If it cannot be written; an older file is then as it was.
-        """
+    def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
         aliases = {policy: name for name, policy in self.policy_aliases.items()}
         policy = aliases.get(self.policy_class, self.policy_class)
-        save_model(self, path, exclude, include, plain=True, policy_class=policy)
-
-    @classmethod
-    def load(
-        cls,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        env: AnyEnv | None = None,
-        device: th.device | str = "auto",
-        custom_objects: dict[str, Any] | None = None,
-        print_system_info: bool = False,
-        force_reset: bool = True,
-        *,
-        allow_pickle: bool = False,
-        **kwargs: Any,
-    ) -> Self:
-        """Load a model, without running code that the file holds.
-
-        Args:
-            path: Of the file; `.zip` may be left out.
-            env: As in the constructor; None: the model can predict, and learn after `set_env`.
-            device: As in the constructor.
-            custom_objects: By name, what to take in place of the attributes in the file.
-            print_system_info: As in SB3.
-            force_reset: As in SB3.
-            allow_pickle: Also read objects of classes that are not of this package, which can run
-                any code: only for files that you trust.
-            **kwargs: Other names replace the model's attributes, objects that the file could only
-                hold with cloudpickle among them (`policy=MyPolicy`, `bonus=my_bonus`), and
-                `evaluator`, which no file holds. `seed` begins every random draw anew, see
-                `set_random_seed`; without it they go on.
-
-        Raises:
-            FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if it holds objects
-                that are not given here; if a keyword would replace a setting that what is in the
-                file was made with.
-            RuntimeError: If a `bonus` given here is made in another way than the one saved.
-        """
-        return super().load(
-            path,
-            env,
-            device,
-            custom_objects,
-            print_system_info,
-            force_reset,
-            allow_pickle=allow_pickle,
-            **kwargs,
-        )
+        return {"plain": True, "policy_class": policy}
 
     @classmethod
     def _read(
@@ -200,15 +97,13 @@ class PopulationModel(Resumable):
         name, allow_pickle = cls.__name__, given.pop("allow_pickle")
         # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
         custom = {k: v for k, v in (custom_objects or {}).items() if k != "learning_rate"}
-        if "policy" in given:
-            custom["policy_class"] = given.pop("policy")
-        if "evaluator" in given:
-            given["_evaluator_choice"] = given.pop("evaluator")
+        given = {cls._attributes.get(k, k): value for k, value in given.items()}
         attributes = read_attributes(
             file, name, custom | given, fixed=cls._fixed_settings(), allow_pickle=allow_pickle
         )
-        if isinstance(attributes.get("policy_class"), str):
-            attributes["policy_class"] = cls._policy_of(attributes["policy_class"])
+        if isinstance(policy := attributes.get("policy_class"), str):
+            check_choice(tuple(cls.policy_aliases), policy=policy)
+            attributes["policy_class"] = cls.policy_aliases[policy]
         data, parameters = read_model(file, name, device, attributes, print_system_info)
         had = data["_user_parts"].get("evaluator")
         if env is not None and had and "_evaluator_choice" not in given:
@@ -216,7 +111,7 @@ class PopulationModel(Resumable):
                 '`evaluator` must be given to `load`, or "auto": the saved model had one, '
                 f"{had[0]}."
             )
-        return data | given, parameters
+        return given | data, parameters
 
     def _go_on(self, read: Mapping[str, Any]) -> None:
         self._put_back(read)
@@ -235,11 +130,6 @@ class PopulationModel(Resumable):
                 current.bit_generator.state = value.bit_generator.state  # parts may draw from it
             else:
                 vars(self)[name] = value
-
-    @classmethod
-    def _policy_of(cls, alias: str) -> type[BasePolicy]:
-        check_choice(tuple(cls.policy_aliases), policy=alias)
-        return cls.policy_aliases[alias]
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import inspect
-import io
 import json
-import os
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, ClassVar, Self, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from gymnasium import spaces
 from ribs.emitters import EmitterBase, GaussianEmitter
 from ribs.schedulers import Scheduler
@@ -188,7 +185,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 )
 
     def _setup_model(self) -> None:
-        with _unchanged_on_error(self._own_archive):
+        with self._unchanged_on_error(vars(self)):
             super()._setup_model()
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
@@ -296,51 +293,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return [*super()._excluded_save_params(), "_scheduler", *passed_again]
 
     @classmethod
-    def load(
-        cls,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        env: AnyEnv | None = None,
-        device: th.device | str = "auto",
-        custom_objects: dict[str, Any] | None = None,
-        print_system_info: bool = False,
-        force_reset: bool = True,
-        *,
-        archive: EliteArchive | None = None,
-        emitters: MakeEmitters | None = None,
-        allow_pickle: bool = False,
-        **kwargs: Any,
-    ) -> Self:
-        """Load a model, see `EvolutionaryAlgorithm.load`.
-
-        Args:
-            path: See `EvolutionaryAlgorithm.load`, as for every argument not named here.
-            env: As in the constructor.
-            device: As in the constructor.
-            custom_objects: By name, replaces attributes in the file.
-            print_system_info: As in SB3.
-            force_reset: As in SB3.
-            archive: One of the class and settings of the constructor's `archive`, where it had one:
-                the file's elites take the place of its own.
-            emitters: The function that the constructor had, where it had any.
-            allow_pickle: Also read objects of classes that are not of this package.
-            **kwargs: By name, replace the model's attributes.
-
-        Raises:
-            ValueError: Also if `archive` or `emitters` are missing or others, or `kwargs` would
-                replace a setting that archive or emitters were made with.
-        """
-        kwargs |= {"_own_archive": archive, "emitters": emitters}
-        with _unchanged_on_error(archive):
-            return super().load(
-                path,
-                env,
-                device,
-                custom_objects,
-                print_system_info,
-                force_reset,
-                allow_pickle=allow_pickle,
-                **kwargs,
-            )
+    def _unchanged_on_error(cls, data: Mapping[str, Any]) -> AbstractContextManager[None]:
+        archive = data.get("_own_archive")
+        # What is no archive is refused in there.
+        return archive.unchanged_on_error() if isinstance(archive, EliteArchive) else nullcontext()
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:
@@ -380,11 +336,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
             return super().predict(observation, state, episode_start, deterministic)
         finally:
             self.policy.vector[:] = acting
-
-
-def _unchanged_on_error(archive: EliteArchive | None) -> AbstractContextManager[None]:
-    # What is no archive is refused in there.
-    return archive.unchanged_on_error() if isinstance(archive, EliteArchive) else nullcontext()
 
 
 def _kinds(*parts: object) -> list[str]:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.evaluation.vector_infos import entries_of, has_generators, info_of
+from curiosity_algos.evaluation.batches import has_generators, info_rows
+from curiosity_algos.evaluation.environments import env_attributes
 
 
 class GymnasiumVecEnv(VecEnv):
@@ -24,14 +25,14 @@ class GymnasiumVecEnv(VecEnv):
     records episodes, as a `Monitor` does of one.
 
     Args:
-        vector_env: The VectorEnv, made with `autoreset_mode=AutoresetMode.SAME_STEP` or `DISABLED`:
+        vector_env: The VectorEnv, made with `autoreset_mode=AutoresetMode.SAME_STEP`:
             Stable-Baselines3 expects a new episode from the step that ends one.
 
     Attributes:
         vector_env: The VectorEnv.
 
     Raises:
-        ValueError: If it is none, or resets in the step after.
+        ValueError: If it is none, or does not reset in that step.
 
     Example:
         ::
@@ -51,8 +52,7 @@ class GymnasiumVecEnv(VecEnv):
                 f"`vector_env` must be a Gymnasium VectorEnv, got {type(vector_env).__name__}."
             )
         mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
-        self._mode = AutoresetMode(mode)
-        if self._mode == AutoresetMode.NEXT_STEP:
+        if AutoresetMode(mode) != AutoresetMode.SAME_STEP:
             raise ValueError(
                 "`vector_env` must begin an episode in the step that ends the one before, as "
                 "Stable-Baselines3 does: give `gymnasium.make_vec` "
@@ -79,7 +79,7 @@ class GymnasiumVecEnv(VecEnv):
         if seeds is not None and not has_generators(self.vector_env):
             seeds = seeds[0]
         observations, infos = self.vector_env.reset(seed=seeds, options=first or None)
-        self.reset_infos = _rows(infos, self.num_envs)
+        self.reset_infos = info_rows(infos, self.num_envs)
         self._reset_seeds()
         self._reset_options()
         begun: VecEnvObs = _copied(observations)
@@ -92,42 +92,18 @@ class GymnasiumVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Take the step; where an episode ends, another begins."""
         observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
-        observations = _copied(observations)
         ended = np.logical_or(terminated, truncated)
-        rows = _rows(infos, self.num_envs)
-        if ended.any():
-            observations = self._begin_anew(observations, np.flatnonzero(ended), infos, rows)
+        rows = info_rows(infos, self.num_envs)
+        last = info_rows(infos.get("final_info", {}), self.num_envs)
+        for i in np.flatnonzero(ended).tolist():
+            begun, rows[i] = rows[i], last[i]
+            if "episode" in begun:  # Gymnasium's own record tells of the one that ended
+                rows[i].setdefault("episode", begun.pop("episode"))
+            self.reset_infos[i] = begun
+            rows[i]["terminal_observation"] = infos["final_obs"][i]
         for row, was_cut in zip(rows, (truncated & ~terminated).tolist(), strict=True):
             row["TimeLimit.truncated"] = was_cut
-        return observations, np.asarray(rewards, dtype=np.float32), ended, rows
-
-    def _begin_anew(
-        self,
-        observations: Any,
-        ended: npt.NDArray[np.int64],
-        infos: Mapping[str, Any],
-        rows: list[dict[str, Any]],
-    ) -> Any:
-        """Put what episodes ended with into their infos, and what others begin with after it.
-
-        Returns:
-            The observations, with the first of each new episode.
-        """
-        if self._mode == AutoresetMode.SAME_STEP:
-            for i in ended.tolist():
-                begun, rows[i] = rows[i], info_of(infos.get("final_info", {}), i)
-                if "episode" in begun:  # Gymnasium's own record tells of the one that ended
-                    rows[i].setdefault("episode", begun.pop("episode"))
-                self.reset_infos[i] = begun
-                rows[i]["terminal_observation"] = infos["final_obs"][i]
-            return observations
-        for i in ended.tolist():
-            rows[i]["terminal_observation"] = _observation(observations, i)
-        mask = np.isin(np.arange(self.num_envs), ended)
-        begun, begun_infos = self.vector_env.reset(options={"reset_mask": mask})
-        for i in ended.tolist():
-            self.reset_infos[i] = info_of(begun_infos, i)
-        return _copied(begun)
+        return _copied(observations), np.asarray(rewards, dtype=np.float32), ended, rows
 
     def close(self) -> None:
         """Close the VectorEnv."""
@@ -146,17 +122,11 @@ class GymnasiumVecEnv(VecEnv):
         Raises:
             AttributeError: If they have none.
         """
-        inner = self.vector_env.unwrapped
-        if isinstance(inner, AsyncVectorEnv):
-            # Asked for first: a worker process dies of an attribute that is not there.
-            if not all(inner.call("has_wrapper_attr", attr_name)):
-                raise AttributeError(f"The envs have no attribute {attr_name!r}.")
-            values: Sequence[Any] = inner.get_attr(attr_name)
-        elif hasattr(inner, "envs"):
-            values = [env.get_wrapper_attr(attr_name) for env in inner.envs]
-        else:
-            values = [getattr(inner, attr_name)] * self.num_envs
-        return [values[i] for i in self._get_indices(indices)]
+        values = env_attributes(self.vector_env, attr_name)
+        if not values:
+            raise AttributeError(f"The envs have no attribute {attr_name!r}.")
+        each = values if len(values) == self.num_envs else values * self.num_envs
+        return [each[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set the attribute of each env.
@@ -205,31 +175,7 @@ class GymnasiumVecEnv(VecEnv):
         return [envs is not None and is_wrapped(envs[i], wrapper_class) for i in chosen]
 
 
-def _rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
-    """Infos of a VectorEnv as one dictionary an env, those of ended episodes aside."""
-    rows: list[dict[str, Any]] = [{} for _ in range(n)]
-    for key, values, has in entries_of(infos, [True] * n):
-        each = _values(values, n)
-        for row, value, is_there in zip(rows, each, has, strict=True):
-            if is_there:
-                row[key] = value
-    return rows
-
-
-def _values(values: Any, n: int) -> Any:
-    """One value an env; numbers as Python has them."""
-    if isinstance(values, Mapping):
-        return _rows(values, n)
-    return values.tolist() if isinstance(values, np.ndarray) and values.ndim == 1 else values
-
-
 def _copied(observations: Any) -> Any:
     """New arrays: the env may write into its own, and algorithms keep the last."""
     is_array = isinstance(observations, np.ndarray)
     return observations.copy() if is_array else deepcopy(observations)
-
-
-def _observation(observations: Any, i: int) -> Any:
-    if isinstance(observations, Mapping):
-        return {key: _observation(values, i) for key, values in observations.items()}
-    return np.array(observations[i])

@@ -96,12 +96,7 @@ class CuriosityReplayBuffer(ReplayBuffer):
             self.dones[newest] = 1.0
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
-        """Transitions drawn uniformly with replacement; the bonus sees raw observations.
-
-        Args:
-            batch_size: How many.
-            env: Normalizes observations and the reward of the task.
-        """
+        """Transitions drawn uniformly with replacement; the bonus sees raw observations."""
         rows, curiosity = next(self._ahead, None) or next(self._drawn(1, batch_size))
         observations, _, next_observations = self._transitions(rows)
         rewards = self.weight * curiosity

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
 import pathlib
 import warnings
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Self
+from collections.abc import Iterable, Iterator, Mapping, Set
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.type_aliases import GymEnv, TensorDict
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_model
+from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_model, save_model
 from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_parts
+from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
-from curiosity_algos.evaluation.arguments import wrap_env
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
-from curiosity_algos.evaluation.environments import open_env
+from curiosity_algos.evaluation.environments import GymnasiumView, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.validation import check_seed
@@ -34,13 +36,43 @@ class Resumable(BaseAlgorithm):
     """An algorithm whose environment, seed and files are handled alike, whatever it learns by.
 
     A subclass calls `_see_env` once it has its env, and says what it counts (`_counted`) and how it
-    begins that anew (`_forget_found`).
+    begins that anew (`_forget_found`). Constructors write their own keywords and pass the others on
+    as `**kwargs`: a class' signature shows them all, each as the class nearest to it has it.
+
+    Attributes:
+        preset: Name of the preset that the model was made from, or None.
     """
 
+    preset: str | None = None
+    __signature__: ClassVar[inspect.Signature]
     _coverage_grid: CoverageGrid | None
     _behavior_space: spaces.Box[Any] | None
     _lacks_transitions = False
     """Whether the file that the model was read from has left them out."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.__signature__ = inspect.Signature(_all_parameters(cls))
+
+    @classmethod
+    def from_preset(cls, preset: str, env: AnyEnv, **overrides: Any) -> Self:
+        """Make a model with the settings of a preset: `CuriosityES.from_preset("paper", env)`.
+
+        Args:
+            preset: "paper" (its table 1) or "tuned", see `load_preset`.
+            env: As in the constructor, made by an id that the preset knows.
+            **overrides: Keywords of the constructor that count more than the preset's. Of a
+                dictionary each entry does; with another `bonus` the preset's `bonus_kwargs` do not
+                count at all.
+
+        Raises:
+            ValueError: If there is no such preset, or it has no settings of the algorithm for the
+                environment.
+        """
+        settings = load_preset(preset, _known_name(cls), env_id(env))
+        model = cls(env, **_merged(settings, overrides))  # type: ignore[arg-type]  # ours come first
+        model.preset = preset
+        return model
 
     @abstractmethod
     def _counted(self) -> Coverage:
@@ -52,11 +84,7 @@ class Resumable(BaseAlgorithm):
 
     @contextmanager
     def _learning(self) -> Iterator[None]:
-        """Learn alone in the process; say so if what was collected before is lost.
-
-        Raises:
-            RuntimeError: If a model learns in another thread.
-        """
+        """Learn alone in the process; say so if what was collected before is lost."""
         with sole_learner():
             if self._lacks_transitions:
                 warnings.warn(
@@ -71,16 +99,14 @@ class Resumable(BaseAlgorithm):
 
     @classmethod
     def _open_env(cls, env: Any) -> Any:
-        """The environment of an id; anything else as it is.
-
-        Raises:
-            ValueError: If the algorithm has no use for it.
-        """
+        """The environment of an id, anything else as it is, if the algorithm has a use for it."""
         return open_env(env)
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        return wrap_env(env, verbose, monitor_wrapper)
+        if isinstance(env, VectorEnv):
+            return GymnasiumView(env)
+        return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
 
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """Train on another environment with the same spaces.
@@ -168,13 +194,59 @@ class Resumable(BaseAlgorithm):
         exact_match: bool = True,
         device: th.device | str = "auto",
     ) -> None:
-        """As in SB3, but names that do not match change nothing.
+        """Take over parameters, the state of a search with them.
+
+        Given a policy without the state of a search, with `exact_match=False`, a population's
+        search goes on from that policy: an evolution strategy's center moves there, an archive that
+        is still empty is filled from there. The best policy found so far is kept.
+
+        Args:
+            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
+            exact_match: Whether all parts must be there.
+            device: As in SB3.
 
         Raises:
-            ValueError: If parts are missing, or unknown.
+            ValueError: If parts are missing, or unknown; of a population, if the policy has another
+                number of parameters, or they are not finite; if it is given without a search that
+                has no use for it: archives have parents of their own once they hold elites. Nothing
+                has changed then.
         """
         parameters = read_parts(self, load_path_or_dict, exact_match, device)
+        self._prepare_for(parameters, exact_match)
         super().set_parameters(parameters, exact_match, device)
+
+    def save(
+        self,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        exclude: Iterable[str] | None = None,
+        include: Iterable[str] | None = None,
+    ) -> None:
+        """Save everything that a run needs to go on bit for bit, replay buffers too.
+
+        The file takes the place of an older one only once it is wholly on disk. That of a
+        population algorithm holds JSON and arrays; objects of your own in it, such as a policy's
+        class, are written with cloudpickle. TD3's episode that has not ended goes on after `load`
+        where the env can say where it stands, as those of `curiosity_gym` can; elsewhere a new one
+        begins.
+
+        Args:
+            path: Of the file; `.zip` is added where it has no suffix.
+            exclude: Names to leave out; "buffer" leaves out transitions, and a run that goes on
+                without them is another one: `learn` warns.
+            include: Names to save although they are left out by default.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+        """
+        exclude = set(exclude or ())
+        save_model(self, path, exclude, include, **self._saved_instead(exclude))
+
+    @abstractmethod
+    def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
+        """Attributes to save in place of the model's own, and how `save_model` writes them."""
+
+    def _prepare_for(self, parameters: TensorDict, exact_match: bool) -> None:
+        """Check what is about to be taken over; nothing has changed if that raises."""
 
     @classmethod
     def load(
@@ -185,12 +257,14 @@ class Resumable(BaseAlgorithm):
         custom_objects: dict[str, Any] | None = None,
         print_system_info: bool = False,
         force_reset: bool = True,
+        *,
+        allow_pickle: bool = False,
         **kwargs: Any,
     ) -> Self:
-        """Load a model of a file that you trust.
+        """Load a model.
 
-        As in SB3, schedules, noise and spaces are read with cloudpickle, which runs whatever code
-        the file holds.
+        Files of population algorithms are read without running code. Those of TD3ICM are read with
+        cloudpickle, as in SB3, which runs whatever code they hold: load what you trust.
 
         Args:
             path: Of the file; `.zip` may be left out.
@@ -199,24 +273,37 @@ class Resumable(BaseAlgorithm):
             custom_objects: By name, what to take in place of the attributes in the file.
             print_system_info: As in SB3.
             force_reset: As in SB3.
-            **kwargs: Other names replace the model's attributes. `seed` begins every random draw
-                anew, see `set_random_seed`; without it they go on.
+            allow_pickle: Of a population algorithm, also read objects of classes that are not of
+                this package, which can run any code: only for files that you trust.
+            **kwargs: `evaluator`, `search`, `archive` and `emitters` that the constructor was
+                given, which no file holds: the elites in the file take the place of the archive's
+                own. Other names replace the model's attributes, objects that a file holds with
+                cloudpickle alone among them (`policy=MyPolicy`, `bonus=my_bonus`). `seed` begins
+                every random draw anew, see `set_random_seed`; without it they go on.
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if `policy_kwargs` or
-                `preset` are others than those saved.
+            ValueError: If the file is truncated, or no model of this class; if it needs what is not
+                given here, or a keyword would replace a setting that what is in the file was made
+                with. An archive given here is then as it was.
             RuntimeError: If a `bonus` given here is made in another way than the one saved.
         """
         file = check_is_checkpoint(path, cls.__name__)
         env = None if env is None else cls._open_env(env)
         seed = ((custom_objects or {}) | kwargs).get("seed")
         check_seed(seed)
-        data, parameters = cls._read(file, env, device, custom_objects, print_system_info, kwargs)
-        model = build_model(cls, data, parameters, env, device, force_reset)
-        model._go_on(data)
+        given = kwargs | {"allow_pickle": allow_pickle}
+        data, parameters = cls._read(file, env, device, custom_objects, print_system_info, given)
+        with cls._unchanged_on_error(data):
+            model = build_model(cls, data, parameters, env, device, force_reset)
+            model._go_on(data)
         model.set_random_seed(seed)
         return model
+
+    @classmethod
+    def _unchanged_on_error(cls, data: Mapping[str, Any]) -> AbstractContextManager[None]:
+        """Leave the user's own among a model's attributes as they were if the block raises."""
+        return nullcontext()
 
     @classmethod
     def _read(
@@ -229,6 +316,7 @@ class Resumable(BaseAlgorithm):
         given: dict[str, Any],
     ) -> tuple[dict[str, Any], TensorDict]:
         """A model's attributes, those that were given among them, and the states of its parts."""
+        del given["allow_pickle"]
         data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
         for name in given.keys() & {"policy_kwargs", "preset"}:
             if given[name] != data.get(name):
@@ -239,3 +327,41 @@ class Resumable(BaseAlgorithm):
         """Take over from what a file said what `_setup_model` has begun anew."""
         if self.env is not None:
             self._match_env(self.env)
+
+
+def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    if "bonus" in overrides:
+        settings.pop("bonus_kwargs", None)  # they are of another bonus
+    merged = {
+        name: settings[name] | value
+        for name, value in overrides.items()
+        if isinstance(value, dict) and isinstance(settings.get(name), dict)
+    }
+    return settings | dict(overrides) | merged
+
+
+def _all_parameters(cls: type) -> list[inspect.Parameter]:
+    """Parameters of the constructor, and of those that it passes keywords on to."""
+    found: dict[str, inspect.Parameter] = {}
+    for each in cls.__mro__:
+        if "__init__" not in vars(each):
+            continue
+        _, *own = inspect.signature(vars(each)["__init__"]).parameters.values()
+        shown = [parameter for parameter in own if _is_shown(parameter)]
+        if found:  # the constructors before pass keywords on, and nothing else
+            shown = [parameter.replace(kind=parameter.KEYWORD_ONLY) for parameter in shown]
+        found |= {each.name: each for each in shown if each.name not in found}
+        if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in own):
+            break
+    return sorted(found.values(), key=lambda parameter: parameter.kind)
+
+
+def _is_shown(parameter: inspect.Parameter) -> bool:
+    is_passed_on = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    return not (is_passed_on or parameter.name.startswith("_"))
+
+
+def _known_name(cls: type) -> str:
+    """The name under which presets may know a class: its own, or of the algorithm it extends."""
+    ours = "curiosity_algos.algorithms."
+    return next((each for each in cls.__mro__ if each.__module__.startswith(ours)), cls).__name__

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import copy
-import io
-import os
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Set
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -33,7 +31,7 @@ from curiosity_algos.checkpoints.environment_state import (
     environment_states,
     load_environment_states,
 )
-from curiosity_algos.checkpoints.model_file import TRANSITIONS, save_model
+from curiosity_algos.checkpoints.model_file import TRANSITIONS
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
@@ -47,10 +45,13 @@ from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.from_preset import FromPreset
-from curiosity_algos.sb3.action_noise import GaussianActionNoise
 from curiosity_algos.sb3.resumable import Resumable
-from curiosity_algos.sb3.td3_envs import check_env, check_length, longest_episode
+from curiosity_algos.sb3.td3_envs import (
+    GaussianActionNoise,
+    check_env,
+    check_length,
+    longest_episode,
+)
 from curiosity_gym.validation import (
     LARGEST_COUNT,
     check_at_least_one,
@@ -60,7 +61,7 @@ from curiosity_gym.validation import (
 )
 
 
-class ResumableTD3(FromPreset, Resumable, TD3):
+class ResumableTD3(Resumable, TD3):
     """TD3 on one environment, whose checkpoints hold all that the run needs to go on bit for bit.
 
     A subclass makes its parts and the replay buffer (`_make_parts`), sees each rollout
@@ -250,14 +251,9 @@ class ResumableTD3(FromPreset, Resumable, TD3):
         Ctrl-C takes effect after a step or a training, so that the model can be saved; a second one
         at once.
 
-        Args:
-            total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
-            callback: SB3 callbacks; called after each step. They may save the model at any time.
-            log_interval: Episodes between two logs; None: none.
-            tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
-            reset_num_timesteps: Count timesteps from 0 again, and begin an episode; False: go on,
-                as after `load`.
-            progress_bar: Show a bar of timesteps.
+        Arguments are SB3's. Callbacks are called after each step, and may save the model at any
+        time; `log_interval` counts episodes, None: no log. `reset_num_timesteps=False` goes on, as
+        after `load`, in the episode under way.
 
         Raises:
             ValueError: If the budget is negative or not finite, `log_interval` is below 1,
@@ -418,29 +414,8 @@ class ResumableTD3(FromPreset, Resumable, TD3):
             return  # another environment, in which an episode has just begun
         self._last_obs = last_obs
 
-    def save(
-        self,
-        path: str | os.PathLike[str] | io.BufferedIOBase,
-        exclude: Iterable[str] | None = None,
-        include: Iterable[str] | None = None,
-    ) -> None:
-        """Save everything that a run needs to go on bit for bit, the replay buffer too.
-
-        An episode that has not ended goes on after `load` where the env can say where it stands, as
-        those of `curiosity_gym` can; elsewhere a new one begins. The file takes the place of an
-        older one only once it is wholly on disk.
-
-        Args:
-            path: Of the file; `.zip` is added where it has no suffix.
-            exclude: Names to leave out; "buffer" leaves out the replay buffer's transitions, and a
-                run that goes on without them is another one: `learn` warns.
-            include: Names to save although they are left out by default.
-
-        Raises:
-            OSError: If it cannot be written; an older file is then as it was.
-        """
-        exclude = set(exclude or ())
-        extra: dict[str, Any] = {"_interrupted": self._episode_under_way()}
+    def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
+        instead: dict[str, Any] = {"_interrupted": self._episode_under_way()}
         if exclude & TRANSITIONS:  # none are left to train on
-            extra |= {"_n_steps": 0, "_n_episodes": 0, "_is_seen": False}
-        save_model(self, path, exclude, include, **extra)
+            instead |= {"_n_steps": 0, "_n_episodes": 0, "_is_seen": False}
+        return instead

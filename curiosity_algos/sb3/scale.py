@@ -53,11 +53,7 @@ class BonusScale:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If it is of another number of environments, or no numbers.
-        """
+        """Take over what `state_dict` gave, of as many environments."""
         sums, numbers = state["sums"].cpu().numpy().copy(), np.array(state["statistics"])
         if sums.shape != self._sums.shape or sums.dtype != np.float64:
             raise ValueError(f"`sums` must be {len(self._sums)} numbers.")

@@ -1,4 +1,4 @@
-"""Environments that Stable-Baselines3's TD3 can learn in, an episode at a time."""
+"""Environments that Stable-Baselines3's TD3 can learn in, an episode at a time, and its noise."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ import math
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from gymnasium import spaces
+from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.environments import describe, step_limit
 from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+
+NOISE = 0.1
+"""Standard deviation of the action noise, in halves of the action space."""
 
 
 def longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
@@ -51,3 +56,16 @@ def _can_be_learned(actions: spaces.Box[Any]) -> bool:
     is_float = np.issubdtype(actions.dtype, np.floating)
     is_range = actions.is_bounded() and bool((actions.low < actions.high).all())
     return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range
+
+
+class GaussianActionNoise(ActionNoise):
+    """Independent normal noise on actions of n entries, from a generator of its own."""
+
+    def __init__(self, n_actions: int, seed: np.random.SeedSequence) -> None:
+        super().__init__()
+        self._n_actions = n_actions
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self) -> npt.NDArray[np.float32]:
+        """The noise of one step."""
+        return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)

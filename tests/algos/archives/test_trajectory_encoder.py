@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from curiosity_algos.archives.trajectory_encoder import EvenStates, TrajectoryEncoder
-from curiosity_algos.evaluation.rollouts import padded_rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts
 
 N_OBSERVATIONS = 3
 
@@ -23,11 +23,12 @@ def make_rollouts(lengths, *, n_padding=0, n_observations=2):
         observations[i, : length + 1] = 0.0
         observations[i, : length + 1, 0] = i
         observations[i, : length + 1, 1] = np.arange(length + 1)
-    return padded_rollouts(
+    return Rollouts(
         returns=np.zeros(n),
         lengths=lengths,
         success=np.zeros(n, dtype=bool),
         behaviors=np.zeros((n, 0)),
+        final_observations=observations[np.arange(n), lengths],
         observations=observations,
         actions=np.zeros((n, longest, 1), dtype=np.float32),
     )

@@ -228,14 +228,9 @@ class TestWrongFiles:
         path.write_bytes(content)
         self.refuse(path)
 
-    def test_a_damaged_one_that_was_compressed(self, path):
+    def test_one_that_was_compressed(self, path):
         with np.load(path) as file:
             np.savez_compressed(path, **file)
-        assert len(SparseGridArchive.load(path)) == 5
-        content = bytearray(path.read_bytes())
-        start = content.index(b"solution.npy") + 40
-        content[start : start + 100] = b"\xff" * 100
-        path.write_bytes(content)
         self.refuse(path)
 
     def test_a_foreign_one(self, tmp_path):
@@ -441,10 +436,9 @@ class TestDamagedContent:
         with pytest.raises(ValueError, match="is not a whole file of this package"):
             SparseGridArchive.load(tmp_path / "elites.npz")
 
-    def test_members_that_unpack_to_much_more_are_not_read(self, tmp_path, monkeypatch):
+    def test_members_that_unpack_to_much_more_are_not_read(self, tmp_path):
         path = tmp_path / "elites.npz"
         make_archive(5).save(path)
-        monkeypatch.setattr("curiosity_algos.checkpoints.archive_file.SMALL", 2**20)
         with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
             content = io.BytesIO()
             np.save(content, np.zeros(2**21))

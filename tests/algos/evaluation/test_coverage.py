@@ -3,7 +3,6 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
-import torch as th
 from gymnasium import spaces
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -103,13 +102,6 @@ def test_more_cells_are_visited_than_ended_in(events, reachable):
         assert coverage.visited >= coverage.reachable
     assert coverage.state_dict()["final"].tolist() == sorted(ended)
     assert ended <= set(coverage.state_dict()["visited"].tolist())
-
-
-def test_an_older_state_is_called_so():
-    coverage = Coverage(GRID)
-    with pytest.raises(ValueError, match="another version of curiosity-search has saved it"):
-        coverage.load_state_dict({"visited": th.arange(3)})
-    assert coverage.visited == 0.0
 
 
 @pytest.mark.parametrize("visited", [[9], [-1], [0.5], [[1, 2]]])

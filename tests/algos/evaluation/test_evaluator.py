@@ -1,5 +1,3 @@
-from types import SimpleNamespace
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -9,8 +7,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
-from curiosity_algos import CanonicalES, CuriosityES, make_evaluator, register_evaluator
-from curiosity_algos.evaluation import evaluator as evaluators
+from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import act
@@ -268,74 +265,13 @@ class TargetEvaluator:
         )
 
 
-class TestRegisterEvaluator:
-    @pytest.fixture(autouse=True)
-    def _restore(self, monkeypatch):
-        monkeypatch.setattr(evaluators, "EVALUATORS", list(evaluators.EVALUATORS))
-
-    def register(self):
-        register_evaluator(
-            lambda env: type(env) is Target, lambda env, mlp, n_threads: TargetEvaluator(mlp)
-        )
-
-    @pytest.mark.parametrize(
-        "outside",
-        [
-            lambda env: env,
-            lambda env: VecMonitor(DummyVecEnv([lambda: env])),
-        ],
-    )
-    def test_it_is_chosen_however_the_env_is_passed(self, outside):
-        assert isinstance(make_evaluator(outside(Target())), VectorEvaluator)
-        self.register()
-        assert isinstance(make_evaluator(outside(Target())), TargetEvaluator)
-        assert isinstance(make_evaluator(HARD), MazeEvaluator)
-
-    def test_an_algorithm_learns_the_same_with_it(self):
-        settings = {"population_size": 6, "n_parents": 3, "seed": 0}
-        plain = CanonicalES(Target(), **settings).learn(60)
-        self.register()
-        model = CanonicalES(Target(), **settings)
-        assert isinstance(model.evaluator, TargetEvaluator)
-        model.learn(60)
-        assert model.best_return == plain.best_return < 0.0
-        np.testing.assert_array_equal(model.policy.vector, plain.policy.vector)
-
-    def test_the_newest_is_asked_first(self):
-        self.register()
-        asked = []
-
-        def make(env, mlp, n_threads):
-            asked.append((env, mlp.n_parameters, n_threads))
-            return VectorEvaluator(env, mlp)
-
-        register_evaluator(lambda env: True, make)
-        env = Target()
-        assert isinstance(make_evaluator(env, SMALL, 3), VectorEvaluator)
-        assert asked == [(env, 13, 3)]
-
-    @pytest.mark.parametrize(
-        "made",
-        [
-            SimpleNamespace(n_parameters=13),
-            SimpleNamespace(evaluate=print),
-            SimpleNamespace(evaluate=print, n_parameters=12),
-        ],
-    )
-    def test_what_makes_no_evaluator_is_named(self, made):
-        register_evaluator(lambda env: True, lambda env, mlp, n_threads: made)
-        message = "`make` of a registered evaluator must give .* `n_parameters` = 13"
-        with pytest.raises(ValueError, match=message):
-            make_evaluator(Target(), SMALL)
-
-    def test_an_algorithm_that_needs_trajectories_says_so(self):
-        self.register()
-        model = CuriosityES(Target(), population_size=6, n_parents=3, seed=0, device="cpu")
-        with pytest.raises(ValueError, match="no trajectories: `evaluator` must give them"):
-            model.learn(60)
-
-    @pytest.mark.parametrize("name", ["fits", "make"])
-    def test_what_is_no_function_is_refused(self, name):
-        arguments = {"fits": callable, "make": callable} | {name: 3}
-        with pytest.raises(ValueError, match=f"`{name}` must be a function, got 3"):
-            register_evaluator(**arguments)
+def test_an_algorithm_learns_the_same_with_an_evaluator_of_ones_own():
+    settings = {"population_size": 6, "n_parents": 3, "seed": 0}
+    plain = CanonicalES(Target(), **settings).learn(60)
+    own = TargetEvaluator(plain.policy.mlp)
+    model = CanonicalES(Target(), evaluator=own, **settings).learn(60)
+    assert model.best_return == plain.best_return < 0.0
+    np.testing.assert_array_equal(model.policy.vector, plain.policy.vector)
+    curious = CuriosityES(Target(), evaluator=own, device="cpu", **settings)
+    with pytest.raises(ValueError, match="no trajectories: `evaluator` must give them"):
+        curious.learn(60)

@@ -14,7 +14,6 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos import TD3ICM, BonusVecEnvWrapper, MAPElites
-from curiosity_algos.evaluation.arguments import wrap_env
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
     describe_env,
@@ -75,7 +74,7 @@ def test_the_environment_has_its_arguments(make_model):
 )
 def test_another_environment_is_another_run(other):
     one, twin = (
-        {**describe_env(wrap_env(env)), "algorithm": "NSES", "seed": 0, "settings": {}}
+        {**describe_env(TD3ICM._wrap_env(env)), "algorithm": "NSES", "seed": 0, "settings": {}}
         for env in (gym.make("Pendulum-v1"), other())
     )
     assert is_same_run(one, dict(one))
@@ -84,7 +83,7 @@ def test_another_environment_is_another_run(other):
 
 def test_a_vector_environment_is_told_by_its_id():
     envs = gym.make_vec("CuriosityMaze-US-v0", num_envs=2, vectorization_mode="vector_entry_point")
-    described = describe_env(wrap_env(envs))
+    described = describe_env(TD3ICM._wrap_env(envs))
     assert described["env"] == "CuriosityMaze-US-v0"
     assert "num_envs" not in described["env_kwargs"]
 

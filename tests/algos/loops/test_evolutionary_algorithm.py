@@ -45,7 +45,8 @@ from curiosity_algos import (
 from curiosity_algos.evaluation.coverage import env_attribute
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import act
-from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm, _info
 
 HARD = "CuriosityMaze-Hard-v0"
 GENERATION = 6 * 50
@@ -798,3 +799,23 @@ class TestEvaluator:
         other = make_model(CanonicalES, make_easy_maze(), policy_kwargs={"net_arch": [5]})
         with pytest.raises(ValueError, match=r'`evaluator` must be "auto", "ray" or an Evaluator'):
             make_model(CanonicalES, make_easy_maze(), evaluator=other.evaluator)
+
+
+def test_each_individual_ends_an_episode_as_a_monitor_says():
+    rollouts = Rollouts(
+        returns=np.array([np.float32(0.66), 0.0]),
+        lengths=np.array([3, 5]),
+        success=np.array([True, False]),
+        behaviors=np.array([[0.1, 0.2], [0.3, 0.4]]),
+        final_observations=np.arange(4, dtype=np.float32).reshape(2, 2),
+    )
+    infos = [_info(rollouts, i, 12.3456789) for i in range(2)]
+    assert [info["episode"] for info in infos] == [
+        {"r": 0.66, "l": 3, "t": 12.345679},
+        {"r": 0.0, "l": 5, "t": 12.345679},
+    ]
+    assert [info["is_success"] for info in infos] == [True, False]
+    assert infos[1]["terminal_observation"].tolist() == [2.0, 3.0]
+    assert infos[1]["behavior"].tolist() == [0.3, 0.4]
+    without = dataclasses.replace(rollouts, behaviors=np.empty((2, 0)))
+    assert "behavior" not in _info(without, 0, 0.0)

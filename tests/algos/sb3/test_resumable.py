@@ -5,7 +5,6 @@ import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import CMAME, NSES, TD3ICM, CuriosityES
-from curiosity_algos.common import presets
 
 HARD = "CuriosityMaze-Hard-v0"
 
@@ -100,10 +99,3 @@ class TestFromPreset:
             TD3ICM.from_preset("paper", "CuriosityMaze-Labyrinth-v0")
         with pytest.raises(ValueError, match="`preset` must be one of paper, tuned, got 3"):
             TD3ICM.from_preset(3, HARD)
-
-    def test_keywords_of_a_file_must_be_known(self, tmp_path, monkeypatch):
-        path = tmp_path / "paper.yml"
-        monkeypatch.setitem(presets._FILES, "paper.yml", path)
-        path.write_text(f"NSES: {{{HARD}: {{k: 3, sigm: 1}}}}")
-        with pytest.raises(ValueError, match="must have keywords of NSES, it has sigm"):
-            NSES.from_preset("paper", HARD)

@@ -1,4 +1,4 @@
-"""How this project compiles its inner loops and runs them on threads."""
+"""Compiles inner loops and runs them on threads."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def compiled(function: _F) -> _F:
 
 
 def compiled_product(function: _F) -> _F:
-    """As `compiled`, of a function around `np.dot`, which needs the counting.
+    """Compile as `compiled` does a function around `np.dot`, which needs the counting.
 
     It stays a function of its own: a copy in every caller would take long to compile.
     """
@@ -72,7 +72,7 @@ def _sources(package: str) -> tuple[bytes, ...]:
 
 @cache
 def _digest(package: str) -> bytes:
-    """Of the contents of every source file in a package."""
+    """A digest of the contents of every source file in a package."""
     digest = hashlib.sha256()
     for source in _source_files(importlib.resources.files(package)):
         digest.update(source.name.encode() + source.read_bytes())

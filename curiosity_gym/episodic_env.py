@@ -178,7 +178,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
 
     @property
     def viewer(self) -> Any:
-        """What draws the simulation, made when it is first asked for."""
+        """The viewer of the simulation, made when it is first asked for."""
         if self._viewer is None:
             self._viewer = self._make_viewer()
         return self._viewer

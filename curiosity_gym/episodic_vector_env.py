@@ -212,7 +212,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         return self._handed_out(), rewards, terminated, truncated, infos
 
     def _truncated(self, terminated: Mask) -> Mask:
-        """Which episodes are truncated: at the horizon, and at a limit like a `TimeLimit`.
+        """Whether each episode is truncated: at the horizon, and at a limit like a `TimeLimit`.
 
         A `TimeLimit` truncates a step that terminates, too, and the horizon does not.
         """

@@ -11,7 +11,7 @@ from types import ModuleType
 from gymnasium.error import DependencyNotInstalled
 
 DM_CONTROL = "dm-control>=1.0.50,<2"
-"""What the extra `control` asks for, where it can."""
+"""The distribution that the extra `control` asks for, where it can."""
 
 
 def import_extra(extra: str, *modules: str) -> tuple[ModuleType, ...]:

@@ -1,4 +1,4 @@
-"""How many processors there are to use."""
+"""The number of processors there are to use."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from curiosity_gym.core import CoverageGrid, Float64Array, FloatArray, Frame, Ma
 
 Ids = npt.NDArray[np.int64]
 Values = dict[str, Any]
-"""What an info tells, by its name: arrays (k, ...)."""
+"""Entries of infos by name: arrays (k, ...)."""
 
 
 class BaseSimulation:
@@ -86,11 +86,11 @@ class BaseSimulation:
     @property
     @abstractmethod
     def info(self) -> Values:
-        """What the infos tell at any time, new arrays (n, ...), the behavior among them."""
+        """Entries of the infos at any time, new arrays (n, ...), the behavior among them."""
 
     @property
     def outcome(self) -> Values:
-        """What they tell of the last step of each beside that, new arrays (n, ...)."""
+        """Entries about the last step of each beside those, new arrays (n, ...)."""
         return {}
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 LARGEST_COUNT = 10**9
 """Beyond it no run ends, no memory holds so many, and 32 bits cannot number them."""
 LARGEST = 1e12
-"""Of other numbers: their squares are finite in 32 bits too."""
+"""The bound of other numbers: their squares are finite in 32 bits too."""
 
 
 def check_whole(low: int, high: int, /, **values: object) -> None:

@@ -157,14 +157,14 @@ class TD3ICM(ResumableTD3):
             self.logger.record(name, loss)
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """As in SB3, but not to be interrupted in the midst of it."""
+        """Train as SB3 does, but not to be interrupted in the midst of it."""
         with self.replay_buffer.drawn_ahead(gradient_steps, batch_size):  # after `_train_parts`
             super().train(gradient_steps, batch_size)
 
     def load_replay_buffer(
         self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True
     ) -> None:
-        """As in SB3; bonus and weight stay the model's own. Only for files that you trust.
+        """Load as SB3 does; bonus and weight stay the model's own. Only for files that you trust.
 
         Raises:
             ValueError: If the file holds no replay buffer of this class.

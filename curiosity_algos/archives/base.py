@@ -1,4 +1,4 @@
-"""What every archive of elites does, whatever decides which solution enters where."""
+"""The base of archives of elites, whatever decides which solution enters where."""
 
 from __future__ import annotations
 
@@ -385,7 +385,7 @@ class EliteArchive(ArchiveBase):
         fields: str | Collection[str] | None = None,
         return_type: str | None = None,
     ) -> Any:
-        """As `data`, of the elites in some slots; pyribs' store takes these for "index"."""
+        """The `data` of the elites in some slots; pyribs' store takes these for "index"."""
         if fields == "index" and return_type is None:
             return self._identities(slots)
         container: Any = "dict" if return_type == "tuple" else return_type

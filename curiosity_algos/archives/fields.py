@@ -19,7 +19,7 @@ Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
 """Shape and type of each field of an elite."""
 
 COMMON = {"solution", "objective", "measures"}
-"""What every archive is given of its elites; it adds "index" itself."""
+"""Fields that every archive is given of its elites; it adds "index" itself."""
 RESERVED = COMMON | {"index", "about", "file", "allow_pickle"}
 """Names that no extra field may have: fields of every archive, and those that its file uses."""
 NUMBERS = "biuf"

@@ -130,7 +130,7 @@ class SparseGridArchive(EliteArchive):
 
 
 def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Array) -> Int64Array:
-    """Of the candidates in each cell the best, of equals the first; in ascending order of cells."""
+    """The best candidate of each cell, of equals the first; in ascending order of cells."""
     by_worth = candidates[np.argsort(-objective[candidates], kind="stable")]
     _, firsts = np.unique(cells[by_worth], return_index=True)
     return by_worth[firsts]

@@ -1,4 +1,4 @@
-"""Where an archive keeps its elites: pyribs' store, which grows here."""
+"""The elites of an archive: pyribs' store, which grows here."""
 
 from __future__ import annotations
 

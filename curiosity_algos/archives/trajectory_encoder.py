@@ -106,12 +106,12 @@ class TrajectoryEncoder:
         return self.shape
 
     def states(self, rollouts: Rollouts) -> Float32Array:
-        """What the encoder sees of each trajectory, (P, n_states, O)."""
+        """The states that the encoder sees of each trajectory, (P, n_states, O)."""
         assert self.shape is not None
         return rollouts.summary(STATES, self.summarizers)[0]
 
     def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
-        """What `states` needs of trajectories."""
+        """A summarizer for `states`."""
         assert self.shape is not None
         return {STATES: EvenStates(self.shape[0])}
 

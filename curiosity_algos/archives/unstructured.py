@@ -74,7 +74,7 @@ class UnstructuredArchive(EliteArchive):
 
     @property
     def cells(self) -> int:
-        """As many as there are elites: coverage means nothing here."""
+        """The number of elites: coverage means nothing here."""
         return max(len(self), 1)
 
     def compete(
@@ -103,7 +103,7 @@ class UnstructuredArchive(EliteArchive):
         self._thin_out()
 
     def _insert(self, data: Batch) -> Batch:
-        """As pyribs; also `novelty` and `local_competition` (n,), see `compete`."""
+        """Add as pyribs does; also gives `novelty` and `local_competition` (n,), see `compete`."""
         told: Batch = {}
         if self.k_neighbors is not None:
             scores = self.compete(data["measures"], data["objective"])
@@ -171,7 +171,7 @@ class UnstructuredArchive(EliteArchive):
         return {**super()._saved_settings(), "threshold": self.threshold}
 
     def state_dict(self) -> dict[str, Any]:
-        """As `EliteArchive`, and the threshold."""
+        """The state of an `EliteArchive`, and the threshold."""
         return {**super().state_dict(), "threshold": self.threshold}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:

@@ -36,7 +36,7 @@ MEMORY_SIZE, N_IMAGES = 20_000, 2_000
 
 
 class APT(NetworkBonus):
-    """How far a state lies from those seen before, in features that tell what follows what.
+    """The distance of a state from those seen before, in features that tell what follows what.
 
     The encoder learns to tell the state that follows another, up to `horizon` steps later, from
     those that follow other states: the nearer two states are in time, the nearer are their
@@ -88,7 +88,7 @@ class APT(NetworkBonus):
     def losses(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, th.Tensor]:
-        """How badly each state tells its next state from the others of a batch, and back."""
+        """The loss of telling each next state from the others of a batch, and back."""
         both = self.encoder(self.inputs(th.cat([observations, next_observations])))
         # Torch has no hints there.
         return {"loss": InfoNCE.apply(*both.chunk(2))}  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""What every exploration bonus does, whichever algorithm holds it."""
+"""The interface of every exploration bonus, whichever algorithm holds it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Bonus(Protocol):
 
     @property
     def name(self) -> str:
-        """What its metrics are logged under."""
+        """The name that its metrics are logged under."""
         ...
 
     def score(

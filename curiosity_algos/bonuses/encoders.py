@@ -1,4 +1,4 @@
-"""What networks take: observations, numbers or images, as features, and actions as numbers."""
+"""Encodes observations, numbers or images, as features, and actions as numbers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SMALLEST = 36
 
 @dataclass(frozen=True)
 class ImageInputs:
-    """How images become floats: in [0, 1], flat for statistics, channels first for networks.
+    """Makes images floats: in [0, 1], flat for statistics, channels first for networks.
 
     Attributes:
         shape: Of an image as it is observed.
@@ -35,7 +35,7 @@ class ImageInputs:
 
     @classmethod
     def of(cls, space: spaces.Space[Any]) -> Self | None:
-        """What a space's observations need; None: they are no images.
+        """The conversion that a space's observations need; None: they are no images.
 
         Raises:
             ValueError: If they are neither images nor one-dimensional, empty, or images too small.

@@ -21,7 +21,7 @@ from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_gym.validation import check_choice
 
 NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
-"""Of a bonus that is named; its seed and its device are those of the algorithm."""
+"""Keywords of a bonus that is named; its seed and its device are those of the algorithm."""
 BONUSES: dict[str, Callable[..., Bonus]] = {"apt": APT, "icm": ICM, "rnd": RND}
 
 

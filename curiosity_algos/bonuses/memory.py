@@ -54,7 +54,7 @@ class FeatureMemory:
 
     @property
     def observations(self) -> npt.NDArray[Any]:
-        """What is held, (n, ...); a view."""
+        """The items held, (n, ...); a view."""
         return self._kept[: len(self)]
 
     def add(self, observations: npt.NDArray[Any]) -> None:
@@ -90,7 +90,7 @@ class FeatureMemory:
         return self._features[:n], self._squares[:n]
 
     def state_dict(self) -> dict[str, Any]:
-        """What is held, its features, and the state of the draws."""
+        """The items held, their features, and the state of the draws."""
         n = len(self)
         return {
             "observations": th.from_numpy(self.observations.copy()),

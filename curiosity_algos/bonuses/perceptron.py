@@ -48,7 +48,7 @@ class Layers(NamedTuple):
 
     @property
     def n_parameters(self) -> int:
-        """Of all layers."""
+        """The number of weights and biases of all layers."""
         return sum(weights.size + len(weights) for weights in self.weights)
 
 
@@ -74,7 +74,7 @@ def _has_hooks(module: th.nn.Module) -> bool:
 
 
 class Pass(NamedTuple):
-    """What the layers hold for n rows at most: outputs (n, n_out), and the loss' slopes by them."""
+    """Arrays of the layers for n rows at most: outputs (n, n_out), and the loss' slopes by them."""
 
     outputs: tuple[Float32Array, ...]
     slopes: tuple[Float32Array, ...]
@@ -168,7 +168,7 @@ def single_blas_thread() -> Iterator[None]:
 
 
 def blas_limit() -> Any:
-    """What each thread enters within `single_blas_thread`: some libraries set it by thread."""
+    """A context for each thread in `single_blas_thread`: some libraries set it by thread."""
     return _libraries().limit(limits=1, user_api="blas")
 
 

@@ -16,7 +16,7 @@ Array = npt.NDArray[Any]
 IntArray = npt.NDArray[np.int64]
 
 ARRAYS = ("observations", "actions", "lengths")
-"""What `RecentSteps` keeps of each environment."""
+"""Arrays that `RecentSteps` keeps of each environment."""
 
 
 def horizon_of(bonus: Bonus) -> int:

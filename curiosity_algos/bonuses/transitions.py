@@ -1,4 +1,4 @@
-"""Which transitions of a trajectory are looked at: drawn, or evenly spaced.
+"""Chooses transitions of a trajectory: drawn, or evenly spaced.
 
 Both are `Summarizer`: they take them out of rollouts where these were played, and can be pickled.
 """

@@ -1,4 +1,4 @@
-"""Where episodes stand in the environments of a VecEnv, so that a resumed run goes on there."""
+"""The state of the episodes in a VecEnv, so that a resumed run goes on there."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ _KINDS: dict[str, Any] = {
     "seed": Integral | None,
     "env": VecEnv | None,
 }
-"""What SB3 takes attributes for before anything checks them; only those of None may be missing."""
+"""Types that SB3 takes attributes for unchecked; only those of None may be missing."""
 _PROGRESS: dict[str, Any] = {
     "generation": Integral,
     "_best_return": Real,
@@ -52,7 +52,7 @@ _PROGRESS: dict[str, Any] = {
     "_user_parts": dict,
     "_lacks_transitions": bool,
 }
-"""What population algorithms go on from; TD3 has less of it."""
+"""Variables that population algorithms go on from; TD3 has fewer."""
 
 
 def checkpoint_path(path: str | os.PathLike[str]) -> pathlib.Path:
@@ -112,7 +112,7 @@ def _drop_transitions(parameters: Mapping[str, Any]) -> bool:
 
 
 def _owner(model: BaseAlgorithm, name: str, state: Any) -> str:
-    """What a user calls the part whose state, within that of the part `name`, is not plain."""
+    """The user's name of the part whose state, within that of the part `name`, is not plain."""
     nested = state.items() if isinstance(state, Mapping) else ()
     for key, value in nested:
         # A part within a part, as a bonus in a motivation, has the name of the user's argument.

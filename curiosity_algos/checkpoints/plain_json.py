@@ -56,7 +56,7 @@ def _encode_dictionary(value: dict[Any, Any]) -> dict[str, Any]:
 
 
 def decode(value: Any) -> Any:
-    """What `encode` was given, in new objects.
+    """The value that `encode` was given, in new objects.
 
     Raises:
         ValueError: If a description is not one that `encode` gives.

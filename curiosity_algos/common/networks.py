@@ -1,4 +1,4 @@
-"""What the torch networks of this package share: seeded layers, standardized inputs, one thread."""
+"""Parts of this package's torch networks: seeded layers, standardized inputs, one thread."""
 
 from __future__ import annotations
 

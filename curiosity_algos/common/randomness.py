@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from curiosity_algos.common.sole_learner import sole_learner
 
 _NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType, type)
-"""What a part may refer to, but whose generators are not its own."""
+"""Objects that a part may refer to, but whose generators are not its own."""
 _GLOBAL: tuple[object, ...] = (np.random.random.__self__, random.random.__self__)  # type: ignore[attr-defined]
 """Generators of the whole process."""
 _WITHOUT_PARTS = (np.ndarray, th.Tensor, str, bytes, int, float, type(None))

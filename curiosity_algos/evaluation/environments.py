@@ -60,7 +60,7 @@ def _needs_no_arguments(function: Any) -> bool:
 
 
 class GymnasiumView(DummyVecEnv):
-    """What SB3 sees of a Gymnasium VectorEnv, which it does not take: one env of the same kind.
+    """A Gymnasium VectorEnv for SB3, which does not take it: one env of the same kind.
 
     The VectorEnv itself, `vector_env`, is what evaluates populations.
     """
@@ -72,7 +72,7 @@ class GymnasiumView(DummyVecEnv):
 
 
 def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
-    """How to make one env like those of `env`."""
+    """A function that makes one env like those of `env`."""
     inner = env.unwrapped
     makers = getattr(inner, "env_fns", None)
     if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator

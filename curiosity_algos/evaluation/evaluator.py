@@ -1,4 +1,4 @@
-"""Which evaluator fits an environment."""
+"""Chooses the evaluator that fits an environment."""
 
 from __future__ import annotations
 

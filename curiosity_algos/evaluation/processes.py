@@ -80,7 +80,7 @@ class Processes:
 
 _packed: bytes
 _player: Any = None
-"""What plays in a process that `Processes` has begun, made by what `_packed` holds."""
+"""The evaluator in a process that `Processes` has begun, made by what `_packed` holds."""
 
 
 def _begin(packed: bytes, parent: int) -> None:

@@ -32,14 +32,14 @@ LOSSES = (
     exceptions.OutOfMemoryError,
     exceptions.WorkerCrashedError,
 )
-"""What Ray says of a shard that is to be played again."""
+"""Errors of Ray after which a shard is played again."""
 
 MakeEvaluator = Callable[[], Evaluator]
 
 
 @dataclass(frozen=True)
 class Generation:
-    """What all shards of a population have in common; summarizers are pickled.
+    """The arguments that all shards of a population share; summarizers are pickled.
 
     What Ray unpickles cannot be written to.
     """
@@ -50,7 +50,7 @@ class Generation:
 
 
 class Worker:
-    """What an actor is: an evaluator of its own, once it is ready."""
+    """An actor: an evaluator of its own, once it is ready."""
 
     _evaluator: Evaluator | None = None
 
@@ -82,9 +82,9 @@ class WorkerHandle:
     actor: Any
     packed: Any
     awaited: Any = None
-    """What it is about to return; None: it is idle."""
+    """The result that it is about to return; None: it is idle."""
     shard: slice | None = None
-    """What it plays; None where it is idle or starts."""
+    """The shard that it plays; None where it is idle or starts."""
     deadline: float = math.inf
 
     def start(self, deadline: float = math.inf) -> None:
@@ -176,7 +176,7 @@ class Workers:
         self._workers.clear()
 
     def _result(self, worker: WorkerHandle) -> Rollouts | None:
-        """What a worker has returned; None: that it is ready, or has lost its shard."""
+        """The result that a worker has returned; None: that it is ready, or has lost its shard."""
         try:
             # Ray's own cannot be written to, and stays in its store as long as any part is held.
             rollouts: Rollouts | None = copy.deepcopy(ray.get(worker.awaited))

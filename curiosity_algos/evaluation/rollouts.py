@@ -12,7 +12,7 @@ import numpy.typing as npt
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Summary = tuple[npt.NDArray[Any], ...]
-"""What is kept of the trajectories of P individuals: arrays (P, ...)."""
+"""Summaries of the trajectories of P individuals: arrays (P, ...)."""
 Summarizer = Callable[["Rollouts", slice], Summary]
 """`summarize(rollouts, individuals)`: of rollouts of those individuals of a population."""
 MakeSummarizers = Callable[[int], Mapping[str, Summarizer]]
@@ -47,7 +47,7 @@ def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
 
 
 def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
-    """What infos say of behaviors, at least one, as an array (P, B).
+    """The behaviors of infos, at least one, as an array (P, B).
 
     Raises:
         ValueError: If they are not all numbers, of the same shape (B,).

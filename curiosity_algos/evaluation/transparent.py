@@ -1,4 +1,4 @@
-"""What evaluators see of an environment through wrappers that change nothing for a policy."""
+"""Looks through wrappers that change nothing for a policy."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ class VectorEvaluator:
         return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
 
     def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
-        """What plays so many policies; where more envs can be made, as many as pay."""
+        """The batch that plays so many policies; where more envs can be made, as many as pay."""
         if self._make is None:
             return self._batch
         # Without a seed, envs that have had the same one before would begin alike.

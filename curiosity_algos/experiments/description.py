@@ -90,7 +90,7 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
 
 
 def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:
-    """How many environments a model steps, and the wrappers of the VecEnv with their settings.
+    """The number of a model's environments, and the wrappers of the VecEnv with their settings.
 
     Empty for algorithms that evaluate whole populations, whose results do not depend on it.
     """

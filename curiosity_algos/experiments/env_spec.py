@@ -1,4 +1,4 @@
-"""How an environment is made, in terms of JSON: Gymnasium's `EnvSpec`, wrappers included."""
+"""An environment in terms of JSON: Gymnasium's `EnvSpec`, wrappers included."""
 
 from __future__ import annotations
 

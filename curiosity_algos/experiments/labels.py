@@ -1,4 +1,4 @@
-"""How runs are named and colored where several are shown together."""
+"""Names and colors of runs where several are shown together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the files of a run are read: whatever is damaged in them is one sentence, a ValueError."""
+"""Reads the files of a run: whatever is damaged in them is one sentence, a ValueError."""
 
 from __future__ import annotations
 

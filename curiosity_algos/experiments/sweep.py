@@ -23,7 +23,7 @@ from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 Outcome: TypeAlias = bool | BaseException
-"""Of a run that has ended: whether there was anything to do, or its error."""
+"""Outcome of a run that has ended: whether there was anything to do, or its error."""
 Train: TypeAlias = Callable[[RunSpec], bool]
 """Trains a run: whether there was anything to do."""
 Backend: TypeAlias = Callable[[Sequence[RunSpec], Train], Iterator[tuple[RunSpec, Outcome]]]

@@ -1,1 +1,1 @@
-"""What makes an individual interesting, beside reward."""
+"""Motivations: an individual's interest beside reward."""

@@ -14,7 +14,7 @@ Float64Array = npt.NDArray[np.float64]
 
 
 class Motivation(Protocol):
-    """What makes an individual interesting, beside reward.
+    """An individual's interest beside reward.
 
     One that also has `summarizers`, a `MakeSummarizers`, says what it needs of trajectories: of
     large populations it gets rollouts that hold summaries alone.

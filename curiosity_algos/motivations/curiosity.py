@@ -160,13 +160,13 @@ class CuriosityMotivation:
             self.bonus.pool = self._pool
 
     def scoring(self, n_individuals: int) -> dict[str, Summarizer]:
-        """What `score` needs of trajectories: it may be read where and when they are played."""
+        """A summarizer for `score`: it may read trajectories where and when they are played."""
         if self.n_states is None:
             return {self._scored: WeightedSum(self.bonus, self.gamma, self._pool)}
         return {self._scored: EvenlySpaced(self.n_states)}
 
     def learning(self, n_individuals: int) -> dict[str, Summarizer]:
-        """What `update` needs of the trajectories of so many individuals; it is drawn now."""
+        """A summarizer for `update`, of trajectories of so many individuals; drawn now."""
         horizon = horizon_of(self.bonus)
         return {
             self._learned: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)

@@ -1,4 +1,4 @@
-"""How curious an archive's elites are now, from a few transitions kept of each."""
+"""The curiosity of an archive's elites now, from a few transitions kept of each."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class EliteCuriosity:
         self._rng = np.random.default_rng(seed)
 
     def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
-        """What `fields` needs of the trajectories of so many individuals; it is drawn now."""
+        """A summarizer for `fields`, of trajectories of so many individuals; drawn now."""
         return {KEPT: draw_transitions(self._rng, n_individuals, self.n_transitions)}
 
     def fields(self, rollouts: Rollouts) -> Batch:
-        """What is kept of each individual: observations (P, n, O), actions, ..., length (P,)."""
+        """Transitions of each individual: observations (P, n, O), actions, ..., length (P,)."""
         drawn = rollouts.summary(KEPT, self.summarizers)
         names = ("observations", "actions", "next_observations")
         return {**dict(zip(names, drawn, strict=True)), "length": rollouts.lengths}

@@ -24,7 +24,7 @@ Float64Array = npt.NDArray[np.float64]
 
 
 def behaviors_of(rollouts: Rollouts, behavior: str) -> Float64Array:
-    """What is compared, (P, B): "final": `info["behavior"]`; "state": the final observation."""
+    """Behaviors compared, (P, B): "final": `info["behavior"]`; "state": the final observation."""
     if behavior == "final":
         return rollouts.behaviors
     check_observations(rollouts.final_observations)

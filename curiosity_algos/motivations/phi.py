@@ -15,10 +15,10 @@ from curiosity_gym.validation import check_share
 
 ADAPTIVE = "adaptive"
 HIGHEST = 0.8
-"""Where the weight begins, and its upper bound; 1 in the paper, where it can rank nobody: a
+"""The weight's first value, and its upper bound; 1 in the paper, where it can rank nobody: a
 generation without reward would have no other fitness."""
 STEP = 0.2
-"""What an adaptation adds or takes; .05 in the paper."""
+"""The step of an adaptation; .05 in the paper."""
 PATIENCE = 3
 """Generations without a better return until the weight falls; 50 in the paper."""
 

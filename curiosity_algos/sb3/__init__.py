@@ -1,1 +1,1 @@
-"""What Stable-Baselines3's own algorithms take."""
+"""Wrappers, callbacks and a replay buffer for Stable-Baselines3's own algorithms."""

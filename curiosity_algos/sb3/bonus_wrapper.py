@@ -210,7 +210,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def _last_observations(
         self, observations: npt.NDArray[Any], dones: npt.NDArray[Any], infos: list[dict[str, Any]]
     ) -> npt.NDArray[Any]:
-        """What the steps led to: of an ended episode its last observation, not the next's first."""
+        """The next observations: of an ended episode its last one, not the next's first."""
         if not dones.any():
             return observations
         led_to = observations.copy()

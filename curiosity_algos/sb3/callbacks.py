@@ -91,7 +91,7 @@ class ExplorationCallback(BaseCallback):
             self.logger.record(f"coverage/{name}", share)
 
     def state_dict(self) -> dict[str, Any]:
-        """What was found so far, for a checkpoint."""
+        """Everything found so far, for a checkpoint."""
         return self._episodes.state_dict()
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:

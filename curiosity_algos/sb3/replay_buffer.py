@@ -76,7 +76,7 @@ class CuriosityReplayBuffer(ReplayBuffer):
         done: npt.NDArray[Any],
         infos: list[dict[str, Any]],
     ) -> None:
-        """As in SB3, but nothing is kept that would train networks to NaN.
+        """Add as SB3 does, but nothing that would train networks to NaN.
 
         Raises:
             ValueError: If an observation or the reward is not finite.
@@ -114,7 +114,7 @@ class CuriosityReplayBuffer(ReplayBuffer):
 
     @contextmanager
     def drawn_ahead(self, n_batches: int, batch_size: int) -> Iterator[None]:
-        """Where bonus and buffer stay as they are: samples, all of `batch_size`, at less cost.
+        """A context in which bonus and buffer stay as they are: batches at less cost.
 
         Their rows are those that are drawn otherwise; of batches that are no multiples of 128 the
         bonus may be rounded otherwise.

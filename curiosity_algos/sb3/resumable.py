@@ -1,4 +1,4 @@
-"""What every algorithm here has beside Stable-Baselines3's: any env, coverage, exact files."""
+"""Every algorithm's own beside Stable-Baselines3's: any env, coverage, exact files."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ class Resumable(BaseAlgorithm):
             self.env.seed(int(seed))
 
     def _random_parts(self) -> list[object]:
-        """What holds the generators of the run."""
+        """The holders of the run's generators."""
         names = [name.partition(".")[0] for name in self._get_torch_save_params()[0]]
         parts = [getattr(self, name) for name in names]
         return parts + [each for each in vars(self).values() if isinstance(each, AnyGenerator)]

@@ -304,7 +304,7 @@ class ResumableTD3(Resumable, TD3):
         learning_starts: int = 0,
         log_interval: int | None = None,
     ) -> RolloutReturn:
-        """As in SB3, but a step is wholly stored when callbacks see it, so that they may save.
+        """Collect as SB3 does, but store a step wholly before callbacks see it: they may save.
 
         A rollout that was interrupted goes on, and counts as one.
 
@@ -385,7 +385,7 @@ class ResumableTD3(Resumable, TD3):
         self._is_seen = False
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """As in SB3, but not to be interrupted in the midst of it."""
+        """Train as SB3 does, but not to be interrupted in the midst of it."""
         with deferred_interrupt("the training"):
             self._train_parts(batch_size)
             super().train(gradient_steps, batch_size)
@@ -400,7 +400,7 @@ class ResumableTD3(Resumable, TD3):
     # -- save and load --------------------------------------------------------------------------
 
     def _episode_under_way(self) -> dict[str, Any] | None:
-        """What `_resume_episode` takes; None where the env cannot say where its episode stands."""
+        """The state that `_resume_episode` takes; None where the env has no state to give."""
         if self.env is None or self._last_obs is None:
             return self._interrupted
         states = environment_states(self.env)

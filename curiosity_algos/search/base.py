@@ -1,4 +1,4 @@
-"""What a search in parameter space does, whatever it is told."""
+"""The interface of a search in parameter space."""
 
 from __future__ import annotations
 

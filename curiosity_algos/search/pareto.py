@@ -39,7 +39,7 @@ def pareto_fronts(objectives: Float64) -> list[Int64]:
 
 
 def crowding_distances(objectives: Float64) -> Float64:
-    """How far apart the neighbors of each row of one front are (NSGA-II, section III-B).
+    """The distance between the neighbors of each row of one front (NSGA-II, section III-B).
 
     Along each objective, a row's neighbors are the next smaller and the next larger row, equal
     rows in the order of their indices. Their distance, as a share of the objective's spread, is

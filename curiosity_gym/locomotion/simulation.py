@@ -102,7 +102,7 @@ class LocomotionSimulation(MujocoSimulation):
     def _stepping(
         self, numbers: Sequence[int], actions: npt.NDArray[np.floating[Any]]
     ) -> Callable[[int, int], None]:
-        """What each thread does with a part of the simulations."""
+        """The work of each thread on a part of the simulations."""
         model, frame_skip, mujoco = self.task.model, self.task.frame_skip, self._mujoco
         needs_forces = self.task.needs_forces
 
@@ -190,5 +190,5 @@ class LocomotionSimulation(MujocoSimulation):
 
 
 def _by_axis(velocity: Float64Array) -> Values:
-    """What the info tells of velocities (k, d)."""
+    """Entries of the info about velocities (k, d)."""
     return dict(zip(("x_velocity", "y_velocity"), velocity.T, strict=False))

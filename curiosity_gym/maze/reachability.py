@@ -1,4 +1,4 @@
-"""What a robot can reach in a maze, exactly: the part of the free space connected to a start.
+"""The free space of a maze that a robot can reach, exactly: the part connected to a start.
 
 Coordinate compression: the edges of the grown walls cut the world into rectangles, each wholly free
 or wholly blocked, and a flood fill over shared sides finds the free ones that the start reaches.

@@ -20,7 +20,7 @@ ENVS_PER_THREAD = 128
 NEAREST = ROBOT_RADIUS - 1.01 * MARGIN
 """Least distance from a wall to a robot that slides past its corner, less a bit for rounding."""
 TOLERANCE = 1e-4
-"""How far an observation may be off on another processor, whose cosines may end in other bits."""
+"""Error of an observation on another processor, whose cosines may end in other bits."""
 
 
 @compiled

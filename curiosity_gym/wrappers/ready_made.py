@@ -24,7 +24,7 @@ Float64Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SparseTask:
-    """How a task of another package is made sparse.
+    """A task of another package and how it is made sparse.
 
     Attributes:
         make: Makes the original environment of an id, without a limit of its own on steps.

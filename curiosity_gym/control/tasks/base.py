@@ -144,7 +144,7 @@ class ControlTask:
 
     @abstractmethod
     def success(self, fields: Fields) -> Mask:
-        """Which simulations are at the goal, (k,)."""
+        """Whether each simulation is at the goal, (k,)."""
 
     @abstractmethod
     def behavior(self, fields: Fields) -> Float64Array:

@@ -108,5 +108,5 @@ class Finger(ControlTask):
 
 
 def _plane(address: int) -> slice:
-    """Where x and z of a sensor of three values are."""
+    """The places of x and z in a sensor of three values."""
     return slice(address, address + 3, 2)

@@ -59,7 +59,7 @@ class LocomotionTask:
 
     env_id: ClassVar[str]
     entry_point: ClassVar[str]
-    """Of Gymnasium's class: a module and a name in it."""
+    """The place of Gymnasium's class: a module and a name in it."""
     options: ClassVar[tuple[str, ...]] = (
         "forward_reward_weight",
         "ctrl_cost_weight",
@@ -186,27 +186,27 @@ class LocomotionTask:
         return np.clip(values, self.behavior_low, self.behavior_high)
 
     def touches(self, fields: Fields) -> Mask:
-        """Which feet a force from outside acts on, (k, F)."""
+        """Whether a force from outside acts on each foot, (k, F)."""
         touched: Mask = (fields.cfrc_ext[:, self.foot_bodies] != 0.0).any(axis=2)
         return touched
 
     def place(self, fields: Fields) -> Float64Array:
-        """What the velocity is the change of, (k, d)."""
+        """The places whose change is the velocity, (k, d)."""
         place: Float64Array = fields.qpos[:, : self.n_dimensions].copy()
         return place
 
     def healthy(self, fields: Fields) -> Mask:
-        """Which simulations may go on, (k,)."""
+        """Whether each simulation may go on, (k,)."""
         return np.ones(len(fields.qpos), dtype=np.bool_)
 
     def success(self, fields: Fields) -> Mask:
-        """Which simulations are at the goal of their world, (k,)."""
+        """Whether each simulation is at the goal of its world, (k,)."""
         if self.world is None:
             return np.zeros(len(fields.qpos), dtype=np.bool_)
         return self.world.is_at_goal(fields.qpos[:, :2])
 
     def speed(self, before: Float64Array, after: Float64Array) -> Float64Array:
-        """What is rewarded, (k,) m/s, of places (k, d): along x, or towards the world's goal."""
+        """The rewarded speed, (k,) m/s, of places (k, d): along x, or towards the world's goal."""
         if self.world is None:
             speed: Float64Array = (after[:, 0] - before[:, 0]) / self.dt
             return speed
@@ -248,18 +248,18 @@ class LocomotionTask:
         return reward, {**gains, **{name: -cost for name, cost in costs.items()}}
 
     def costs(self, fields: Fields, actions: Float32Array) -> Values:
-        """What is subtracted from the rewards, (k,) each."""
+        """Costs that are subtracted from the rewards, (k,) each."""
         return {"reward_ctrl": self.ctrl_cost_weight * np.square(actions).sum(axis=1)}
 
     def info(self, fields: Fields) -> Values:
-        """What the info tells at any time."""
+        """Entries of the info at any time."""
         position = fields.qpos[:, :2].copy()
         x, y = position.T
         distance = np.sqrt(np.vecdot(position, position))
         return {"x_position": x, "y_position": y, "distance_from_origin": distance}
 
     def positions(self, fields: Fields) -> Float64Array:
-        """What an observation begins with."""
+        """The first entries of an observation."""
         skipped = self.n_dimensions * self.exclude_current_positions_from_observation
         positions: Float64Array = fields.qpos[:, skipped:]
         return positions

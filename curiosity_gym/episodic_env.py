@@ -18,7 +18,7 @@ from curiosity_gym.episode_state import (
     generator_states,
     load_generator_states,
 )
-from curiosity_gym.simulation import BaseSimulation, Values
+from curiosity_gym.simulation import BaseSimulation
 from curiosity_gym.validation import check_render_mode
 
 
@@ -80,7 +80,10 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         super().reset(seed=seed)
         self.simulation.reset(rngs=self._generators(), options=options)
         self._t, self._ended = 0, False
-        return self._observe(), {**_first(self.simulation.info), "is_success": False}
+        return self._observe(), self._info() | {"is_success": False}
+
+    def _info(self) -> dict[str, Any]:
+        return {name: value[0] for name, value in self.simulation.info.items()}
 
     def _generators(self) -> list[np.random.Generator]:
         return [self.np_random] if self.simulation.draws else []
@@ -109,13 +112,20 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         if self._t < 0 or self._ended:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
         t, self._t = self._t + 1, -1  # no episode is under way, should the physics fail
-        terminated = bool(self.simulation.step(action[None])[0])
-        success = bool(self.simulation.success[0])
+        terminated, success = self._advance(action)
         reward = self._reward(success, t)
         truncated = not terminated and t == self.horizon
         self._t, self._ended = t, terminated or truncated
-        told = _first({**self.simulation.info, **self.simulation.outcome})
-        return self._observe(), reward, terminated, truncated, {**told, "is_success": success}
+        info = self._info()
+        for name, values in self.simulation.outcome.items():
+            info[name] = values[0]
+        info["is_success"] = success
+        return self._observe(), reward, terminated, truncated, info
+
+    def _advance(self, action: Float32Array) -> tuple[bool, bool]:
+        """Step the simulation; whether the episode is terminated, and successful."""
+        terminated = self.simulation.step(action[None])
+        return bool(terminated[0]), bool(self.simulation.success[0])
 
     def _reward(self, success: bool, t: int) -> float:
         if not self.sparse:
@@ -190,7 +200,3 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
     def __getstate__(self) -> dict[str, Any]:
         """Pickle and copy without the viewer, which belongs to its process."""
         return {**self.__dict__, "_viewer": None}
-
-
-def _first(values: Values) -> dict[str, Any]:
-    return {name: value[0] for name, value in values.items()}

@@ -120,16 +120,14 @@ class MazeSimulation(BaseSimulation):
     def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
         """See `BaseSimulation`."""
         rows = self._all if ids is None else ids
-
-        def run(begin: int, end: int) -> None:
-            arrays = (rows, self.states, actions, self.observations, self.success)
-            _step_slice(self.maze, begin, end, *arrays)
-
+        arrays = (rows, self.states, actions, self.observations, self.success)
         n_slices = min(self._pool.n_threads, len(rows) // ENVS_PER_THREAD)
         if n_slices < 2:
-            run(0, len(rows))
+            _step_slice(self.maze, 0, len(rows), *arrays)
         else:
-            self._pool.run(run, len(rows), n_slices)
+            self._pool.run(
+                lambda begin, end: _step_slice(self.maze, begin, end, *arrays), len(rows), n_slices
+            )
         return self.success.copy() if ids is None else self.success[ids]
 
     @property

@@ -15,7 +15,7 @@ SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
 
 
 @pytest.mark.extra("render")
-def test_train_and_enjoy(curiosity, tmp_path):
+def test_train_and_enjoy(curiosity, run_here, tmp_path):
     words = ["--algo", "map_elites", "--env", "CuriosityMaze-US-v0", "-n", "1e4", "--seed", "3"]
     status, printed, errors = curiosity("train", *words, *SMALL, "--preset", "paper")
     assert status == 0, errors
@@ -24,7 +24,7 @@ def test_train_and_enjoy(curiosity, tmp_path):
     runs = load_runs(tmp_path)
     assert runs["settings.sigma"].item() == 0.5
     assert runs["env_kwargs.horizon"].item() == 100
-    again = curiosity("train", *words, *SMALL, "--preset", "paper")[1]
+    again = run_here("train", *words, *SMALL, "--preset", "paper")[1]
     assert again == f"{folder} is finished.\n"
     printed = curiosity("enjoy", folder, variables={"SDL_VIDEODRIVER": "dummy"})[1]
     assert printed == f"Return 0.000: {folder / 'best_policy.gif'}\n"
@@ -135,7 +135,7 @@ class TestSweep:
         self, run_here, begin, curiosity, tmp_path, assert_same
     ):
         whole, killed = tmp_path / "whole", tmp_path / "killed"
-        assert run_here(*self.words, "-f", str(whole))[0] == 0
+        assert run_here(*self.words, "-f", str(whole), "--jobs", "1")[0] == 0
         self.kill(begin, killed)
         status, _, errors = curiosity(*self.words, "-f", killed)
         assert status == 0, errors
@@ -156,12 +156,12 @@ class TestSweep:
         assert status == 0, errors
         assert load_runs(tmp_path)["timesteps"].item() >= 100
 
-    def test_one_that_fails_leaves_the_others(self, curiosity, tmp_path):
+    def test_one_that_fails_leaves_the_others(self, run_here, tmp_path):
         (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)
         blocked = tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0" / "notes"
         blocked.write_text("mine")
         words = ["--algos", "map_elites", "--seeds", "0,1", "-n", "1000"]
-        status, _, errors = curiosity("sweep", *words, *SMALL)
+        status, _, errors = run_here("sweep", *words, *SMALL)
         assert status == 1
         assert "Error: 1 of 2 runs failed" in errors.splitlines()[-1]
         assert load_runs(tmp_path)["seed"].tolist() == [1]

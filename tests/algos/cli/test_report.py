@@ -8,11 +8,11 @@ SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
 
 
 @pytest.mark.extra("report")
-def test_a_run_is_reported(curiosity, tmp_path):
+def test_a_run_is_reported(run_here, tmp_path):
     words = ["--algo", "nslc", "--env", "CuriosityMaze-US-v0", "-n", "3e3", *SMALL]
-    status, _, errors = curiosity("train", *words)
+    status, _, errors = run_here("train", *words)
     assert status == 0, errors
-    status, printed, errors = curiosity("report", "runs", "--out", "new/page.html")
+    status, printed, errors = run_here("report", "runs", "--out", "new/page.html")
     assert status == 0, errors
     assert printed == f"1 run on 1 environment: {pathlib.Path('new', 'page.html')}\n"
     text = (tmp_path / "new" / "page.html").read_text()

@@ -13,10 +13,10 @@ from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
 
 
 @pytest.mark.extra("control")
-def test_all_eight_figures(curiosity, tmp_path, has_ink):
+def test_all_eight_figures(run_here, tmp_path, has_ink):
     folder = tmp_path / "runs" / "paper-smoke"
     plan = Plan(folder, BUDGETS["smoke"], "paper", BUDGETS["smoke"].seeds)
-    status, printed, errors = curiosity("reproduce", *paper.FIGURES, "--budget", "smoke")
+    status, printed, errors = run_here("reproduce", *map(str, paper.FIGURES), "--budget", "smoke")
     assert status == 0, errors
     paths = [pathlib.Path("runs", "paper-smoke", f"figure_{i}.png") for i in range(1, 9)]
     assert printed.splitlines()[-8:] == list(map(str, paths))
@@ -58,7 +58,7 @@ def test_a_mistake_is_one_line(words, message, refused, tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_plot_draws_what_was_trained(run_here, curiosity, tmp_path):
+def test_plot_draws_what_was_trained(run_here, tmp_path):
     words = ["--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "3000", "--jobs", "1"]
     words += ["--env-kwargs", "horizon:50", "--hyperparams", "population_size:8"]
     assert run_here("sweep", *words)[0] == 0
@@ -68,7 +68,7 @@ def test_plot_draws_what_was_trained(run_here, curiosity, tmp_path):
         assert (status, printed) == (0, f"{out}\n")
         picture = np.asarray(Image.open(out).convert("RGB"))
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
-    status, printed, errors = curiosity("plot", "runs/NSLC", "--out", "nslc.svg")
+    status, printed, errors = run_here("plot", "runs/NSLC", "--out", "nslc.svg")
     assert (status, printed) == (0, "nslc.svg\n"), errors
     assert (tmp_path / "nslc.svg").read_bytes().startswith(b"<?xml")
 

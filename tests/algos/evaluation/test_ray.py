@@ -269,7 +269,7 @@ class TestBits:
         monkeypatch.setattr(gym.envs.registration, "registry", dict(gym.registry))
         gym.register("Far-v0", entry_point=lambda: Far(make_cartpole()))
         env = ENVIRONMENTS[kind]
-        there = evaluator_of(env, n_workers=2)
+        there = evaluator_of(env, n_workers=1)
         here = env() if "generator" in kind else make_evaluator(env)
         population = make_population(here, 11)
         assert_equal(there.evaluate(population, 0), here.evaluate(population, 0))

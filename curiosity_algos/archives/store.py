@@ -25,7 +25,7 @@ class EliteStore(ArrayStore):
     """
 
     def __init__(self, description: Description) -> None:
-        super().__init__(dict(description), FIRST_CAPACITY)
+        super().__init__(dict(description), 0)  # what shapes a file names is not believed yet
         self.objective_sum = np.float64(0.0)
         self.best_slot = 0
 
@@ -61,7 +61,7 @@ class EliteStore(ArrayStore):
     def _put(self, slots: npt.NDArray[np.int64], rows: Batch) -> None:
         n = int(slots.max()) + 1
         if n > self.capacity:
-            self.resize(max(n, 2 * self.capacity))
+            self.resize(max(n, 2 * self.capacity, FIRST_CAPACITY))
         self.add(slots, dict(rows))
 
     def load_summary(self, objective_sum: Any, best_slot: Any) -> None:

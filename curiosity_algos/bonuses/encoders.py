@@ -134,8 +134,7 @@ def action_scale(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Center and half the range of each entry, (A,): 0 and 1 where it lacks a bound."""
     low, high = action_space.low.astype(np.float64), action_space.high.astype(np.float64)
-    # Bounds beyond float32, as which bonuses take actions, are none.
-    is_bounded = np.maximum(np.abs(low), np.abs(high)) <= np.finfo(np.float32).max
+    is_bounded = np.isfinite(low) & np.isfinite(high)
     low, high = np.where(is_bounded, low, -1.0), np.where(is_bounded, high, 1.0)
     half_range = ((high - low) / 2.0).astype(np.float32)
     half_range[half_range == 0.0] = 1.0
@@ -146,12 +145,18 @@ def action_size(action_space: spaces.Space[Any]) -> int:
     """Numbers that encode one action: a Box's entries, or a one-hot of a Discrete's.
 
     Raises:
-        ValueError: If actions are of another kind or of no number.
+        ValueError: If actions are of another kind, of no number, or of a bound beyond float32.
     """
     if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
         return int(action_space.n)
     shape = action_space.shape or ()
     if isinstance(action_space, spaces.Box) and len(shape) == 1 and shape[0]:
+        bounds = np.abs([action_space.low, action_space.high], dtype=np.float64)
+        if bounds[np.isfinite(bounds)].max(initial=0.0) > np.finfo(np.float32).max:
+            raise ValueError(
+                "`action_space` must have bounds that float32 can hold, or infinite ones, got "
+                f"{action_space}."
+            )
         return shape[0]
     raise ValueError(
         "`action_space` must be a one-dimensional Box with an entry or a Discrete that starts at "

@@ -156,7 +156,7 @@ def set_gradients(networks: Iterable[th.nn.Module], slopes: Float32Array) -> Non
         parameter.grad = part.view_as(parameter)
 
 
-_ALONE = threading.Lock()
+_ALONE = threading.RLock()
 """Held by the caller that limits BLAS: of two, the second would give back the first one's limit."""
 
 

@@ -7,6 +7,9 @@ tenth of one. Blocks are also faster: their memory is used again, and stays in p
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
 
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
@@ -14,6 +17,7 @@ from curiosity_algos.evaluation.rollouts import (
     MakeSummarizers,
     Rollouts,
     Summarizer,
+    Summary,
     concatenate,
 )
 
@@ -54,14 +58,42 @@ def summarize_in_blocks(
     """
     n = len(parameters)
     size = _block_size(evaluator, n)
-    parts = []
+    parts = RolloutParts(n)
     for begin in range(0, n, size):
-        rollouts = evaluator.evaluate(parameters[begin : begin + size], seed)
-        block = slice(first + begin, first + min(begin + size, n))
-        parts.append(rollouts.summarize(summarizers, block))
-    return concatenate(parts)
+        block = slice(begin, min(begin + size, n))
+        rollouts = evaluator.evaluate(parameters[block], seed)
+        parts.put(block, rollouts.summarize(summarizers, slice(first + begin, first + block.stop)))
+    return parts.rollouts()
 
 
 def _block_size(evaluator: Evaluator, n: int) -> int:
     size: int = getattr(evaluator, "block_size", None) or n
     return size
+
+
+class RolloutParts:
+    """Rollouts of n individuals that come in parts, in whatever order.
+
+    Summaries, the most of them, are put in their place at once: joined at the end, they would be
+    there twice.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._n = n
+        self._parts: dict[int, Rollouts] = {}
+        self._summaries: dict[str, Summary] = {}
+
+    def put(self, individuals: slice, part: Rollouts) -> None:
+        """Take the rollouts of some individuals."""
+        for name, arrays in part.summaries.items():
+            if name not in self._summaries:
+                shapes = [((self._n, *array.shape[1:]), array.dtype) for array in arrays]
+                self._summaries[name] = tuple(np.empty(*each) for each in shapes)
+            for whole, array in zip(self._summaries[name], arrays, strict=True):
+                whole[individuals] = array
+        self._parts[individuals.start] = replace(part, summaries={})
+
+    def rollouts(self) -> Rollouts:
+        """The rollouts of all individuals, in their order."""
+        joined = concatenate([self._parts[begin] for begin in sorted(self._parts)])
+        return replace(joined, summaries=self._summaries)

@@ -14,11 +14,12 @@ from functools import partial
 from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
+from curiosity_algos.evaluation.blocks import RolloutParts
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
 from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.ray_workers import SECONDS, Generation, MakeEvaluator, Workers
-from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters, concatenate
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -217,7 +218,7 @@ class RayEvaluator:
 
     def _gather(self, generation: Any, shards: list[slice]) -> Rollouts:
         """Rollouts of all shards, in whatever order they come."""
-        workers, parts, losses = self._workers, dict[int, Rollouts](), Counter[int]()
+        workers, parts, losses = self._workers, RolloutParts(shards[-1].stop), Counter[int]()
         left, n_missing = deque(shards), len(shards)
         last_live = time.monotonic()
         while n_missing:
@@ -225,7 +226,7 @@ class RayEvaluator:
             workers.give(generation, left)
             for shard, rollouts in workers.ended(self._wait()):
                 if rollouts is not None:
-                    parts[shard.start] = rollouts
+                    parts.put(shard, rollouts)
                     n_missing -= 1
                 else:
                     losses[shard.start] += 1
@@ -233,7 +234,7 @@ class RayEvaluator:
                     left.append(shard)
             last_live = time.monotonic() if workers.n_live else last_live
             self._check_live(last_live)
-        return concatenate([parts[begin] for begin in sorted(parts)])
+        return parts.rollouts()
 
     def _check_live(self, last_live: float) -> None:
         if time.monotonic() - last_live > self.start_timeout:

@@ -172,7 +172,7 @@ def sparse_returns(
 
 
 def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
-    """Join parts of a population into one record, padded to the longest episode."""
+    """Join parts of a population into one record without summaries, padded to the longest."""
     if len(parts) == 1:
         return parts[0]
     check_same_shape([part.behaviors[0] for part in parts])
@@ -186,13 +186,7 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
         observations=_join_padded([part.observations for part in parts], longest + 1),
         actions=_join_padded([part.actions for part in parts], longest),
         visited=_union([part.visited for part in parts]),
-        summaries={name: _join(parts, name) for name in parts[0].summaries},
     )
-
-
-def _join(parts: Sequence[Rollouts], name: str) -> Summary:
-    arrays = zip(*(part.summaries[name] for part in parts), strict=True)
-    return tuple(map(np.concatenate, arrays))
 
 
 def _union(visited: list[npt.NDArray[np.int64] | None]) -> npt.NDArray[np.int64] | None:

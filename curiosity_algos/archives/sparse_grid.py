@@ -137,8 +137,10 @@ def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Arr
 
 
 def _check_grid(dims: Sequence[int], ranges: Sequence[tuple[float, float]]) -> None:
-    are_lists = isinstance(dims, Sized) and isinstance(ranges, Sized)
-    if not (are_lists and len(dims) == len(ranges) > 0 and all(map(_is_range, ranges))):
+    if not isinstance(dims, Sized) or len(dims) == 0:
+        raise ValueError(f"`dims` must hold numbers of cells, got {dims!r}.")
+    is_list = isinstance(ranges, Sized)
+    if not (is_list and len(dims) == len(ranges) and all(map(_is_range, ranges))):
         raise ValueError(
             "`ranges` must hold finite (lower, upper) bounds for each of `dims`, lower below "
             f"upper, got {ranges!r} and {dims!r}."

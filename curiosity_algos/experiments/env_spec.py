@@ -26,8 +26,10 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
     fields["entry_point"] = _named(spec.entry_point)
     fields["vector_entry_point"] = None
     fields["kwargs"] = {name: spec.kwargs[name] for name in spec.kwargs if name != "render_mode"}
-    fields["additional_wrappers"] = [vars(each) for each in spec.additional_wrappers]
-    unknown = [each.name for each in spec.additional_wrappers if each.kwargs is None]
+    window = _named(gym.wrappers.HumanRendering)
+    wrappers = [each for each in spec.additional_wrappers if each.entry_point != window]
+    fields["additional_wrappers"] = [vars(each) for each in wrappers]
+    unknown = [each.name for each in wrappers if each.kwargs is None]
     if unknown or fields["entry_point"] is None:
         return None
     try:

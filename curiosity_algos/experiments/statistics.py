@@ -120,9 +120,10 @@ def stratified_bootstrap(
             `seed` is not valid.
     """
     tasks = _runs("scores", scores)
-    shape = np.shape(aggregate([np.stack([runs, runs]) for runs in tasks]))
-    if shape != (2,):
-        raise ValueError(f"`aggregate` must reduce the last axis alone, got shape {shape}.")
+    for given in (tasks, [np.stack([runs, runs]) for runs in tasks]):
+        shape = np.shape(aggregate(given))
+        if shape != given[0].shape[:-1]:
+            raise ValueError(f"`aggregate` must reduce the last axis alone, got shape {shape}.")
     return Interval(*_bootstrap(aggregate, tasks, seed).tolist())
 
 

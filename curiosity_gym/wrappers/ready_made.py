@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
@@ -212,9 +213,8 @@ def _arm_angles(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64
     return np.arctan2(sines, cosines)  # type: ignore[no-any-return]
 
 
-def _within(*limits: float) -> Callable[[BareEnv], spaces.Box]:
-    high = np.array(limits)
-    return lambda env: spaces.Box(-high, high, dtype=np.float64)
+def _within(high: tuple[float, ...], env: BareEnv) -> spaces.Box:
+    return spaces.Box(-np.array(high), np.array(high), dtype=np.float64)
 
 
 def _maze(horizon: int, start: tuple[int, int], goal: tuple[int, int]) -> SparseTask:
@@ -228,10 +228,10 @@ TASKS = {
     "PointMaze_Large-v3": _maze(800, start=(7, 1), goal=(7, 10)),
     "AntMaze_UMaze-v5": _maze(700, start=(1, 1), goal=(3, 1)),
     "dm_control/cartpole-swingup_sparse-v0": SparseTask(
-        _make_control, _is_rewarded, _cart_and_pole, _within(2.0, math.pi), horizon=1000
+        _make_control, _is_rewarded, _cart_and_pole, partial(_within, (2.0, math.pi)), horizon=1000
     ),
     "dm_control/acrobot-swingup_sparse-v0": SparseTask(
-        _make_control, _is_rewarded, _arm_angles, _within(math.pi, math.pi), horizon=1000
+        _make_control, _is_rewarded, _arm_angles, partial(_within, (math.pi, math.pi)), horizon=1000
     ),
 }
 """Every task that `SparseEnv` makes, by the id of its original."""

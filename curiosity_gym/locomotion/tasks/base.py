@@ -54,7 +54,8 @@ class LocomotionTask:
 
     Raises:
         ValueError: If `behavior` is none of them, or the model lacks the feet it asks for; if the
-            robot cannot turn in a world, or does not start where that does.
+            robot cannot turn in a world, or does not start where that does; if an option is not
+            true or false, and Gymnasium's own observations are not in their space.
     """
 
     env_id: ClassVar[str]
@@ -98,6 +99,7 @@ class LocomotionTask:
         inner: Any = env.unwrapped
         for name in self.options:
             setattr(self, name, getattr(inner, f"_{name}"))
+        self._check_flags()
         if world is not None:
             self._check_can_be_in_a_world(inner)
         self.behavior_name = behavior
@@ -116,6 +118,15 @@ class LocomotionTask:
         self.needs_forces = "cfrc_ext" in self.fields or behavior == "feet"
         self._prepare(inner)
         self._bound_behavior()
+
+    def _check_flags(self) -> None:
+        for name in self.options:
+            value = getattr(self, name)
+            if name.startswith(("exclude_", "include_")) and not self._is_flag(name, value):
+                raise ValueError(f"`{name}` must be True or False, got {value!r:.60}.")
+
+    def _is_flag(self, name: str, value: Any) -> bool:
+        return value in (True, False)  # Gymnasium multiplies a length by it
 
     def _check_can_be_in_a_world(self, env: Any) -> None:
         if not self.walks_around:

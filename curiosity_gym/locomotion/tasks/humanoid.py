@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from curiosity_gym.core import Float32Array, Float64Array, Mask
@@ -54,6 +56,11 @@ class Humanoid(LocomotionTask):
     include_cvel_in_observation: bool
     include_qfrc_actuator_in_observation: bool
     include_cfrc_ext_in_observation: bool
+
+    def _is_flag(self, name: str, value: Any) -> bool:
+        # Gymnasium multiplies by it, and then includes nothing unless it is True itself.
+        is_half = name.startswith("include_") and value and value is not True
+        return super()._is_flag(name, value) and not is_half
 
     def place(self, fields: Fields) -> Float64Array:
         """The center of mass."""

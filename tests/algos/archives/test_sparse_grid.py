@@ -321,7 +321,7 @@ class TestSize:
 class TestWrongGrids:
     @pytest.mark.parametrize("dims", [[], [0, 2], [2.5, 2], ["2", 2], [2, [2]], 5])
     def test_dims(self, dims):
-        with pytest.raises(ValueError, match="`dims`"):
+        with pytest.raises(ValueError, match=r"^`dims` must "):
             SparseGridArchive(solution_dim=1, dims=dims, ranges=[(0, 1)] * 2)
 
     @pytest.mark.parametrize(

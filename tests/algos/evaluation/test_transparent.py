@@ -5,7 +5,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 from curiosity_algos.evaluation.environments import GymnasiumView
-from curiosity_algos.evaluation.transparent import bare, max_steps, without_monitors
+from curiosity_algos.evaluation.transparent import bare, known_task, max_steps, without_monitors
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 
@@ -72,6 +72,13 @@ def test_other_wrappers_of_a_batch_are_refused():
     env = VecMonitor(VecNormalize(DummyVecEnv([lambda: limited(5)])))
     with pytest.raises(ValueError, match="`env` is wrapped in VecNormalize"):
         without_monitors(env)
+
+
+def test_a_window_is_no_part_of_a_task():
+    env = gym.make("CuriosityMaze-US-v0", render_mode="human")
+    assert "HumanRendering" in str(env)
+    assert bare(env) is env.unwrapped
+    assert known_task(env).is_same(known_task(gym.make("CuriosityMaze-US-v0")))
 
 
 def test_wrappers_that_change_something_stay():

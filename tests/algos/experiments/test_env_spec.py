@@ -44,6 +44,14 @@ def test_an_environment_is_made_again(make):
     assert again.render_mode is None
 
 
+def test_a_window_is_not_made_again():
+    env = gym.make("CuriosityMaze-US-v0", render_mode="human")
+    env = gym.wrappers.TimeLimit(gym.wrappers.FlattenObservation(env), 9)
+    again = made_again(env)
+    assert [each.name for each in again.spec.additional_wrappers] == ["FlattenObservation"]
+    assert again.render_mode is None
+
+
 def make_mine():
     return Mine()
 

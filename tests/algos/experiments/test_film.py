@@ -91,6 +91,16 @@ def test_wrappers_are_made_again(tmp_path, make_model):
     assert play(tmp_path, seed=0) == model.best_return
 
 
+@pytest.mark.extra("render")
+def test_a_run_of_an_environment_with_a_window_is_played(tmp_path, make_model, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gym.make("CuriosityMaze-US-v0", horizon=50, render_mode="human")
+    model = make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
+    assert play(tmp_path, seed=0) == model.best_return
+    assert film(tmp_path, tmp_path / "best.gif", stride=20, seed=0) == model.best_return
+    assert watch(tmp_path, seed=0) == model.best_return
+
+
 def test_what_cannot_be_made_again_is_refused(tmp_path, make_model):
     env = gym.wrappers.TransformReward(gym.make("CuriosityMaze-US-v0", horizon=50), abs)
     make_model(MAPElites, env).learn(1, SaveRun(tmp_path))

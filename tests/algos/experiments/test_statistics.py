@@ -124,7 +124,11 @@ class TestStratifiedBootstrap:
             assert math.isnan(found.high)
 
     def test_aggregates_of_another_shape_and_other_seeds_are_refused(self):
-        for aggregate in (lambda tasks: 1.0, lambda tasks: tasks[0]):
+        for aggregate in (
+            lambda tasks: 1.0,
+            lambda tasks: tasks[0],
+            lambda tasks: np.array([1.0, 2.0]),  # whatever it is given
+        ):
             with pytest.raises(ValueError, match="`aggregate` must reduce the last axis alone"):
                 stratified_bootstrap([1, 2, 3], aggregate)
         for seed in (-1, 0.5, "0"):

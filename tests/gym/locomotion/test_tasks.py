@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import re
 
 import gymnasium as gym
 import numpy as np
@@ -131,14 +132,19 @@ def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number():
 
 def test_what_gymnasium_half_takes_for_true_is_refused():
     for env_id, option, value in [
+        ("Ant-v5", "exclude_current_positions_from_observation", 2),
+        ("Swimmer-v5", "exclude_current_positions_from_observation", 2),
         ("Humanoid-v5", "include_cinert_in_observation", np.True_),
         ("Humanoid-v5", "include_cfrc_ext_in_observation", 1),
         ("Ant-v5", "include_cfrc_ext_in_observation", 2),
     ]:
         original = gym.make(env_id, **{option: value}).unwrapped
         assert original.reset()[0].shape != original.observation_space.shape
-        with pytest.raises(ValueError, match=f"`env_kwargs` must be what Gymnasium's {env_id}"):
+        message = re.escape(f"`{option}` must be True or False, got {value!r}.")
+        with pytest.raises(ValueError, match=message):
             LocomotionEnv(env_id, env_kwargs={option: value})
+        with pytest.raises(ValueError, match=message):
+            TASKS[env_id](original)
 
 
 def test_what_gymnasium_takes_for_true_or_false_is_taken():

@@ -58,6 +58,13 @@ def test_every_task_has_an_id():
     assert {SPECS[env_id]["kwargs"]["env_id"] for env_id in ids} == set(TASKS)
 
 
+def test_tasks_can_be_pickled():
+    again = pickle.loads(pickle.dumps(TASKS))
+    assert set(again) == set(TASKS)
+    for env_id in ("dm_control/cartpole-swingup_sparse-v0", "dm_control/acrobot-swingup_sparse-v0"):
+        assert again[env_id].behavior_space(None) == TASKS[env_id].behavior_space(None)
+
+
 @pytest.mark.parametrize("env_id", ALL)
 class TestEveryTask:
     def test_offers_what_this_packages_environments_offer(self, env_id):

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import torch as th
 from gymnasium import spaces
 
 from curiosity_gym.core import CoverageGrid
@@ -39,20 +40,13 @@ def encode(value: Any) -> Any:
         return value
     if cls is list:
         return [encode(each) for each in value]
-    if cls is dict:
-        return _encode_dictionary(value)
+    # JSON makes text of any key, and one between colons would be read as a kind.
+    if cls is dict and all(type(key) is str and not key.startswith(":") for key in value):
+        return {key: encode(each) for key, each in value.items()}
     for kind, (described, describe, _) in _KINDS.items():
         if cls is described:
             return {kind: encode(describe(value))}
     raise TypeError(f"JSON has no description of a {cls.__name__}.")
-
-
-def _encode_dictionary(value: dict[Any, Any]) -> dict[str, Any]:
-    for key in value:
-        # JSON makes text of any key, and one between colons would be read as a kind.
-        if type(key) is not str or key.startswith(":"):
-            raise TypeError(f"JSON has no description of a dictionary with the key {key!r}.")
-    return {key: encode(each) for key, each in value.items()}
 
 
 def decode(value: Any) -> Any:
@@ -93,6 +87,15 @@ def _array(dtype: str, shape: list[int], bytes: str) -> Any:
     return array.copy() if shape else array[()]
 
 
+def _describe_tensor(tensor: th.Tensor) -> dict[str, Any]:
+    try:
+        return {"array": tensor.numpy()}
+    except (RuntimeError, TypeError) as error:  # with a gradient, elsewhere, or of another kind
+        raise TypeError(
+            f"JSON has no description of a tensor of {tensor.dtype} like this."
+        ) from error
+
+
 def _box(low: npt.NDArray[Any], high: npt.NDArray[Any]) -> spaces.Box[Any]:
     return spaces.Box(low, high, dtype=low.dtype.type)
 
@@ -120,6 +123,12 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
         lambda n, start: spaces.Discrete(n, start=start),
     ),
     ":tuple:": (tuple, lambda items: {"items": list(items)}, lambda items: (*items,)),
+    ":dictionary:": (
+        dict,
+        lambda keyed: {"items": list(keyed.items())},
+        lambda items: dict(items),
+    ),
+    ":tensor:": (th.Tensor, _describe_tensor, lambda array: th.from_numpy(np.asarray(array))),
     ":path:": (type(Path()), lambda path: {"path": str(path)}, lambda path: Path(path)),
     ":deque:": (deque, lambda items: {"iterable": list(items), "maxlen": items.maxlen}, deque),
     ":generator:": (np.random.Generator, _describe_generator, _generator),

@@ -108,15 +108,28 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
 
 def step_limit(env: MadeEnv) -> int | None:
     """Steps after which an environment truncates its episodes, at most; None where unknown."""
-    limits = [getattr(spec, "max_episode_steps", None) for spec in env_attributes(env, "spec")]
+    limits = [each for each in _limits(env) if isinstance(each, int | np.integer)]
+    return max(map(int, limits), default=None)
+
+
+def _limits(env: MadeEnv) -> list[Any]:
+    """Limits of an environment itself, and of all its single ones, those that have any."""
+    # Worker processes are not asked for their spec: they die of one that cannot be pickled.
+    limits = [getattr(getattr(env, "spec", None), "max_episode_steps", None)]
     # Of a TimeLimit, and of sparse environments.
     for name in ("_max_episode_steps", "horizon"):
         limits += env_attributes(env, name)
-    return max((int(each) for each in limits if isinstance(each, int | np.integer)), default=None)
+    return limits + [limit for each in _single_envs(env) for limit in _limits(each)]
+
+
+def _single_envs(env: Any) -> list[Any]:
+    """Those of a vector environment that are in this process."""
+    is_vector = isinstance(env, VectorEnv | VecEnv)
+    return list(getattr(env.unwrapped, "envs", [])) if is_vector else []
 
 
 def env_attributes(env: MadeEnv, name: str) -> list[Any]:
-    """The attribute of each single env, whatever wraps it; none where they have none.
+    """The attribute of each single env, whatever wraps it; none unless all have it.
 
     A vector environment without single ones has it once.
     """
@@ -127,14 +140,17 @@ def env_attributes(env: MadeEnv, name: str) -> list[Any]:
         return [env.get_wrapper_attr(name)] if env.has_wrapper_attr(name) else []
     inner: Any = env.unwrapped
     if hasattr(inner, "envs"):
-        return [value for each in inner.envs for value in env_attributes(each, name)]
+        values = [env_attributes(each, name) for each in inner.envs]
+        return [value for each in values for value in each] if all(values) else []
     if isinstance(inner, AsyncVectorEnv):
         return list(inner.call(name)) if all(inner.call("has_wrapper_attr", name)) else []
     return [getattr(inner, name)] if hasattr(inner, name) else []
 
 
 def env_attribute(env: MadeEnv, name: str) -> Any:
-    """The attribute of the (first) single env, whatever wraps it; None where it has none."""
+    """The attribute of the first single env, whatever wraps it; None unless all have it."""
+    if isinstance(env, VecEnv):  # which may have a process for each
+        return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None
     return next(iter(env_attributes(env, name)), None)
 
 
@@ -142,6 +158,9 @@ def env_id(env: Any) -> str | None:
     """The id that an environment was made by, or None where it has none."""
     if isinstance(env, str):
         return env.rpartition(":")[2]
-    is_made = isinstance(env, gym.Env | VectorEnv | VecEnv)
-    spec = env_attribute(env, "spec") if is_made else None
+    if isinstance(env, VecEnv):
+        spec = env_attribute(env, "spec")
+    else:
+        specs = [getattr(each, "spec", None) for each in (env, *_single_envs(env))]
+        spec = next((each for each in specs if each is not None), None)
     return None if spec is None else str(spec.id)

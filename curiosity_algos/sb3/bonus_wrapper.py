@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping
+from contextlib import nullcontext
 from functools import partial
 from typing import Any, Self
 
@@ -21,16 +21,22 @@ from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
-from curiosity_algos.checkpoints.environment_state import (
-    environment_states,
-    load_environment_states,
-)
-from curiosity_algos.checkpoints.plain_files import check_plain, plain, read_plain, write_plain
-from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.scale import BonusScale
+from curiosity_algos.sb3.wrapper_file import (
+    SETTINGS,
+    check_actions,
+    check_counters,
+    check_fits,
+    last_observations,
+    read_wrapper,
+    resume_episodes,
+    sound,
+    write_wrapper,
+)
 from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
@@ -41,11 +47,6 @@ from curiosity_gym.validation import (
 
 DEFAULTS = {"icm": {"learning_rate": 1e-4}}
 """Keywords of bonuses where users give none: faster, the module outruns a policy on its own."""
-FORMAT = "curiosity bonus wrapper 3"
-WHAT = "BonusVecEnvWrapper"
-SETTINGS = ["bonus_kwargs", "weight", "extrinsic", "gamma"]
-SETTINGS += ["train_interval", "n_updates", "batch_size", "buffer_size"]
-"""Keywords of the constructor that a file holds, beside the name of the bonus."""
 
 
 class BonusVecEnvWrapper(VecEnvWrapper):
@@ -273,13 +274,11 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._load_bonus(state["bonus"])
 
     def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
-        observations = self._stored(state["observations"].cpu().numpy())
+        check_counters(state)
+        check_actions(state["buffer"]["actions"], self.action_space)
         shape = (self.num_envs, *(self.observation_space.shape or ()))
-        if observations.size and observations.shape != shape:  # none before the first episode
-            raise ValueError(f"`observations` must be of shape {shape}.")
-        if type(state["n_untrained"]) is not int or type(state["has_trained"]) is not bool:
-            raise ValueError("`n_untrained` must be a whole number, `has_trained` a bool.")
-        metrics = dict(state["metrics"])
+        dtype = np.uint8 if self._has_images else np.float32
+        observations = last_observations(state["observations"], shape, dtype)
         self._recent.check(state["recent"])
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])
@@ -288,7 +287,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._n_untrained = state["n_untrained"]
         self._has_trained = state["has_trained"]
         self.is_new = False
-        self.metrics = metrics
+        self.metrics = dict(state["metrics"])
 
     def _load_bonus(self, state: Mapping[str, Any]) -> None:
         before = self.bonus.state_dict()
@@ -301,27 +300,16 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
 
-        Where episodes stand is part of it if the environments below can tell it in arrays and plain
-        values, as those of `curiosity_gym` do. The file takes the place of an older one only once
-        it is wholly on disk.
+        Where episodes stand is part of it if the environments below can tell it in arrays, tensors
+        and plain values, as those of `curiosity_gym` do. The file takes the place of an older one
+        only once it is wholly on disk.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If the state of a bonus of your own holds what no file of torch may.
         """
-        state = self.state_dict()
-        check_plain(state, "bonus")
-        try:
-            episodes = encode(environment_states(self.venv))
-        except TypeError:  # more than arrays and plain values
-            episodes = None
-        content = {
-            "spaces": encode([self.observation_space, self.action_space]),
-            "settings": {name: getattr(self, name) for name in SETTINGS} | {"bonus": self._name},
-            "state": state,
-            "environments": episodes,
-        }
-        write_plain(path, content, FORMAT)
+        settings = {name: getattr(self, name) for name in SETTINGS} | {"bonus": self._name}
+        write_wrapper(path, venv=self.venv, settings=settings, state=self.state_dict())
 
     @classmethod
     def load(
@@ -349,37 +337,22 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         """
         _check_venv(venv)
         device = torch_device(device)
-        saved = read_plain(path, FORMAT, what=WHAT)
-        with _sound(path):
-            settings, state, episodes = (saved[k] for k in ("settings", "state", "environments"))
-            saved_as = saved["spaces"], len(state["scale"]["sums"]), settings["bonus"]
-            if settings.keys() != {*SETTINGS, "bonus"}:
-                raise ValueError("`settings` are others.")
-        _check_fits(venv, bonus, *saved_as)
-        settings = settings | ({} if bonus is None else {"bonus": bonus})
+        saved = read_wrapper(path)
+        check_fits(saved, path, venv, bonus)
+        settings = saved["settings"] | ({} if bonus is None else {"bonus": bonus})
         # What fails with a bonus of the user's own is not the file's fault.
-        blamed = partial(_sound, path) if bonus is None else nullcontext
+        blamed = partial(sound, path) if bonus is None else nullcontext
         with blamed():
             wrapper = cls(venv, **settings, device=device)
-        with _sound(path):
-            wrapper._load_all_but_the_bonus(state)
+        with sound(path):
+            wrapper._load_all_but_the_bonus(saved["state"])
         with blamed():
-            wrapper._load_bonus(state["bonus"])
-        with _sound(path):
-            wrapper._resume_episodes(episodes)
+            wrapper._load_bonus(saved["state"]["bonus"])
+        with sound(path):
+            is_resumed = resume_episodes(venv, saved["environments"])
+        # Not yet, as a model's own reset would take another start then.
+        wrapper._must_reset = not is_resumed
         return wrapper
-
-    def _resume_episodes(self, saved: Any) -> None:
-        """Bring environments to where they were; else the first step begins episodes."""
-        self._must_reset = True  # not yet, as a model's own reset would take another start then
-        states = decode(saved)
-        if states is not None:
-            self.venv.reset()
-            try:
-                load_environment_states(self.venv, states)
-            except ValueError:  # others of the same spaces
-                return
-            self._must_reset = False
 
 
 ICMVecEnvWrapper = BonusVecEnvWrapper
@@ -392,32 +365,6 @@ def _check_venv(venv: object) -> None:
     if unwrap_vec_normalize(venv) is not None:
         # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
-
-
-@contextmanager
-def _sound(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say of whatever fails in the block that the file is damaged or foreign."""
-    try:
-        yield
-    except Exception as error:  # what a file holds can fail in any way
-        detail = error if isinstance(error, ValueError) else repr(error)
-        raise ValueError(f"`path` must be a saved {WHAT}, {path} is damaged: {detail}") from error
-
-
-def _check_fits(
-    venv: VecEnv, bonus: Bonus | None, saved_spaces: Any, n_envs: int, name: str | None
-) -> None:
-    """Raise ValueError unless a wrapper that was saved can have these."""
-    if name is None and bonus is None:
-        raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
-    if name is not None and bonus is not None:
-        raise ValueError(f"`bonus` must be None, it was saved as {name!r}.")
-    is_same = n_envs == venv.num_envs
-    if not is_same or decode(saved_spaces) != [venv.observation_space, venv.action_space]:
-        raise ValueError(
-            f"`venv` must have {n_envs} environments with the spaces that were saved, got "
-            f"{venv.num_envs} with {venv.observation_space} and {venv.action_space}."
-        )
 
 
 def _check_infos(infos: list[dict[str, Any]]) -> None:

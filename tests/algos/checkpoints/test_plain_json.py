@@ -7,6 +7,7 @@ from typing import NamedTuple
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from gymnasium import spaces
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -60,18 +61,32 @@ class Point(NamedTuple):
 
 
 OTHERS = [
-    {0: 1.0, (1, 2): 2.0},
-    {":array:": 3},
-    {":serialized:": "code"},
     Point(1),
     Counter("aab"),
     OrderedDict(a=1),
     IntEnum("Color", ["RED"])(1),
     np.ma.masked_array([1.0], [True]),
     np.array([None]),
+    th.zeros(1, requires_grad=True),
+    th.zeros(1, dtype=th.bfloat16),
+    th.zeros(1).to_sparse(),
+    {0: object()},
     object(),
 ]
 """Values that would come back as others, or not at all."""
+
+
+def test_keys_may_be_anything_that_is_described(assert_same):
+    for value in ({0: 1.0, (1, 2): 2.0}, {":array:": 3}, {":serialized:": "code"}, {"0": 1, 0: 2}):
+        assert_same(round_trip({"a": value}), {"a": value})
+
+
+@pytest.mark.parametrize("shape", [(), (2, 3)])
+def test_tensors_stay_equal(shape):
+    for tensor in (th.rand(shape), th.ones(shape, dtype=th.int64)):
+        read = round_trip(tensor)
+        assert read.dtype == tensor.dtype
+        assert th.equal(read, tensor)
 
 
 def test_what_would_change_its_type_has_no_description():

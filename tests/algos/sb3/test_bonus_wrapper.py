@@ -467,7 +467,10 @@ class TestFiles:
         with pytest.raises(ValueError, match="with the spaces that were saved"):
             BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(env=Wider))
 
-    @pytest.mark.parametrize(("state", "is_kept"), [((np.zeros(2), 3), True), (object(), False)])
+    @pytest.mark.parametrize(
+        ("state", "is_kept"),
+        [((np.zeros(2), 3), True), ({(0, 1): th.zeros(2)}, True), (object(), False)],
+    )
     def test_environments_of_ones_own_may_have_any_state(self, tmp_path, state, is_kept):
         class Stateful(Count):
             loaded = None

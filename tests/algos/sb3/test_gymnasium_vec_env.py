@@ -128,6 +128,13 @@ class TestAttributes:
                 venv.env_method("has_wrapper_attr", "gravity", indices=0)
         venv.close()
 
+    def test_of_some_are_of_none(self):
+        venv = GymnasiumVecEnv(make_sync(AutoresetMode.SAME_STEP))
+        venv.vector_env.envs[0].unwrapped.mark = 1
+        assert not venv.has_attr("mark")
+        with pytest.raises(AttributeError, match="have no attribute 'mark'"):
+            venv.get_attr("mark")
+
     def test_of_a_native_one_are_of_all(self):
         venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7))
         assert venv.get_attr("horizon", indices=[0, 2]) == [7, 7]

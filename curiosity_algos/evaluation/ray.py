@@ -7,9 +7,11 @@ whichever worker is free, and the results are those of a single process.
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -188,13 +190,18 @@ class RayEvaluator:
 
     def _wait(self) -> list[Any]:
         """References of what workers have ended."""
-        try:
-            done = self._workers.wait()
-        except SystemExit:  # Ray's own, where another thread shuts it down
-            time.sleep(SECONDS)  # until it has
+        done: list[Any] = []
+
+        def wait() -> None:
+            with suppress(SystemExit):  # Ray's own, where another thread shuts it down
+                done.extend(self._workers.wait())
+
+        # In a thread, as it may also wait for ever then.
+        waiter = threading.Thread(target=wait, daemon=True)
+        waiter.start()
+        while waiter.is_alive():
+            waiter.join(SECONDS)
             self._check_session()
-            raise
-        self._check_session()
         return done
 
     def _check_session(self) -> None:

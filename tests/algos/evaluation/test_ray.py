@@ -1,6 +1,7 @@
 """A search on a Ray cluster is the search of a single process, whatever becomes of the cluster."""
 
 import os
+import re
 import sys
 import threading
 import time
@@ -9,6 +10,7 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from scripts import run_script
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import AURORA, NSES, CuriosityES, MAPElites, make_evaluator
@@ -20,7 +22,8 @@ ray = pytest.importorskip("ray")
 
 from ray.cluster_utils import Cluster  # noqa: E402
 
-from curiosity_algos.evaluation.ray import MAX_LOSSES, RayEvaluator  # noqa: E402
+from curiosity_algos.evaluation import ray as ray_evaluator  # noqa: E402
+from curiosity_algos.evaluation.ray import RayEvaluator  # noqa: E402
 from curiosity_algos.experiments import RunFolder  # noqa: E402
 from curiosity_algos.experiments.training import RunSpec, train  # noqa: E402
 
@@ -29,13 +32,15 @@ ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers canno
 POPULATION = 12
 PATIENT = {"start_timeout": 240.0}
 """Where nothing but the machine is slow."""
+NODE = {"num_cpus": 1, "resources": {"node": 1}}
 
 
 @pytest.fixture(scope="module")
 def cluster():
-    """A head without processors; nodes come and go."""
+    """A head for the workers that tests share; nodes come and go."""
     # Its hooks crash other tests' forks: from 3.13 on a child frees what they hold, a gRPC client.
-    made = Cluster(True, head_node_args={"num_cpus": 0}, shutdown_at_exit=False)
+    head = {"num_cpus": 1, "resources": {"head": 1}}
+    made = Cluster(True, head_node_args=head, shutdown_at_exit=False)
     ray.init(address=made.address, log_to_driver=False)
     yield made
     ray.shutdown()
@@ -46,7 +51,7 @@ def cluster():
 def nodes(cluster):
     """Three nodes with a processor each, those that a test has removed put back."""
     while len(cluster.worker_nodes) < 3:
-        cluster.add_node(num_cpus=1)
+        cluster.add_node(**NODE)
     cluster.wait_for_nodes()
     return list(cluster.worker_nodes)
 
@@ -57,7 +62,8 @@ def evaluator_of(nodes):
     made = []
 
     def make(env, *args, **given):
-        made.append(RayEvaluator(env, *args, **({"n_workers": 2} | PATIENT | given)))
+        given = {"n_workers": 2, "resources": {"node": 1}, **PATIENT, **given}
+        made.append(RayEvaluator(env, *args, **given))
         return made[-1]
 
     yield make
@@ -68,10 +74,9 @@ def evaluator_of(nodes):
 @pytest.fixture(scope="module")
 def workers(cluster):
     """Evaluators with so many workers, which take seconds to start, on the tests' maze."""
-    cluster.add_node(num_cpus=1)
     layout = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
     env = gym.make("CuriosityMaze-v0", layout=layout, horizon=64)
-    settings = {"num_cpus": 0.1, **PATIENT}
+    settings = {"num_cpus": 0.1, "resources": {"head": 0.1}, **PATIENT}
     made = {n: RayEvaluator(env, {"net_arch": [4]}, n_workers=n, **settings) for n in (1, 3)}
     yield made
     for each in made.values():
@@ -421,7 +426,7 @@ class TestFaults:
         there = evaluator_of(make_cartpole, n_workers=None)
         self.assert_is_right(there)
         assert len(there._workers) == 3
-        node = cluster.add_node(num_cpus=1)
+        node = cluster.add_node(**NODE)
         cluster.wait_for_nodes()
         self.assert_is_right(there)
         assert len(there._workers) == 4
@@ -469,34 +474,48 @@ class TestFaults:
             each.learn(1000, reset_num_timesteps=False)
         assert_same_run(whole, loaded)
 
-    def test_an_environment_that_kills_its_process_is_an_error(self, evaluator_of):
+    def test_an_environment_that_kills_its_process_is_an_error(self, evaluator_of, monkeypatch):
+        monkeypatch.setattr(ray_evaluator, "MAX_LOSSES", 2)
+
         def die_there(parameters):
             if os.getpid() != driver:
                 die()
 
         driver = os.getpid()
         there = evaluator_of(eventful(die_there), n_workers=1, shard_size=POPULATION)
-        with pytest.raises(RuntimeError, match=f"policies 0 to 12 were lost {MAX_LOSSES} times"):
+        with pytest.raises(RuntimeError, match="policies 0 to 12 were lost 2 times"):
             there.evaluate(make_population(there), 0)
 
 
-def test_a_full_object_store_is_an_error():
-    ray.shutdown()
-    ray.init(
-        "local",
-        num_cpus=1,
-        object_store_memory=80 * 2**20,
-        include_dashboard=False,
-        log_to_driver=False,
-        _system_config={
-            "automatic_object_spilling_enabled": False,
-            "local_fs_capacity_threshold": 0.0,  # no room on the disk either
-        },
-    )
-    there = RayEvaluator(make_cartpole, {"net_arch": [256, 256]}, n_workers=1, **PATIENT)
-    with pytest.raises(RuntimeError, match=r"Ray failed (?s:.*)(store|disk)"):
-        there.evaluate(make_population(there, 1000), 0)
-    small = make_population(there, 2)
-    here = make_evaluator(make_cartpole, {"net_arch": [256, 256]})
-    assert_equal(there.evaluate(small, 0), here.evaluate(small, 0))
-    ray.shutdown()
+FULL_STORE = """
+import gymnasium as gym
+import numpy as np
+import ray
+from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.ray import RayEvaluator
+
+def make_env():
+    return gym.make("CartPole-v1", max_episode_steps=30)
+
+config = {"automatic_object_spilling_enabled": False, "local_fs_capacity_threshold": 0.0}
+settings = {"include_dashboard": False, "log_to_driver": False, "_system_config": config}
+ray.init("local", num_cpus=1, object_store_memory=80 * 2**20, **settings)
+mlp = {"net_arch": [256, 256]}
+there, here = RayEvaluator(make_env, mlp, n_workers=1), make_evaluator(make_env, mlp)
+parameters = np.random.default_rng(0).normal(0, 1, (1000, there.n_parameters)).astype(np.float32)
+try:
+    there.evaluate(parameters, 0)
+except RuntimeError as error:
+    print(error)
+same = [each.evaluate(parameters[:2], 0).returns.tolist() for each in (there, here)]
+print(same[0] == same[1])
+ray.shutdown()
+"""
+
+
+def test_a_full_object_store_is_an_error(tmp_path):
+    script = tmp_path / "full_store.py"
+    script.write_text(FULL_STORE)
+    *error, same = run_script(script, tmp_path).splitlines()
+    assert re.search(r"Ray failed (?s:.*)(store|disk)", "\n".join(error))
+    assert same == "True"

@@ -431,6 +431,7 @@ def assert_refused(kind, broken, why=""):
         assert pickle.dumps(act(env, action)) == pickle.dumps(act(twin, action))
 
 
+@pytest.mark.extra("control")
 class TestRefused:
     @pytest.mark.parametrize("kind", ["mazes", "controls"])
     def test_is_what_is_beyond_the_limit_on_steps(self, kind):

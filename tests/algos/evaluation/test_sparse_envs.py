@@ -64,6 +64,7 @@ class TestEveryTask:
         assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters, seed=5))
 
 
+@pytest.mark.extra("control")
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.__name__)
 def test_stable_baselines3s_algorithms_run(peer):
     env = gym.make("CuriositySparse-CartPoleSwingUp-v0", horizon=HORIZON)

@@ -23,6 +23,7 @@ MAZES = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", HARD]
 CONTROL = [f"CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")]
 
 
+@pytest.mark.extra("control")
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_makes_models(preset, algorithm):

@@ -200,8 +200,9 @@ class RayEvaluator:
         waiter = threading.Thread(target=wait, daemon=True)
         waiter.start()
         while waiter.is_alive():
-            waiter.join(SECONDS)
             self._check_session()
+            waiter.join(SECONDS)
+        self._check_session()
         return done
 
     def _check_session(self) -> None:

@@ -22,6 +22,7 @@ from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.wrappers.sparse import time_limit
 
 _TRANSPARENT = (
     wrappers.HumanRendering,
@@ -123,16 +124,6 @@ def max_steps(env: Any) -> int:
     own = getattr(inner, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
     limits: list[int | None] = [inner.horizon, time_limit(env), own]
     return min(limit for limit in limits if limit is not None)
-
-
-def time_limit(env: Any) -> int | None:
-    """Steps after which the lowest TimeLimit around an environment ends episodes; None: none."""
-    limits: list[int] = []
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, wrappers.TimeLimit):
-            limits.append(env._max_episode_steps)
-        env = env.env
-    return min(limits, default=None)
 
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:

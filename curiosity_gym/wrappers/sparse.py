@@ -165,7 +165,7 @@ def _check_arguments(env: gym.Env[Any, Any], success: Success, horizon: int) -> 
     if not callable(success):
         raise ValueError(f"`success` must be a function, got {success!r}.")
     check_at_least_one(horizon=horizon)
-    limit = _time_limit(env)
+    limit = time_limit(env)
     if limit is not None and limit < horizon:
         gym.logger.warn(
             f"The TimeLimit of `env` truncates after {limit} steps, before `horizon` = {horizon}: "
@@ -173,9 +173,9 @@ def _check_arguments(env: gym.Env[Any, Any], success: Success, horizon: int) -> 
         )
 
 
-def _time_limit(env: gym.Env[Any, Any]) -> int | None:
-    """The lowest limit of the `TimeLimit` wrappers around an environment."""
-    limits = []
+def time_limit(env: gym.Env[Any, Any]) -> int | None:
+    """Steps after which the lowest `TimeLimit` around an environment ends episodes; None: none."""
+    limits: list[int] = []
     while isinstance(env, gym.Wrapper):
         if isinstance(env, TimeLimit):
             limits.append(env._max_episode_steps)

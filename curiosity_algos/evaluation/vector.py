@@ -85,7 +85,7 @@ class VectorEvaluator:
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # A vector env may have one generator: who plays beside whom then says where one starts.
         self.batch_size = self._batch.n
-        self._max_steps = max(MAX_EPISODE_STEPS, step_limit(env) or 0)
+        self._max_steps = most_steps(env)
         self.make_another: Callable[[], VectorEvaluator] | None = None
         self._processes: Processes | None = None
         if make is not None:
@@ -173,6 +173,11 @@ class VectorEvaluator:
                 "limit, however high: gymnasium.wrappers.TimeLimit(env, 1000), or "
                 "gymnasium.make(id, max_episode_steps=1000)."
             )
+
+
+def most_steps(env: MadeEnv) -> int:
+    """Steps of an environment's episode after which it is taken for endless."""
+    return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
 
 def _new(make: MakeEnv, others: list[gym.Env[Any, Any]]) -> gym.Env[Any, Any]:

@@ -15,8 +15,7 @@ import numpy.typing as npt
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
-from curiosity_algos.evaluation.environments import step_limit
-from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained
@@ -77,7 +76,7 @@ def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[
     """0 at the reset, then the reward of each step; without a limit, of the first 10,000."""
     observation, _ = env.reset(seed=seed)
     yield 0.0
-    for _ in range(max(MAX_EPISODE_STEPS, step_limit(env) or 0)):
+    for _ in range(most_steps(env)):
         action, _ = policy.predict(observation, deterministic=True)
         observation, reward, terminated, truncated, _ = env.step(action)
         yield float(reward)

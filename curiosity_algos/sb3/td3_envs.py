@@ -12,8 +12,8 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.evaluation.environments import describe, step_limit
-from curiosity_algos.evaluation.vector import MAX_EPISODE_STEPS
+from curiosity_algos.evaluation.environments import describe
+from curiosity_algos.evaluation.vector import most_steps
 
 NOISE = 0.1
 """Standard deviation of the action noise, in halves of the action space."""
@@ -23,7 +23,7 @@ def longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
     """Steps that an episode may have; rollouts of a number of steps end whatever episodes do."""
     if train_freq.unit is TrainFrequencyUnit.STEP:
         return math.inf
-    return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
+    return most_steps(env)
 
 
 def check_length(n_steps: int, limit: float) -> None:

@@ -6,6 +6,7 @@ import pytest
 from PIL import Image
 
 from curiosity_algos import TD3ICM, MAPElites
+from curiosity_algos.evaluation import vector
 from curiosity_algos.experiments import SaveRun
 from curiosity_algos.experiments import film as filming
 from curiosity_algos.experiments.film import film, play, watch
@@ -56,7 +57,7 @@ def test_without_a_screen_there_is_a_sentence(folder, monkeypatch):
 
 
 def test_an_endless_episode_is_cut(make_model, tmp_path, monkeypatch):
-    monkeypatch.setattr(filming, "MAX_EPISODE_STEPS", 30)
+    monkeypatch.setattr(vector, "MAX_EPISODE_STEPS", 30)
     model = make_model(TD3ICM, gym.make("Pendulum-v1", max_episode_steps=-1))
     env = gym.make("Pendulum-v1", max_episode_steps=-1)
     assert len(list(filming._rewards(model.policy, env, 0))) == 31

@@ -25,7 +25,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNorm
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.algorithms import td3_icm
-from curiosity_algos.sb3 import td3_envs
+from curiosity_algos.evaluation import vector
 from curiosity_algos.sb3.replay_buffer import CuriosityReplayBuffer
 
 
@@ -411,7 +411,7 @@ class TestEnvironments:
 class TestLength:
     @pytest.fixture(autouse=True)
     def _bound(self, monkeypatch):
-        monkeypatch.setattr(td3_envs, "MAX_EPISODE_STEPS", 50)
+        monkeypatch.setattr(vector, "MAX_EPISODE_STEPS", 50)
 
     @pytest.mark.parametrize("n_episodes", [1, 2])
     def test_episodes_that_do_not_end_are_an_error(self, make, n_episodes):

@@ -196,7 +196,9 @@ class SaveRun(BaseCallback):
             return
         columns = self._pending[-1]
         for i in np.flatnonzero(columns["success"]):
-            policy = {"parameters": parameters[i], "episode_seed": self.locals["episode_seed"]}
+            # A view would keep the whole generation in memory.
+            own = parameters[i].copy()
+            policy = {"parameters": own, "episode_seed": self.locals["episode_seed"]}
             self._rewarding.add(policy | {k: columns[k][i] for k in ("return", "generation")})
 
     def _seconds(self) -> float:

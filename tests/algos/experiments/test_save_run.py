@@ -130,6 +130,15 @@ def test_without_curiosity_there_is_none(make_model, make_easy_maze, folder):
     assert np.isnan(load_final_states(folder)["curiosity"]).all()
 
 
+def test_a_rewarding_policy_keeps_no_generation_in_memory(make_model, make_easy_maze, folder):
+    model = make_model(MAPElites, make_easy_maze())
+    save = SaveRun(folder, n_rewarding=7)
+    model.learn(3_000, save)
+    kept = [each["parameters"] for each in save._rewarding._kept]
+    assert len(kept) == 7
+    assert all(each.base is None for each in kept)
+
+
 def test_rewarding_policies_can_be_played_again(make_model, make_easy_maze, folder):
     model = make_model(CanonicalES, make_easy_maze(), sigma=2.0)
     model.learn(10_000, SaveRun(folder, n_rewarding=7))

@@ -39,6 +39,7 @@ def reproduce(
     Example: curiosity reproduce 2 --budget short --out reward.pdf
     """
     from curiosity_algos.experiments.figures import canvas, paper
+    from curiosity_algos.experiments.figures.evidence import TrainedRuns
     from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
     from curiosity_algos.experiments.sweep import Processes, sweep
     from curiosity_gym.validation import check_choice
@@ -58,5 +59,5 @@ def reproduce(
     options.check_all(runs)
     sweep(runs, folder, backend=backend, interval=interval)
     for figure, path in paths.items():
-        canvas.save(paper.draw(figure, plan), path)
+        canvas.save(paper.draw(figure, TrainedRuns(plan)), path)
         typer.echo(f"{path}")

@@ -14,7 +14,8 @@ from curiosity_gym.validation import check_choice
 
 FORMATS = (".png", ".pdf", ".svg")
 DPI = 160
-GRAY = "#555555"
+GRAY = "#767676"
+"""Is read on white and on black."""
 
 
 def make_panels(
@@ -51,7 +52,7 @@ def add_note(figure: Figure, note: str) -> None:
 def polish(ax: Axes) -> None:
     """Take away what is not read, and guide the eye."""
     ax.spines[["top", "right"]].set_visible(False)
-    ax.grid(color="#dddddd", linewidth=0.6)
+    ax.grid(color=GRAY, alpha=0.3, linewidth=0.6)
     ax.set_axisbelow(True)
 
 

@@ -107,6 +107,11 @@ class Series:
         whole_state = self.settings.get("behavior") == "state"
         return f"{self.algorithm} (whole state)" if whole_state else self.algorithm
 
+    @property
+    def variant(self) -> str:
+        """Folder of its runs among those with the preset's settings; "" for these."""
+        return ",".join(f"{name}={value}" for name, value in sorted(self.settings.items()))
+
 
 def series_of(figure: int) -> dict[str, list[Series]]:
     """The series of each panel of a figure, by environment."""
@@ -117,7 +122,7 @@ def series_of(figure: int) -> dict[str, list[Series]]:
     if figure == 5:
         return {env: [Series(name) for name in COMPARED] for env in CONTROL}
     if figure == 6:
-        return {env: [_exploring(name, env) for name in COMPARED] for env in CONTROL}
+        return {env: [exploring(name, env) for name in COMPARED] for env in CONTROL}
     if figure == 7:
         return {env: _bottleneck(env) for env in BOTTLENECK}
     if figure == 8:
@@ -125,16 +130,16 @@ def series_of(figure: int) -> dict[str, list[Series]]:
     return {}  # the mazes themselves
 
 
-def _exploring(algorithm: str, env: str, **settings: Any) -> Series:
-    """In control tasks coverage is that of runs that do not look for reward."""
+def exploring(algorithm: str, env: str, **settings: Any) -> Series:
+    """The series whose coverage counts: in control tasks, of runs that do not look for reward."""
     alone = WITHOUT_REWARD.get(algorithm, {}) if env in CONTROL else {}
     return Series(algorithm, {**settings, **alone})
 
 
 def _bottleneck(env: str) -> list[Series]:
-    series = [_exploring(name, env) for name in ("CuriosityES", "NSES", "NSLC")]
-    series += [_exploring(name, env, behavior="state") for name in ("NSES", "NSLC")]
-    return [*series, *(_exploring(name, env) for name in ("AURORA", "MAPElites"))]
+    series = [exploring(name, env) for name in ("CuriosityES", "NSES", "NSLC")]
+    series += [exploring(name, env, behavior="state") for name in ("NSES", "NSLC")]
+    return [*series, *(exploring(name, env) for name in ("AURORA", "MAPElites"))]
 
 
 @dataclass(frozen=True)
@@ -146,7 +151,7 @@ class Plan:
             out, others in a folder that is called like their settings (`phi=0.0`).
         budget: Budget of each.
         preset: "paper" or "tuned".
-        seeds: Seeds of the runs; figures that show one run of an algorithm show that of the first.
+        seeds: Seeds of the runs.
     """
 
     folder: Path
@@ -154,17 +159,13 @@ class Plan:
     preset: str
     seeds: Sequence[int]
 
-    def seeds_of(self, figure: int) -> Sequence[int]:
-        """Seeds of a figure's runs: final states and projections are those of one run."""
-        return self.seeds[:1] if figure in (4, 8) else self.seeds
-
     def runs(self, figure: int) -> list[RunSpec]:
         """The runs that a figure needs."""
         return [
             self.run(series, env, seed)
             for env, panel in series_of(figure).items()
             for series in panel
-            for seed in self.seeds_of(figure)
+            for seed in self.seeds
         ]
 
     def run(self, series: Series, env: str, seed: int) -> RunSpec:
@@ -177,5 +178,5 @@ class Plan:
             self.budget.timesteps(series.algorithm, env),
             self.budget.env_kwargs.get(env, {}),
             {"preset": self.preset, "device": "cpu", **cheaper, **series.settings},
-            ",".join(f"{name}={value}" for name, value in sorted(series.settings.items())),
+            series.variant,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,13 +26,13 @@ Float64 = npt.NDArray[np.float64]
 
 N_STATES = 300
 """Last states of an episode, the paper's number."""
-N_POLICIES = 2000
+N_POLICIES = 500
 """Policies of a run, at most: their states are held in memory at once, 43 kB each on a maze."""
 BATCH = 64
 """Episodes played at once, at most."""
 TITLE = f"Rewarding policies on {{}}: the last {N_STATES} states of their episodes"
 NOTE = (
-    "Principal components of one run's rewarding policies, their number in brackets. "
+    "Principal components of rewarding policies, their number in brackets. "
     f"An episode shorter than {N_STATES} states counts as if it had waited at its start."
 )
 
@@ -116,32 +116,60 @@ def project(states: Float32) -> tuple[Float64, Float64]:
     return pca.fit_transform(states.reshape(len(states), -1)), pca.explained_variance_ratio_
 
 
-def show_projection(rewarding: Mapping[str, Rewarding], env: str) -> Figure:
-    """Projected policies: on the left by algorithm, on the right by return.
+class Projection(NamedTuple):
+    """Rewarding policies of several algorithms, by the two principal components of their states.
+
+    Attributes:
+        algorithms: Names, of those that found none, too.
+        owners: (n,) index of each policy's algorithm.
+        scores: (n, 2).
+        returns: (n,).
+        shares: (2,) of the variance that each component holds.
+    """
+
+    algorithms: tuple[str, ...]
+    owners: npt.NDArray[np.int64]
+    scores: Float64
+    returns: Float64
+    shares: Float64
+
+
+def project_rewarding(runs: Mapping[str, Sequence[Path]]) -> Projection:
+    """Play rewarding policies of each algorithm's runs again, and project them.
 
     Args:
-        rewarding: Policies of a run of each algorithm; at least three policies in all.
-        env: Name of the environment.
+        runs: Folders by algorithm, all on one environment.
 
     Raises:
-        ValueError: If there are fewer.
+        FileNotFoundError: If a run is missing.
+        ValueError: If they have fewer than three rewarding policies in all.
     """
-    numbers = {algorithm: len(each.returns) for algorithm, each in rewarding.items()}
-    if sum(numbers.values()) < 3:
-        raise ValueError(f"`runs` must have 3 rewarding policies, on {env} they have fewer.")
-    scores, shares = project(np.concatenate([each.states for each in rewarding.values()]))
-    returns = np.concatenate([each.returns for each in rewarding.values()])
+    played = {name: [replay_rewarding(run) for run in each] for name, each in runs.items()}
+    numbers = [sum(len(each.returns) for each in of_one) for of_one in played.values()]
+    if sum(numbers) < 3:
+        raise ValueError("`runs` must have 3 rewarding policies, they have fewer.")
+    pooled = [each for of_one in played.values() for each in of_one]
+    scores, shares = project(np.concatenate([each.states for each in pooled]))
+    returns = np.concatenate([each.returns for each in pooled])
+    return Projection(
+        tuple(played), np.repeat(range(len(played)), numbers), scores, returns, shares
+    )
+
+
+def show_projection(projection: Projection, env: str) -> Figure:
+    """Show projected policies: on the left by algorithm, on the right by return."""
+    algorithms, owners, scores, returns, shares = projection
     order = np.random.default_rng(0).permutation(len(scores))  # none is hidden by what came later
-    colors = color_labels(rewarding)
-    owner = np.repeat(list(colors.values()), list(numbers.values()))
+    colors = color_labels(algorithms)
+    numbers = np.bincount(owners, minlength=len(algorithms))
 
     figure, ((left, right),) = make_panels(1, 2, width=5.0, height=4.0)
-    _scatter(left, scores[order], shares, c=owner[order])
+    _scatter(left, scores[order], shares, c=np.array(list(colors.values()))[owners[order]])
     dots = _scatter(right, scores[order], shares, c=returns[order], cmap="viridis")
     left.set_title("by algorithm")
     right.set_title("by return")
     figure.colorbar(dots, ax=right, label="return")
-    samples = [_sample(name, n, colors[name]) for name, n in numbers.items()]
+    samples = [_sample(name, n, colors[name]) for name, n in zip(algorithms, numbers, strict=True)]
     add_title(figure, TITLE.format(env), samples)
     add_note(figure, NOTE)
     return figure

@@ -9,6 +9,7 @@ from PIL import Image
 
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
+from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
 
 
@@ -24,7 +25,7 @@ def test_all_eight_figures(run_here, tmp_path, has_ink):
         picture = np.asarray(Image.open(tmp_path / path).convert("RGB"))
         assert min(picture.shape[:2]) > 300
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
-        drawing = paper.draw(figure, plan)
+        drawing = paper.draw(figure, TrainedRuns(plan))
         assert has_ink(drawing, *drawing.axes)
     needed = {run.folder(folder) for figure in paper.FIGURES for run in plan.runs(figure)}
     assert set(map(pathlib.Path, load_runs(folder)["run"])) == needed

@@ -10,9 +10,10 @@ from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments.figures import projection
 from curiosity_algos.experiments.figures.projection import (
     N_STATES,
-    Rewarding,
+    Projection,
     last_states,
     project,
+    project_rewarding,
     replay_rewarding,
     show_projection,
 )
@@ -76,13 +77,36 @@ def test_components_are_those_of_the_singular_values():
     np.testing.assert_allclose(shares, s[:2] ** 2 / (s**2).sum(), rtol=1e-4)
 
 
+def test_policies_of_all_runs_are_projected_together(make_runs):
+    runs = {
+        "MAPElites": make_runs(MAPElites, seeds=(0, 1)),
+        "NSES": make_runs(NSES, seeds=(0,), n_parents=4),
+    }
+    played = {name: [replay_rewarding(run) for run in each] for name, each in runs.items()}
+    numbers = [sum(len(each.returns) for each in of_one) for of_one in played.values()]
+    assert min(numbers) > 0
+    projection = project_rewarding(runs)
+    assert projection.algorithms == ("MAPElites", "NSES")
+    assert np.bincount(projection.owners).tolist() == numbers
+    pooled = [each for of_one in played.values() for each in of_one]
+    scores, shares = project(np.concatenate([each.states for each in pooled]))
+    np.testing.assert_allclose(projection.scores, scores)
+    np.testing.assert_allclose(projection.shares, shares)
+    np.testing.assert_array_equal(
+        projection.returns, np.concatenate([each.returns for each in pooled])
+    )
+
+
 def test_both_panels_show_every_policy(has_ink):
     rng = np.random.default_rng(0)
-    rewarding = {
-        name: Rewarding(rng.normal(size=(n, 4, 3)).astype(np.float32), rng.random(n))
-        for name, n in {"CuriosityES": 30, "CMAME": 0, "MAPElites": 8}.items()
-    }
-    figure = show_projection(rewarding, "US")
+    projection = Projection(
+        algorithms=("CuriosityES", "CMAME", "MAPElites"),
+        owners=np.repeat([0, 2], [30, 8]),
+        scores=rng.normal(size=(38, 2)),
+        returns=rng.random(38),
+        shares=np.array([0.5, 0.2]),
+    )
+    figure = show_projection(projection, "US")
     left, right, bar = figure.axes
     assert bar.get_ylabel() == "return"
     dots = [
@@ -90,12 +114,13 @@ def test_both_panels_show_every_policy(has_ink):
         for ax in (left, right)
     ]
     np.testing.assert_array_equal(*(each.get_offsets() for each in dots))
-    scores, _ = project(np.concatenate([each.states for each in rewarding.values()]))
-    returns = np.concatenate([each.returns for each in rewarding.values()])
+    assert left.get_xlabel() == "component 1 (50% of the variance)"
     colors = [COLORS["CuriosityES"]] * 30 + [COLORS["MAPElites"]] * 8
     expected = {
         (*score, total, color.lower())
-        for score, total, color in zip(scores.tolist(), returns, colors, strict=True)
+        for score, total, color in zip(
+            projection.scores.tolist(), projection.returns, colors, strict=True
+        )
     }
     faces = [to_hex(color) for color in dots[0].get_facecolors()]
     shown = zip(dots[0].get_offsets().tolist(), dots[1].get_array(), faces, strict=True)
@@ -119,5 +144,5 @@ def test_there_must_be_something_to_project(make_runs):
     (run,) = make_runs(NSES, seeds=(0,), timesteps=60, goal_radius=2.0, n_parents=2)
     none = replay_rewarding(run)
     assert none.states.shape == (0, N_STATES, 36)
-    with pytest.raises(ValueError, match="`runs` must have 3 rewarding policies, on US"):
-        show_projection({"NSES": none}, "US")
+    with pytest.raises(ValueError, match="`runs` must have 3 rewarding policies, they have"):
+        project_rewarding({"NSES": [run]})

@@ -1,0 +1,89 @@
+"""What figures are drawn from: what the runs of a plan have come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from curiosity_algos.experiments.figures.plan import Plan, Series
+from curiosity_algos.experiments.figures.projection import Projection, project_rewarding
+from curiosity_algos.experiments.loading import load_final_states
+from curiosity_algos.experiments.measures import (
+    Float64,
+    Measure,
+    Points,
+    best_return,
+    coverage,
+    generation_return,
+)
+from curiosity_algos.experiments.run_folder import RunFolder
+
+MEASURES: Mapping[str, Measure] = {
+    "best_return": best_return,
+    "generation_return": generation_return,
+    "coverage": coverage,
+}
+"""What curves are of, by name."""
+
+
+class Evidence(Protocol):
+    """What the runs of several algorithms came to on each environment."""
+
+    @property
+    def seeds(self) -> Sequence[int]:
+        """Seeds of the runs."""
+        ...
+
+    def curves(self, series: Series, env: str, measure: str) -> list[Points]:
+        """A curve of each run, of one of `MEASURES`; none where nothing was trained."""
+        ...
+
+    def positions(self, series: Series, env: str) -> Float64:
+        """Where the episodes of all runs ended, (n, 2)."""
+        ...
+
+    def projection(self, panel: Sequence[Series], env: str) -> Projection:
+        """Rewarding policies of all runs."""
+        ...
+
+
+class TrainedRuns:
+    """Evidence that is read from the folders of a plan's runs.
+
+    Every method raises FileNotFoundError if a run that it needs is missing, or not finished.
+
+    Args:
+        plan: Whose runs have been trained.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.seeds = plan.seeds
+
+    def curves(self, series: Series, env: str, measure: str) -> list[Points]:
+        """A curve of each run, of one of `MEASURES`."""
+        return [MEASURES[measure](folder) for folder in self._folders(series, env)]
+
+    def positions(self, series: Series, env: str) -> Float64:
+        """Where the episodes of all runs ended, (n, 2)."""
+        ends = [load_final_states(each)["behavior"][:, :2] for each in self._folders(series, env)]
+        return np.concatenate(ends).astype(np.float64)
+
+    def projection(self, panel: Sequence[Series], env: str) -> Projection:
+        """Rewarding policies of all runs."""
+        return project_rewarding({each.label: self._folders(each, env) for each in panel})
+
+    def _folders(self, series: Series, env: str) -> list[Path]:
+        return [self._folder(series, env, seed) for seed in self.seeds]
+
+    def _folder(self, series: Series, env: str, seed: int) -> Path:
+        run = self.plan.run(series, env, seed)
+        folder = run.folder(self.plan.folder)
+        if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:
+            raise FileNotFoundError(
+                f"`log_folder` must hold the runs of the figure, {folder} is not finished."
+            )
+        return folder

@@ -19,11 +19,13 @@ def draw_layout(ax: "Axes", layout: MazeLayout) -> None:
     """Draw walls, start (red dot) and goal (black cross) to scale on axes, in maze units."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Rectangle
+    from matplotlib.patheffects import withStroke
 
     boxes = [Rectangle((x, y), width, height) for x, y, width, height in layout.walls]
     ax.add_collection(PatchCollection(boxes, facecolor=WALL, linewidth=0))
     ax.plot(*layout.start, "o", color="red", markersize=7, zorder=4, label="start")
-    ax.plot(*layout.goal, "x", color="black", markersize=9, mew=2.5, zorder=4, label="goal")
+    goal = ax.plot(*layout.goal, "x", color="black", markersize=9, mew=2.5, zorder=4, label="goal")
+    goal[0].set_path_effects([withStroke(linewidth=4, foreground=FLOOR)])  # on a dark page, too
     ax.set(xlim=(0, layout.width), ylim=(0, layout.height), aspect="equal", facecolor=FLOOR)
     ax.set(xlabel="x", ylabel="y")
 

@@ -24,13 +24,13 @@ IMAGES = Path(__file__).parents[1] / "docs" / "images"
 TITLES = {
     "mazes": "Coverage and best return on the mazes",
     "labyrinth": "Labyrinth, with the paper's budget of 2,000 generations",
-    "table_1": "The settings of the paper's table 1, 2,000 generations",
 }
 ROWS = {
     "coverage": ("reachable cells with a final state (%)", 0.01),
     "best_return": ("best return", 1.0),
 }
 """Of each column that is drawn its name on the axis, and what is 1 there."""
+NOTE = "Thick: interquartile mean of up to {} seeds; shaded: its 95 % interval; thin: each."
 
 
 def show(curves: pd.DataFrame, title: str) -> Figure:
@@ -50,15 +50,8 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
             shown += lines
         row[0].set_ylabel(label)
     add_title(figure, title, legend_handles(shown))
-    add_note(figure, _note(sorted(set(curves["seed"]))))
+    add_note(figure, NOTE.format(curves["seed"].nunique()))
     return figure
-
-
-def _note(seeds: list[int]) -> str:
-    if len(seeds) == 1:
-        return f"One run each, of seed {seeds[0]}."
-    runs = f"up to {len(seeds)} seeds"
-    return f"Thick: interquartile mean of {runs}; shaded: its 95 % interval; thin: each."
 
 
 def lines_of(curves: pd.DataFrame, name: str) -> list[Line]:

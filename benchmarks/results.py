@@ -70,8 +70,12 @@ def _write(table: pd.DataFrame, path: Path) -> None:
 
 
 def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:
-    """A row for each run: environments as they are registered, algorithms that cover most first."""
-    runs = pd.read_csv(folder / f"{name}.csv")
+    """A row for each run, in order."""
+    return in_order(pd.read_csv(folder / f"{name}.csv"))
+
+
+def in_order(runs: pd.DataFrame) -> pd.DataFrame:
+    """Environments as they are registered, algorithms that cover most first."""
     covered = -runs.groupby("algorithm")["coverage.reachable"].transform("mean")
     order = pd.DataFrame({"covered": covered, "env": runs["env"].map(ENVIRONMENTS.index)})
     return runs.loc[order.sort_values(["covered", "env"], kind="stable").index]

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import typer
 
+from benchmarks import paper_tables
 from benchmarks.markdown import markdown
 from benchmarks.record import read_sections
 from benchmarks.results import read_rows, read_runs
@@ -30,7 +31,7 @@ from curiosity_algos.experiments.statistics import (
 )
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/results.md", "docs/bonuses.md", "docs/clusters.md")
+PAGES = ("README.md", "docs/results.md", "docs/bonuses.md", "docs/clusters.md", "docs/paper.md")
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 
 
@@ -199,7 +200,6 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "rounding-seeds": ("rounding", every_seed),
     "labyrinth-summary": ("labyrinth", summary),
     "labyrinth-seeds": ("labyrinth", every_seed),
-    "table-1-seeds": ("table_1", every_seed),
     "mazes-icm-summary": ("mazes_icm", summary),
     "mazes-icm-seeds": ("mazes_icm", every_seed),
     "control-summary": ("control", summary),
@@ -224,6 +224,12 @@ TABLES: dict[str, Callable[[], str]] = {
     "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
+    "paper-claims": partial(paper_tables.claims, "paper"),
+    "paper-verdicts": partial(paper_tables.verdicts, "paper"),
+    "paper-diversity": partial(paper_tables.diversity, "paper"),
+    "paper-hours": partial(paper_tables.hours, "paper"),
+    "paper-summary": partial(make_table, paper_tables.of_the_preset, "paper", summary),
+    "paper-reasons": partial(make_table, paper_tables.of_reasons, "paper", summary),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }
 """What makes the table that stands under each name in a page."""

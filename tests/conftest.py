@@ -52,6 +52,7 @@ SLOW = [
     "test_benchmarks.py",
     "test_examples.py",
     "test_extras.py",
+    "test_paper_evidence.py",
     "test_rl_zoo3.py",
     "test_tutorials.py",
 ]

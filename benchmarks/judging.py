@@ -1,0 +1,200 @@
+"""Whether what is said of algorithms holds of the runs that there are.
+
+That one algorithm is ahead of another holds in an environment if the ranks of their runs would come
+to that by chance in less than 5 % of all cases (an exact permutation test of the share of pairs
+that are won), and does not hold if the opposite would. That one is as good as another holds if the
+95 % interval of the difference of their means is above minus the margin. A reward is found if every
+run finds one, not found if less than half of them do. Fewer than three runs say nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from scipy.stats import permutation_test
+
+from benchmarks.paper import Tables
+from benchmarks.run_numbers import Float64, measured
+from curiosity_algos.experiments.figures.canvas import short_name
+from curiosity_algos.experiments.figures.plan import Series
+from curiosity_algos.experiments.statistics import Interval, stratified_bootstrap
+
+REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "cannot be told"
+N_RUNS = 3
+"""Runs of each kind, at least."""
+
+
+class Verdict(NamedTuple):
+    """Whether a claim holds.
+
+    Attributes:
+        word: `REPRODUCED`, `NOT_REPRODUCED` or `UNKNOWN`.
+        numbers: What that was told by.
+    """
+
+    word: str
+    numbers: str
+
+
+Judge: TypeAlias = Callable[[Tables], Verdict]
+
+
+def _numbers(tables: Tables, measure: str, series: Series, env: str) -> Float64:
+    """The number of each of the runs, NaN where it has none; at least `N_RUNS`, or none."""
+    values = measured(measure, tables)
+    key = (series.algorithm, env, series.variant)
+    found = values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
+    return found if len(found) >= N_RUNS else np.empty(0)
+
+
+def _short_of(env: str, *numbers: Float64) -> Verdict | None:
+    """The verdict where there are too few runs, or too few of them have a number."""
+    if min(map(len, numbers)) < N_RUNS:
+        return Verdict(UNKNOWN, f"{short_name(env)} -")
+    n = min(np.isfinite(each).sum() for each in numbers)
+    if n < N_RUNS:
+        return Verdict(UNKNOWN, f"{short_name(env)}: only {n} runs have it")
+    return None
+
+
+def finds(algorithm: str, *envs: str) -> Judge:
+    """That every run finds a reward; not so if less than half of them do."""
+    return all_of(*(partial(_finds, Series(algorithm), env) for env in envs))
+
+
+def _finds(series: Series, env: str, tables: Tables) -> Verdict:
+    is_found = np.isfinite(_numbers(tables, "first reward", series, env))
+    if not len(is_found):
+        return Verdict(UNKNOWN, f"{short_name(env)} -")
+    word = REPRODUCED if is_found.all() else UNKNOWN if is_found.mean() >= 0.5 else NOT_REPRODUCED
+    return Verdict(word, f"{short_name(env)} {is_found.sum()} of {len(is_found)}")
+
+
+def finds_none(algorithm: str, *envs: str) -> Judge:
+    """That no run finds a reward; not so if half of them or more do."""
+    return all_of(*(partial(_finds_none, Series(algorithm), env) for env in envs))
+
+
+def _finds_none(series: Series, env: str, tables: Tables) -> Verdict:
+    is_found = np.isfinite(_numbers(tables, "first reward", series, env))
+    if not len(is_found):
+        return Verdict(UNKNOWN, f"{short_name(env)} -")
+    word = NOT_REPRODUCED if is_found.mean() >= 0.5 else UNKNOWN if is_found.any() else REPRODUCED
+    return Verdict(word, f"{short_name(env)} {is_found.sum()} of {len(is_found)}")
+
+
+def ahead(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
+    """That `x` has more than `y` in each environment."""
+    pair = _series(x), _series(y)
+    return all_of(*(partial(_ahead, measure, *pair, env) for env in envs))
+
+
+def _ahead(measure: str, x: Series, y: Series, env: str, tables: Tables) -> Verdict:
+    first, second = (_numbers(tables, measure, each, env) for each in (x, y))
+    short = _short_of(env, first, second)
+    if short is not None:
+        return short
+    first, second = first[np.isfinite(first)], second[np.isfinite(second)]
+    word = UNKNOWN
+    for direction, meaning in {"greater": REPRODUCED, "less": NOT_REPRODUCED}.items():
+        test = permutation_test(
+            (first, second), _wins, n_resamples=20_000, alternative=direction, rng=0
+        )
+        word = meaning if test.pvalue <= 0.05 else word
+    return Verdict(word, _describe(measure, env, first, second))
+
+
+def _wins(x: Float64, y: Float64) -> float:
+    """Share of the pairs that x wins, draws counting one half."""
+    return float(((x[:, None] > y) + 0.5 * (x[:, None] == y)).mean())
+
+
+def as_good(measure: str, x: str | Series, y: str | Series, margin: float, *envs: str) -> Judge:
+    """That `x` has as much as `y` in each environment, or more: up to a margin."""
+    pair = _series(x), _series(y)
+    return all_of(*(partial(_as_good, measure, *pair, margin, env) for env in envs))
+
+
+def _as_good(
+    measure: str, x: Series, y: Series, margin: float, env: str, tables: Tables
+) -> Verdict:
+    first, second = (_numbers(tables, measure, each, env) for each in (x, y))
+    short = _short_of(env, first, second)
+    if short is not None:
+        return short
+    first, second = first[np.isfinite(first)], second[np.isfinite(second)]
+    word = _compare(_difference(first, second), -margin)
+    return Verdict(word, _describe(measure, env, first, second))
+
+
+def _compare(interval: Interval, limit: float) -> str:
+    """Whether a number is at least the limit."""
+    if interval.low >= limit:
+        return REPRODUCED
+    return NOT_REPRODUCED if interval.high < limit else UNKNOWN
+
+
+def _describe(measure: str, env: str, x: Float64, y: Float64) -> str:
+    means = f"{x.mean():.3g} against {y.mean():.3g}"
+    difference = _difference(x, y)
+    return f"{short_name(env)}: {measure} {means}, {difference.low:+.3g} to {difference.high:+.3g}"
+
+
+def _difference(x: Float64, y: Float64) -> Interval:
+    """The difference of two means."""
+    return stratified_bootstrap([x, y], lambda runs: runs[0].mean(axis=-1) - runs[1].mean(axis=-1))
+
+
+def at_least(measure: str, algorithm: str, least: float, *envs: str) -> Judge:
+    """That the mean over the runs in each environment is so much or more."""
+    return all_of(*(partial(_at_least, measure, Series(algorithm), least, env) for env in envs))
+
+
+def _at_least(measure: str, series: Series, least: float, env: str, tables: Tables) -> Verdict:
+    values = _numbers(tables, measure, series, env)
+    short = _short_of(env, values)
+    if short is not None:
+        return short
+    mean = stratified_bootstrap(values[np.isfinite(values)], lambda runs: runs[0].mean(axis=-1))
+    numbers = f"{measure} {mean.estimate:.3g} ({mean.low:.3g} to {mean.high:.3g})"
+    return Verdict(_compare(mean, least), f"{short_name(env)}: {numbers}")
+
+
+def opposite(judge: Judge) -> Judge:
+    """That something is not so."""
+    words = {REPRODUCED: NOT_REPRODUCED, NOT_REPRODUCED: REPRODUCED, UNKNOWN: UNKNOWN}
+
+    def judged(tables: Tables) -> Verdict:
+        verdict = judge(tables)
+        return Verdict(words[verdict.word], verdict.numbers)
+
+    return judged
+
+
+def below(measure: str, algorithm: str, limit: float, *envs: str) -> Judge:
+    """That the mean over the runs in each environment is less than that."""
+    return all_of(*(opposite(at_least(measure, algorithm, limit, env)) for env in envs))
+
+
+def all_of(*judges: Judge) -> Judge:
+    """That several things are so: a claim does not hold if one of them is not."""
+
+    def judged(tables: Tables) -> Verdict:
+        verdicts = [judge(tables) for judge in judges]
+        words = {verdict.word for verdict in verdicts}
+        word = next(each for each in (NOT_REPRODUCED, UNKNOWN, REPRODUCED) if each in words)
+        return Verdict(word, "; ".join(dict.fromkeys(each.numbers for each in verdicts)))
+
+    return judged
+
+
+def not_measured(reason: str) -> Judge:
+    """That is not judged, and why."""
+    return lambda tables: Verdict(UNKNOWN, reason)
+
+
+def _series(algorithm: str | Series) -> Series:
+    return algorithm if isinstance(algorithm, Series) else Series(algorithm)

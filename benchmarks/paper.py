@@ -1,0 +1,239 @@
+"""The paper's figures from committed data, and that from runs.
+
+`python -m benchmarks.paper collect RUNS` adds the finished runs of `curiosity reproduce` and
+`curiosity sweep` in a folder to the CSV files, `python -m benchmarks.paper draw` draws from these,
+light and dark, without a run. What is measured anew replaces what was there.
+
+runs.csv          a row for each run
+curves.csv        of each run its curves, at up to `N_POINTS` times
+final_states.csv  of runs that figure 4 shows how many episodes ended in each square of the maze
+projection.csv    rewarding policies of the runs that figure 8 shows
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise, product
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.style
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import typer
+
+from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments.figures import paper
+from curiosity_algos.experiments.figures.canvas import save
+from curiosity_algos.experiments.figures.evidence import MEASURES
+from curiosity_algos.experiments.figures.plan import Series, series_of
+from curiosity_algos.experiments.figures.projection import Projection, project, replay_rewarding
+from curiosity_algos.experiments.loading import load_final_states
+from curiosity_algos.experiments.measures import Float64, Points
+
+FOLDER = Path(__file__).parent / "results" / "paper"
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+N_POINTS = 100
+SIDE, SQUARE = 200, 2
+"""Maze units along each side of a maze, and of the squares that final states are counted in."""
+COLUMNS = [str(x) for x in range(SIDE // SQUARE)]
+ROUTE_CELL = 20
+"""Maze units along each side of the squares whose order is a policy's route."""
+FIGURES = {"paper": (1, 2, 3, 4, 8)}
+"""Of each preset the figures whose runs there are."""
+KEYS = ["preset", "variant", "algorithm", "env", "seed"]
+RESULTS = [
+    "timesteps",
+    "n_episodes",
+    "n_rewarding",
+    "first_success_timesteps",
+    "best_return",
+    "seconds",
+    "machine.processor",
+    "coverage.reachable",
+    "coverage.all",
+    "coverage.visited",
+]
+DARK = dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "#131416")
+THEMES = {"": {}, "_dark": {**matplotlib.style.library["dark_background"], **DARK}}
+"""What is added to a picture's name, and matplotlib's settings: the docs' dark background."""
+app = typer.Typer(add_completion=False, help=__doc__)
+
+
+# -- from runs ------------------------------------------------------------------------------------
+
+
+@app.command()
+def collect(runs: Path, out: Path = FOLDER) -> None:
+    """Add the finished runs of a folder to the files."""
+    found = load_runs(runs)
+    found = found[found["timesteps"] >= found["total_timesteps"]]
+    if found.empty:
+        raise ValueError(f"`runs` must hold finished runs, {runs} has none.")
+    variants = [_variant(Path(run).relative_to(runs)) for run in found["run"]]
+    found = found.assign(preset=found["settings.preset"], variant=variants)
+    tables = {
+        "runs": (found.reindex(columns=[*KEYS, *RESULTS]), KEYS),
+        "curves": (_of_each(found, _curves), KEYS),
+        "final_states": (_of_each(_shown(found, 4), _final_states), KEYS),
+        "projection": (_projection(_shown(found, 8)), ["preset"]),
+    }
+    for name, (table, keys) in tables.items():
+        _merge(table, keys, out / f"{name}.csv")
+
+
+def _variant(path: Path) -> str:
+    """The folder of runs with settings of their own, if any."""
+    return "/".join(path.parts[:-3])
+
+
+def _shown(runs: pd.DataFrame, figure: int) -> pd.DataFrame:
+    """Those of the runs that a figure shows."""
+    panels = series_of(figure)
+    shown = [(env, series.algorithm) for env, panel in panels.items() for series in panel]
+    return runs[(runs["variant"] == "") & runs.set_index(["env", "algorithm"]).index.isin(shown)]
+
+
+def _of_each(runs: pd.DataFrame, read: Callable[[Path], pd.DataFrame]) -> pd.DataFrame:
+    """What is read of each run, in rows that begin with its keys."""
+    rows = runs[[*KEYS, "run"]].itertuples(index=False)
+    tables = {tuple(key): read(Path(run)) for *key, run in rows}
+    if not tables:
+        return pd.DataFrame(columns=KEYS)
+    return pd.concat(tables, names=KEYS).reset_index(KEYS)
+
+
+def _curves(run: Path) -> pd.DataFrame:
+    """What the measures are at `N_POINTS` times; a generation's return is the mean since the last.
+
+    Its highest would be that of the luckiest of many generations.
+    """
+    curves = {name: measure(run) for name, measure in MEASURES.items()}
+    edges = np.linspace(0.0, max(steps[-1] for steps, _ in curves.values()), N_POINTS + 1)
+    table = pd.DataFrame({"timesteps": edges[1:].round()})
+    for name, (steps, values) in curves.items():
+        last = np.searchsorted(steps, edges, side="right")
+        of_each = [values[min(a, b - 1) : b] for a, b in pairwise(last)]
+        mean = name == "generation_return"
+        table[name] = [each.mean() if mean else each[-1] for each in of_each]
+    return table
+
+
+def _final_states(run: Path) -> pd.DataFrame:
+    """How many episodes ended in each square, a row for each y."""
+    x, y = load_final_states(run)["behavior"][:, :2].T
+    edges = np.arange(0, SIDE + 1, SQUARE)
+    counts, _, _ = np.histogram2d(y, x, bins=[edges, edges])
+    table = pd.DataFrame(counts.astype(int), columns=COLUMNS)
+    return table.rename_axis("y").reset_index()
+
+
+def _projection(runs: pd.DataFrame) -> pd.DataFrame:
+    """A row for each rewarding policy, and its route: equal ones have the same number."""
+    keys = ["preset", "algorithm", "seed"]
+    played = [replay_rewarding(Path(run)) for run in runs["run"]]
+    numbers = [len(each.returns) for each in played]
+    if sum(numbers) < 3:
+        return pd.DataFrame(columns=keys)
+    states = np.concatenate([each.states for each in played])
+    scores, shares = project(states)
+    table = runs[keys].loc[runs.index.repeat(numbers)].reset_index(drop=True)
+    table[["x", "y"]] = scores
+    table["return"] = np.concatenate([each.returns for each in played])
+    table["route"] = pd.factorize(pd.Series([_route(each) for each in states]))[0]
+    return table.assign(share_x=shares[0], share_y=shares[1])
+
+
+def _route(states: npt.NDArray[np.float32]) -> bytes:
+    """The squares that a policy came through, in the order of its first visits; states: -1 to 1."""
+    squares = ((states[:, :2] + 1.0) * (SIDE / 2 / ROUTE_CELL)).astype(np.int8)
+    return bytes(number for square in dict.fromkeys(map(tuple, squares)) for number in square)
+
+
+def _merge(table: pd.DataFrame, keys: list[str], path: Path) -> None:
+    """Write a file with these rows, in the place of those that have the same keys."""
+    if table.empty:
+        return
+    if path.exists():
+        old = read(path.stem, path.parent)
+        is_old = ~old.set_index(keys).index.isin(table.set_index(keys).index)
+        table = pd.concat([old[is_old], table])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.sort_values(keys, kind="stable").to_csv(path, index=False, float_format="%.5g")
+
+
+# -- from the files -------------------------------------------------------------------------------
+
+
+def read(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+    """A file."""
+    return pd.read_csv(folder / f"{name}.csv", dtype={"variant": str}).fillna({"variant": ""})
+
+
+class Tables:
+    """Evidence that is read from the files.
+
+    Args:
+        preset: "paper" or "tuned".
+        folder: That holds the files.
+    """
+
+    def __init__(self, preset: str, folder: Path = FOLDER) -> None:
+        tables = {path.stem: read(path.stem, folder) for path in folder.glob("*.csv")}
+        self._tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
+        self.seeds = sorted(set(self._tables["runs"]["seed"]))
+
+    def table(self, name: str) -> pd.DataFrame:
+        """The rows of a file that are of the preset."""
+        return self._tables[name]
+
+    def curves(self, series: Series, env: str, measure: str) -> list[Points]:
+        """A curve of each run, of one of `MEASURES`."""
+        curves = self._of("curves", series, env)
+        return [
+            (np.r_[0.0, curve["timesteps"]], np.r_[0.0, curve[measure]])
+            for _, curve in curves.groupby("seed")
+        ]
+
+    def positions(self, series: Series, env: str) -> Float64:
+        """A place in the square that each episode ended in, (n, 2), drawn at random."""
+        rows = self._of("final_states", series, env)
+        counts = rows[COLUMNS].to_numpy()
+        row, x = np.nonzero(counts)
+        squares = np.column_stack([x, rows["y"].to_numpy()[row]])
+        ends = np.repeat(squares, counts[row, x], axis=0)
+        return SQUARE * (ends + np.random.default_rng(0).random(ends.shape))
+
+    def projection(self, panel: Sequence[Series], env: str) -> Projection:
+        """Rewarding policies of all runs."""
+        rows = self._tables["projection"]
+        names = tuple(series.algorithm for series in panel)
+        return Projection(
+            names,
+            rows["algorithm"].map(names.index).to_numpy(),
+            rows[["x", "y"]].to_numpy(),
+            rows["return"].to_numpy(),
+            rows[["share_x", "share_y"]].iloc[0].to_numpy(dtype=float),
+        )
+
+    def _of(self, name: str, series: Series, env: str) -> pd.DataFrame:
+        table = self._tables[name]
+        keys = {"variant": series.variant, "algorithm": series.algorithm, "env": env}
+        return table[(table[list(keys)] == pd.Series(keys)).all(axis=1)]
+
+
+@app.command()
+def draw(out: Path = IMAGES, folder: Path = FOLDER) -> None:
+    """Draw every figure anew."""
+    for preset, figures in FIGURES.items():
+        evidence = Tables(preset, folder)
+        for figure, (ending, theme) in product(figures, THEMES.items()):
+            with mpl.rc_context(theme):
+                path = out / f"{preset}_figure_{figure}{ending}.png"
+                save(paper.draw(figure, evidence), path)
+                typer.echo(path)
+
+
+if __name__ == "__main__":
+    app()

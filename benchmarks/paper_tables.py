@@ -1,0 +1,97 @@
+"""Tables of the page "The paper, figure by figure"."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pandas as pd
+
+from benchmarks.claims import CLAIMS
+from benchmarks.judging import Verdict
+from benchmarks.markdown import markdown
+from benchmarks.paper import Tables
+from benchmarks.results import ENVIRONMENTS, in_order
+from benchmarks.run_numbers import N_POLICIES, US, measured
+from curiosity_algos.experiments.figures.canvas import short_name
+from curiosity_algos.experiments.figures.plan import series_of
+from curiosity_algos.experiments.statistics import interquartile_mean, stratified_bootstrap
+
+evidence = cache(Tables)
+"""What is committed of a preset, read once."""
+
+
+@cache
+def judge(preset: str) -> list[Verdict]:
+    """The verdict on each claim."""
+    return [claim.judge(evidence(preset)) for claim in CLAIMS]
+
+
+def claims(preset: str) -> str:
+    """A row for each claim: the verdict, and its numbers."""
+    rows = [
+        [claim.section, claim.text, *verdict]
+        for claim, verdict in zip(CLAIMS, judge(preset), strict=True)
+    ]
+    return markdown(["Section", "What the paper says", "Verdict", "Our runs"], rows)
+
+
+def verdicts(preset: str) -> str:
+    """How many claims have which verdict, in a line."""
+    words = pd.Series([verdict.word for verdict in judge(preset)])
+    return f"{', '.join(f'{n} {word}' for word, n in words.value_counts().items())}."
+
+
+def of_the_preset(preset: str) -> pd.DataFrame:
+    """A row for each run with all of the preset's settings."""
+    runs = evidence(preset).table("runs")
+    return in_order(runs[runs["variant"] == ""])
+
+
+def of_reasons(preset: str) -> pd.DataFrame:
+    """A row for each run that tries a reason, and for those that it is compared with."""
+    runs = evidence(preset).table("runs")
+    drawn = {
+        series.variant for n in range(2, 9) for panel in series_of(n).values() for series in panel
+    }
+    tried = runs[~runs["variant"].isin(drawn)]
+    keys = ["algorithm", "env"]
+    compared = runs[runs["variant"] == ""].merge(tried[keys].drop_duplicates(), on=keys)
+    names = tried["algorithm"] + ", `" + tried["variant"] + "`"
+    return in_order(pd.concat([compared, tried.assign(algorithm=names)], ignore_index=True))
+
+
+def diversity(preset: str) -> str:
+    """Of the rewarding policies on US how many there are, and how they differ.
+
+    Interquartile means over the runs that have them, with their 95 % intervals.
+    """
+    names = ["rewarding policies", "nearest distance", f"routes of {N_POLICIES}", "regions"]
+    tables = evidence(preset)
+    rows = [
+        [series.algorithm, *(_mean(measured(name, tables), series.algorithm) for name in names)]
+        for series in series_of(8)[US]
+    ]
+    return markdown(["Algorithm", *(name.capitalize() for name in names)], rows)
+
+
+def _mean(values: pd.Series, algorithm: str) -> str:
+    found = values.xs((algorithm, US, ""), level=(0, 1, 2)).dropna()
+    if found.empty:
+        return "-"
+    mean = stratified_bootstrap(found.to_numpy(dtype=float), interquartile_mean)
+    interval = f" ({mean.low:.3g} to {mean.high:.3g})" if len(found) > 1 else ""
+    return f"{mean.estimate:.3g}{interval}"
+
+
+def hours(preset: str) -> str:
+    """How long all runs of each algorithm took on each environment, on one thread, in hours."""
+    runs = evidence(preset).table("runs")
+    total = runs.pivot_table(
+        index="algorithm", columns="env", values="seconds", aggfunc="sum", margins=True
+    )
+    total = total.sort_values("All")[[*filter(set(total).__contains__, ENVIRONMENTS), "All"]]
+    rows = [
+        [name, *("" if pd.isna(cell) else f"{cell / 3600:.2f}" for cell in row)]
+        for name, row in zip(total.index, total.to_numpy(), strict=True)
+    ]
+    return markdown(["Algorithm", *map(short_name, total)], rows)

@@ -1,0 +1,175 @@
+"""Numbers of each run that claims are judged by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import TypeAlias
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.ndimage import label
+from scipy.spatial.distance import cdist
+from scipy.stats import entropy
+
+from benchmarks.paper import COLUMNS, SIDE, SQUARE, Tables
+from curiosity_algos.experiments.figures.plan import MAZES
+
+Float64 = npt.NDArray[np.float64]
+Runs: TypeAlias = pd.Series
+"""A number of each run, by algorithm, environment, variant and seed."""
+
+RUN = ["algorithm", "env", "variant", "seed"]
+US = MAZES[1]
+N_POLICIES = 50
+"""Rewarding policies of a run that are compared where their number would matter."""
+N_REGIONS = 20
+"""Regions along each side of the projection, between its 1 % and 99 % quantiles."""
+RADIUS = 20.0
+"""Maze units that are near a goal."""
+
+
+def _column(name: str, tables: Tables) -> Runs:
+    return tables.table("runs").set_index(RUN)[name]
+
+
+def _of_curves(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
+    """Of runs without a reward, nothing."""
+    curves = tables.table("curves")
+    return pd.Series({key: measure(curve) for key, curve in curves.groupby(RUN)})
+
+
+def late_gain(curve: pd.DataFrame) -> float:
+    """What the best return rose by in the second half of the time since the first reward."""
+    rewarded = curve[curve["best_return"] > 0.0]
+    if rewarded.empty:
+        return float("nan")
+    middle = rewarded["timesteps"].iloc[[0, -1]].mean()
+    early = rewarded.loc[rewarded["timesteps"] <= middle, "best_return"]
+    return rewarded["best_return"].iloc[-1] - early.iloc[-1]
+
+
+def decline(curve: pd.DataFrame) -> float:
+    """How far the best of the last generations, a tenth of all, are below the best return."""
+    best = curve["best_return"].iloc[-1]
+    if best <= 0.0:
+        return float("nan")
+    return best - curve["generation_return"].tail(len(curve) // 10).mean()
+
+
+def _of_squares(measure: Callable[[str, Float64], float], tables: Tables) -> Runs:
+    """Of the counts in the squares of a maze, (y, x)."""
+    states = tables.table("final_states")
+    return pd.Series(
+        {key: measure(key[1], rows[COLUMNS].to_numpy(float)) for key, rows in states.groupby(RUN)}
+    )
+
+
+def evenness(env: str, counts: Float64) -> float:
+    """Entropy of the final states over that of equally many in each square that has one."""
+    return entropy(counts.ravel()) / np.log(np.count_nonzero(counts))
+
+
+def share_near_goal(env: str, counts: Float64) -> float:
+    """Share of the final states within `RADIUS` of the goal, and not behind a wall."""
+    return counts[_near_goal(env)].sum() / counts.sum()
+
+
+def middle_of_snake(env: str, counts: Float64) -> float:
+    """Density of final states in the middle third of Snake's corridors, over that of all."""
+    is_middle = abs(_centers() - SIDE / 2) < SIDE / 6
+    free = _is_free(env)
+    share = free[is_middle].sum() / free.sum()
+    return counts[is_middle].sum() / counts.sum() / share
+
+
+@cache
+def _near_goal(env: str) -> npt.NDArray[np.bool_]:
+    x, y = gym.make(env).unwrapped.layout.goal  # type: ignore[attr-defined]  # of a maze
+    is_near = np.hypot(_centers()[None] - x, _centers()[:, None] - y) <= RADIUS
+    parts, _ = label(is_near & _is_free(env))
+    return parts == parts[int(y) // SQUARE, int(x) // SQUARE]
+
+
+@cache
+def _is_free(env: str) -> npt.NDArray[np.bool_]:
+    """Whether the middle of each square is outside of every wall, (y, x)."""
+    free = np.ones((len(COLUMNS), len(COLUMNS)), dtype=bool)
+    x, y = _centers()[None], _centers()[:, None]
+    for left, low, width, height in gym.make(env).unwrapped.layout.walls:  # type: ignore[attr-defined]
+        free &= ~((left < x) & (x < left + width) & (low < y) & (y < low + height))
+    return free
+
+
+def _centers() -> Float64:
+    return SQUARE * (np.arange(len(COLUMNS)) + 0.5)
+
+
+def _of_policies(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
+    """Of the rewarding policies of runs on US; nothing of those that have too few."""
+    policies = tables.table("projection")
+    scores = policies[["x", "y"]]
+    low, high = scores.quantile(0.01), scores.quantile(0.99)
+    regions = ((scores - low) / (high - low) * N_REGIONS).clip(0, N_REGIONS - 1).astype(int)
+    policies = policies.assign(region=regions["x"] * N_REGIONS + regions["y"])
+    groups = policies.groupby(["algorithm", "seed"])
+    values = {(name, US, "", seed): measure(rows) for (name, seed), rows in groups}
+    return pd.Series(values).reindex(tables.table("runs").set_index(RUN).index)
+
+
+def nearest(rows: pd.DataFrame) -> float:
+    """Median distance from a policy of a run to the nearest other one, of `N_POLICIES`."""
+    if len(rows) < N_POLICIES:
+        return float("nan")
+    scores = rows[["x", "y"]].sample(N_POLICIES, random_state=0)
+    distances = cdist(scores, scores)
+    np.fill_diagonal(distances, np.inf)
+    return float(np.median(distances.min(axis=1)))
+
+
+def routes(rows: pd.DataFrame) -> float:
+    """Distinct routes that `N_POLICIES` of a run are expected to take; of fewer, all."""
+    n, drawn = len(rows), min(N_POLICIES, len(rows))
+    # A route of k policies is missed if all that are drawn are of the n - k others.
+    missed = [
+        np.prod([max(0, n - k - i) / (n - i) for i in range(drawn)])
+        for k in rows["route"].value_counts()
+    ]
+    return len(missed) - sum(missed)
+
+
+def regions(rows: pd.DataFrame) -> float:
+    """Regions of the projection that hold a policy of a run."""
+    return float(rows["region"].nunique())
+
+
+def rewarding_regions(rows: pd.DataFrame) -> float:
+    """Regions of the projection that hold a policy of a run whose return is .5 or more."""
+    return float(rows.loc[rows["return"] >= 0.5, "region"].nunique())
+
+
+MEASURES: dict[str, Callable[[Tables], Runs]] = {
+    "best return": partial(_column, "best_return"),
+    "coverage": partial(_column, "coverage.reachable"),
+    "seconds": partial(_column, "seconds"),
+    "rewarding policies": partial(_column, "n_rewarding"),
+    "first reward": partial(_column, "first_success_timesteps"),
+    "late gain": partial(_of_curves, late_gain),
+    "decline": partial(_of_curves, decline),
+    "evenness": partial(_of_squares, evenness),
+    "share near the goal": partial(_of_squares, share_near_goal),
+    "density in the middle": partial(_of_squares, middle_of_snake),
+    "nearest distance": partial(_of_policies, nearest),
+    f"routes of {N_POLICIES}": partial(_of_policies, routes),
+    "regions": partial(_of_policies, regions),
+    "regions of .5 or more": partial(_of_policies, rewarding_regions),
+}
+"""Numbers of each run, by their name in the page."""
+
+
+@cache
+def measured(measure: str, tables: Tables) -> Runs:
+    """One of `MEASURES` of all runs."""
+    return MEASURES[measure](tables)

@@ -1,0 +1,388 @@
+"""The paper's figures and claims come from committed data, and that from runs."""
+
+import shutil
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+from scipy.stats import mannwhitneyu
+
+from benchmarks import judging, paper, paper_tables, reasons, run_numbers
+from benchmarks.claims import CLAIMS
+from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.experiments.figures.evidence import TrainedRuns
+from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
+from curiosity_algos.experiments.sweep import Processes, sweep
+from curiosity_algos.experiments.training import RunSpec
+
+US = MAZES[1]
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    """Runs of figures 4 and 8, as short as they may be, and one whose behavior is another."""
+    folder = tmp_path_factory.mktemp("runs")
+    plan = Plan(folder, BUDGETS["smoke"], "paper", (0, 1))
+    runs = [*plan.runs(4), *plan.runs(8), plan.run(Series("NSES", {"behavior": "state"}), US, 0)]
+    sweep(list({run.folder(folder): run for run in runs}.values()), folder, backend=Processes(1))
+    return plan
+
+
+@pytest.fixture(scope="module")
+def collected(plan, tmp_path_factory):
+    out = tmp_path_factory.mktemp("results")
+    paper.collect(plan.folder, out=out)
+    return out
+
+
+def test_curves_are_those_of_the_runs(plan, collected):
+    runs, tables = TrainedRuns(plan), paper.Tables("paper", collected)
+    assert tables.seeds == [0, 1]
+    for measure in ("best_return", "generation_return", "coverage"):
+        for (x, y), (steps, values) in zip(
+            tables.curves(Series("NSES"), US, measure),
+            runs.curves(Series("NSES"), US, measure),
+            strict=True,
+        ):
+            last = np.searchsorted(steps, x, side="right") - 1
+            if measure != "generation_return":
+                np.testing.assert_allclose(y, values[last], rtol=1e-4, atol=1e-6)
+            assert x[-1] == steps[-1]
+    assert tables.curves(Series("TD3ICM"), US, "coverage") == []
+    of_states = tables.curves(Series("NSES", {"behavior": "state"}), US, "coverage")
+    assert len(of_states) == 1
+
+
+def test_between_two_times_the_mean_of_generations_counts(monkeypatch, tmp_path):
+    steps = np.arange(0.0, 1001.0)
+    spike = np.zeros(1001)
+    spike[503] = 0.7
+    both = dict.fromkeys(["generation_return", "best_return"], lambda run: (steps, spike))
+    monkeypatch.setattr(paper, "MEASURES", both)
+    table = paper._curves(tmp_path)
+    assert len(table) == paper.N_POINTS
+    assert table["generation_return"].max() == pytest.approx(0.07)  # of ten generations
+    assert table["timesteps"][table["generation_return"].argmax()] == 510
+    assert table["best_return"].max() == 0.0  # which is the last, not the highest
+
+
+def test_every_final_state_is_in_its_square(plan, collected):
+    runs, tables = TrainedRuns(plan), paper.Tables("paper", collected)
+    for env, panel in series_of(4).items():
+        for series in panel:
+            ours, theirs = (
+                sorted(map(tuple, np.minimum(each.positions(series, env) // 2, 99)))
+                for each in (tables, runs)
+            )
+            assert ours == theirs
+
+
+def test_the_projection_is_that_of_the_runs(plan, collected):
+    ((env, panel),) = series_of(8).items()
+    of_runs = TrainedRuns(plan).projection(panel, env)
+    projection = paper.Tables("paper", collected).projection(panel, env)
+    assert projection.algorithms == of_runs.algorithms
+    np.testing.assert_allclose(projection.shares, of_runs.shares, rtol=1e-4)
+    for i in range(len(panel)):
+        ours, theirs = (each.returns[each.owners == i] for each in (projection, of_runs))
+        np.testing.assert_allclose(np.sort(ours), np.sort(theirs), atol=1e-4)
+
+
+def test_what_is_collected_again_replaces_what_was_there(plan, collected, tmp_path):
+    names = ["curves", "final_states", "projection", "runs"]
+    assert sorted(path.stem for path in collected.iterdir()) == names
+    before = {path: path.read_bytes() for path in collected.iterdir()}
+    paper.collect(plan.folder, out=collected)
+    assert {path: path.read_bytes() for path in collected.iterdir()} == before
+
+
+def test_runs_of_other_folders_are_added(plan, collected, tmp_path):
+    run = RunSpec("NSLC", MAZES[2], 3, 1e5, {"horizon": 50}, {"n_threads": 1, "preset": "tuned"})
+    sweep([run], tmp_path / "more", backend=Processes(1))
+    out = tmp_path / "out"
+    shutil.copytree(collected, out)
+    paper.collect(tmp_path / "more", out=out)
+    for name in ("runs", "curves"):
+        before, after = paper.read(name, collected), paper.read(name, out)
+        is_new = after["preset"] == "tuned"
+        assert set(after.loc[is_new, "algorithm"]) == {"NSLC"}
+        kept = after[~is_new].reset_index(drop=True)
+        pd.testing.assert_frame_equal(kept, before, check_dtype=False)
+    for name in ("final_states", "projection"):  # which have nothing of it
+        assert (out / f"{name}.csv").read_bytes() == (collected / f"{name}.csv").read_bytes()
+
+
+def test_an_unfinished_run_is_left_out(tmp_path):
+    run = RunSpec("NSES", US, 0, 1e5, {"horizon": 50}, {"n_threads": 1})
+    sweep([run], tmp_path, backend=Processes(1))
+    (result,) = tmp_path.rglob("result.json")
+    text = result.read_text()
+    assert '"total_timesteps": 100000' in text
+    result.write_text(text.replace('"total_timesteps": 100000', '"total_timesteps": 200000'))
+    with pytest.raises(ValueError, match="`runs` must hold finished runs"):
+        paper.collect(tmp_path, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_committed_data_draws_every_figure(tmp_path):
+    before = dict(mpl.rcParams)
+    paper.draw(out=tmp_path)
+    assert dict(mpl.rcParams) == before
+    names = {
+        f"{preset}_figure_{figure}{ending}.png"
+        for preset, figures in paper.FIGURES.items()
+        for figure in figures
+        for ending in paper.THEMES
+    }
+    assert {path.name for path in tmp_path.iterdir()} == names
+    for name in names:
+        picture = np.asarray(Image.open(tmp_path / name).convert("L")).astype(float)
+        assert (picture[0, 0] < 60) == ("dark" in name)
+        assert picture.std() > 10
+        assert (paper.IMAGES / name).exists()
+
+
+def test_no_figure_has_fewer_than_three_seeds():
+    runs = paper.read("runs")
+    for preset, figures in paper.FIGURES.items():
+        tables = paper.Tables(preset)
+        for figure in figures:
+            for env, panel in series_of(figure).items():
+                for series in panel:
+                    n = len(tables.curves(series, env, "coverage"))
+                    assert n >= 3 or series.algorithm == "TD3ICM", (preset, figure, env, series)
+    assert set(runs["preset"]) >= set(paper.FIGURES)
+
+
+def test_the_public_selection_takes_the_first_for_neighbors(tmp_path):
+    reasons.main(tmp_path / "runs", timesteps=3 * 56 * 2000)
+    paper.collect(tmp_path / "runs", out=tmp_path / "out")
+    (run,) = paper.read("runs", tmp_path / "out").itertuples()
+    assert (run.algorithm, run.variant, run.preset) == ("NSLC", "selection=public", "paper")
+
+
+def test_of_equal_returns_the_farthest_from_the_first_survive():
+    archive = UnstructuredArchive(solution_dim=1, measure_dim=1, target_size=9, k_neighbors=1)
+    (emitter,) = reasons.make_emitters(archive, np.zeros(1, np.float32), 0)
+    places = np.linspace(0.0, 1.0, 56)[:, None]
+    places[30:] += 10.0  # far from the first thirty, near to each other
+    emitter.tell(places, np.zeros(56), places, {})
+    assert emitter._parents[0] == 11.0
+    assert len(emitter._parents) == 7
+    emitter.tell(-places, np.ones(56), -places, {})  # which are better than all that survived
+    assert len(emitter._survivors) == 56
+    assert (emitter._survivors <= 0.0).mean() > 0.5
+
+
+# -- claims ---------------------------------------------------------------------------------------
+
+
+class Numbers:
+    """Tables of runs whose coverage and best return are these, by algorithm."""
+
+    def __init__(self, env=US, **numbers):
+        self.runs = pd.DataFrame(
+            [
+                {
+                    "algorithm": name,
+                    "env": env,
+                    "variant": "",
+                    "seed": seed,
+                    "timesteps": 100,
+                    "first_success_timesteps": 40.0 if value else np.nan,
+                    "best_return": value,
+                    "coverage.reachable": value,
+                }
+                for name, values in numbers.items()
+                for seed, value in enumerate(values)
+            ]
+        )
+
+    def table(self, name):
+        assert name == "runs"
+        return self.runs
+
+
+MANY = [0.5, 0.6, 0.7, 0.8]
+FEW = [0.1, 0.2, 0.3, 0.4]
+R, N, U = judging.REPRODUCED, judging.NOT_REPRODUCED, judging.UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "word"),
+    [
+        (MANY, FEW, R),
+        (FEW, MANY, N),
+        (MANY, MANY, U),
+        (MANY[:3], FEW[:3], R),  # 1 of 20 orders
+        (MANY[:3], [0.1, 0.2, 0.55], U),
+        (MANY[:2], FEW, U),
+        (MANY, [], U),
+    ],
+)
+def test_who_is_ahead(first, second, word):
+    verdict = judging.ahead("coverage", "NSES", "NSLC", US)(Numbers(NSES=first, NSLC=second))
+    assert verdict.word == word
+    trained = min(len(first), len(second)) >= 3
+    assert verdict.numbers.startswith("US: coverage " if trained else "US -")
+
+
+def test_the_test_is_that_of_mann_and_whitney():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        x, y = rng.normal(0.5, 1.0, 5), rng.normal(size=5)
+        word = judging.ahead("coverage", "NSES", "NSLC", US)(Numbers(NSES=x, NSLC=y)).word
+        p = {
+            meaning: mannwhitneyu(x, y, alternative=direction, method="exact").pvalue
+            for direction, meaning in (("greater", R), ("less", N))
+        }
+        expected = next((meaning for meaning, value in p.items() if value <= 0.05), U)
+        assert word == expected
+
+
+def test_as_good_is_up_to_a_margin():
+    judge = judging.as_good("coverage", "NSES", "NSLC", 0.05, US)
+    same = [0.5, 0.5, 0.51, 0.49]
+    assert judge(Numbers(NSES=same, NSLC=same)).word == R
+    assert judge(Numbers(NSES=MANY, NSLC=FEW)).word == R
+    assert judge(Numbers(NSES=FEW, NSLC=MANY)).word == N
+    assert judge(Numbers(NSES=[0.0, 0.0, 0.9, 0.9, 0.9], NSLC=[0.6] * 5)).word == U
+
+
+def test_a_reward_is_found_by_every_run():
+    tables = Numbers(
+        NSES=[0.1, 0.3, 0.2], NSLC=[0.0, 0.2, 0.1], CMAME=[0.0, 0.0, 0.1], AURORA=[0.0] * 3
+    )
+    found = {"NSES": (R, N, 3), "NSLC": (U, N, 2), "CMAME": (N, U, 1), "AURORA": (N, R, 0)}
+    for name, (word, none, n) in found.items():
+        assert judging.finds(name, US)(tables) == (word, f"US {n} of 3")
+        assert judging.finds_none(name, US)(tables) == (none, f"US {n} of 3")
+
+
+def test_a_mean_is_above_or_below():
+    tables = Numbers(NSES=MANY)
+    assert judging.at_least("coverage", "NSES", 0.4, US)(tables).word == R
+    assert judging.at_least("coverage", "NSES", 0.9, US)(tables).word == N
+    assert judging.below("coverage", "NSES", 0.9, US)(tables).word == R
+    assert judging.below("coverage", "NSES", 0.65, US)(tables).word == U
+
+
+def test_of_several_things_each_must_hold():
+    def saying(word):
+        return lambda tables: judging.Verdict(word, word)
+
+    for i, word in enumerate([R, U, N]):
+        judge = judging.all_of(*map(saying, [R, U, N][: i + 1]))
+        assert judge(None) == (word, "; ".join([R, U, N][: i + 1]))
+    assert judging.opposite(saying(N))(None) == (R, N)
+
+
+def test_an_environment_that_is_missing_hides_no_other():
+    judge = judging.ahead("coverage", "NSES", "NSLC", MAZES[0], US)
+    assert judge(Numbers(NSES=FEW, NSLC=MANY)).word == N
+    assert judge(Numbers(NSES=MANY, NSLC=FEW)).word == U
+
+
+def test_what_is_of_rewarded_runs_alone():
+    steps = np.arange(10, 101, 10)
+    returns = [0.0, 0.0, 0.2, 0.3, 0.3, 0.3, 0.3, 0.4, 0.4, 0.45]
+    curve = pd.DataFrame({"timesteps": steps, "best_return": returns, "generation_return": 0.15})
+    # From 30 to 100: the middle is 65, where it was .3.
+    assert run_numbers.late_gain(curve) == pytest.approx(0.15)
+    assert run_numbers.decline(curve) == pytest.approx(0.3)
+    nothing = curve.assign(best_return=0.0, generation_return=0.0)
+    assert np.isnan(run_numbers.late_gain(nothing))
+    assert np.isnan(run_numbers.decline(nothing))
+
+
+def squares(**places):
+    """Counts in the squares of a maze; a place is (y, x) in maze units."""
+    counts = np.zeros((100, 100))
+    for (y, x), n in places.values():
+        counts[y // 2, x // 2] = n
+    return counts
+
+
+def test_near_a_goal_is_not_behind_its_wall():
+    snake = MAZES[0]  # its goal is at (25, 5), its start at (5, 5), a wall from 10 to 20 between
+    counts = squares(goal=((5, 25), 3), start=((5, 5), 90), far=((195, 195), 7))
+    assert run_numbers.share_near_goal(snake, counts) == pytest.approx(0.03)
+
+
+def test_the_middle_of_snake_is_compared_with_its_places():
+    snake = MAZES[0]
+    even = run_numbers._is_free(snake).astype(float)
+    assert run_numbers.middle_of_snake(snake, even) == pytest.approx(1.0)
+    assert run_numbers.middle_of_snake(snake, squares(start=((5, 5), 9))) == 0.0
+    assert run_numbers.middle_of_snake(snake, squares(middle=((95, 100), 9))) == pytest.approx(
+        3.0, rel=0.1
+    )
+
+
+def test_even_states_are_in_every_square_alike():
+    assert run_numbers.evenness(US, np.ones((100, 100))) == pytest.approx(1.0)
+    assert run_numbers.evenness(US, squares(a=((5, 5), 5), b=((9, 9), 5))) == pytest.approx(1.0)
+    assert run_numbers.evenness(US, squares(a=((5, 5), 1), b=((9, 9), 99))) < 0.1
+
+
+def policies(routes, **columns):
+    return pd.DataFrame({"route": routes, **columns})
+
+
+def test_routes_of_all_policies_are_counted_and_of_many_expected():
+    assert run_numbers.routes(policies([0, 0, 1])) == 2.0
+    routes = np.repeat([0, 1, 2], [80, 15, 5])
+    rng = np.random.default_rng(0)
+    drawn = [len(set(rng.permutation(routes)[: run_numbers.N_POLICIES])) for _ in range(20_000)]
+    assert run_numbers.routes(policies(routes)) == pytest.approx(np.mean(drawn), abs=0.02)
+
+
+def test_policies_of_runs_are_compared_in_one_projection():
+    rng = np.random.default_rng(0)
+
+    class Policies(Numbers):
+        def table(self, name):
+            return self.runs if name == "runs" else self.projected
+
+    tables = Policies(NSES=[0.1] * 3, NSLC=[0.1] * 3)
+    near = pd.DataFrame(rng.normal(0.0, 0.01, (60, 2)), columns=["x", "y"])
+    wide = pd.DataFrame(rng.uniform(-1.0, 1.0, (60, 2)), columns=["x", "y"])
+    tables.projected = pd.concat(
+        [
+            near.assign(algorithm="NSES", seed=0),
+            wide.assign(algorithm="NSLC", seed=0),
+            wide[:2].assign(algorithm="NSLC", seed=1),
+        ]
+    )
+    of_regions = run_numbers._of_policies(run_numbers.regions, tables)
+    assert of_regions["NSES", US, "", 0] <= 4
+    assert of_regions["NSLC", US, "", 0] > 40
+    assert of_regions["NSLC", US, "", 1] == 2
+    assert np.isnan(of_regions["NSES", US, "", 1])  # which found nothing
+    distances = run_numbers._of_policies(run_numbers.nearest, tables)
+    assert distances["NSES", US, "", 0] < 0.01 < distances["NSLC", US, "", 0]
+    assert np.isnan(distances["NSLC", US, "", 1])  # too few
+
+
+def test_a_way_is_a_route_however_long_it_takes():
+    def states(*positions):
+        squares = np.array(positions, dtype=np.float32) / 100.0 - 1.0
+        return np.column_stack([squares, np.zeros((len(squares), 34), dtype=np.float32)])
+
+    slow = states((5, 5), (6, 5), (19, 5), (25, 5), (25, 5))
+    fast = states((1, 1), (39, 19), (39, 19))
+    back = states((1, 1), (39, 19), (1, 1), (39, 19))
+    other = states((5, 5), (5, 25))
+    assert paper._route(slow) == paper._route(fast) == paper._route(back) != paper._route(other)
+
+
+def test_every_claim_has_a_verdict():
+    for preset in paper.FIGURES:
+        verdicts = paper_tables.judge(preset)
+        assert len(verdicts) == len(CLAIMS)
+        for claim, (word, numbers) in zip(CLAIMS, verdicts, strict=True):
+            assert word in {R, N, U}
+            assert numbers, claim
+    assert len({claim.text for claim in CLAIMS}) == len(CLAIMS)

@@ -92,7 +92,7 @@ class RunSpec:
 
     def load(self, checkpoint: Path) -> BaseAlgorithm:
         """The model as it was at a checkpoint."""
-        passed_again = MAY_DIFFER | {"evaluator"}
+        passed_again = MAY_DIFFER | {"evaluator", "archive", "emitters", "search"}
         free = {name: value for name, value in self.settings.items() if name in passed_again}
         cls = find_algorithm(self.algorithm)
         model: BaseAlgorithm = cls.load(checkpoint / "model", env=self._make_env(), **free)

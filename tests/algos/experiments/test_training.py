@@ -1,4 +1,5 @@
 import pytest
+from ribs.emitters import GaussianEmitter
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
@@ -22,11 +23,16 @@ def test_a_finished_run_is_left_alone(tmp_path):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
 
-def test_more_timesteps_go_on(tmp_path, assert_same):
+def make_emitters(archive, x0, seed):
+    return [GaussianEmitter(archive, sigma=0.1, x0=x0, batch_size=6, seed=seed)]
+
+
+@pytest.mark.parametrize("parts", [{}, {"emitters": make_emitters}])
+def test_more_timesteps_go_on(parts, tmp_path, assert_same):
     whole, grown = tmp_path / "whole", tmp_path / "grown"
-    train(small(timesteps=2400), whole)
+    train(small(timesteps=2400, **parts), whole)
     for timesteps in (600, 2400):
-        assert train(small(timesteps=timesteps), grown)
+        assert train(small(timesteps=timesteps, **parts), grown)
     assert_same(load_final_states(grown), load_final_states(whole))
 
 

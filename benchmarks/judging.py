@@ -1,10 +1,10 @@
 """Whether what is said of algorithms holds of the runs that there are.
 
 That one algorithm is ahead of another holds in an environment if the ranks of their runs would come
-to that by chance in less than 5 % of all cases (an exact permutation test of the share of pairs
-that are won), and does not hold if the opposite would. That one is as good as another holds if the
-95 % interval of the difference of their means is above minus the margin. A reward is found if every
-run finds one, not found if less than half of them do. Fewer than three runs say nothing.
+to that by chance in less than 5 % of all cases (Mann and Whitney's test, over all permutations),
+and does not hold if the opposite would. That one is as good as another holds if the 95 % interval
+of the difference of their means is above minus the margin. A reward is found if every run finds
+one, not found if less than half of them do. Fewer than three runs say nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.stats import permutation_test
+from scipy.stats import PermutationMethod, mannwhitneyu
 
 from benchmarks.paper import Tables
 from benchmarks.run_numbers import Float64, measured
@@ -53,99 +53,97 @@ def _numbers(tables: Tables, measure: str, series: Series, env: str) -> Float64:
 def _short_of(env: str, *numbers: Float64) -> Verdict | None:
     """The verdict where there are too few runs, or too few of them have a number."""
     if min(map(len, numbers)) < N_RUNS:
-        return Verdict(UNKNOWN, f"{short_name(env)} -")
+        return _not_trained(env)
     n = min(np.isfinite(each).sum() for each in numbers)
     if n < N_RUNS:
         return Verdict(UNKNOWN, f"{short_name(env)}: only {n} runs have it")
     return None
 
 
+def _not_trained(env: str) -> Verdict:
+    return Verdict(UNKNOWN, f"{short_name(env)} -")
+
+
 def finds(algorithm: str, *envs: str) -> Judge:
     """That every run finds a reward; not so if less than half of them do."""
-    return all_of(*(partial(_finds, Series(algorithm), env) for env in envs))
 
+    def word(share: float) -> str:
+        return REPRODUCED if share == 1.0 else UNKNOWN if share >= 0.5 else NOT_REPRODUCED
 
-def _finds(series: Series, env: str, tables: Tables) -> Verdict:
-    is_found = np.isfinite(_numbers(tables, "first reward", series, env))
-    if not len(is_found):
-        return Verdict(UNKNOWN, f"{short_name(env)} -")
-    word = REPRODUCED if is_found.all() else UNKNOWN if is_found.mean() >= 0.5 else NOT_REPRODUCED
-    return Verdict(word, f"{short_name(env)} {is_found.sum()} of {len(is_found)}")
+    return all_of(*(partial(_found, word, Series(algorithm), env) for env in envs))
 
 
 def finds_none(algorithm: str, *envs: str) -> Judge:
     """That no run finds a reward; not so if half of them or more do."""
-    return all_of(*(partial(_finds_none, Series(algorithm), env) for env in envs))
+
+    def word(share: float) -> str:
+        return REPRODUCED if share == 0.0 else UNKNOWN if share < 0.5 else NOT_REPRODUCED
+
+    return all_of(*(partial(_found, word, Series(algorithm), env) for env in envs))
 
 
-def _finds_none(series: Series, env: str, tables: Tables) -> Verdict:
+def _found(word: Callable[[float], str], series: Series, env: str, tables: Tables) -> Verdict:
+    """The word for the share of the runs that found a reward."""
     is_found = np.isfinite(_numbers(tables, "first reward", series, env))
     if not len(is_found):
-        return Verdict(UNKNOWN, f"{short_name(env)} -")
-    word = NOT_REPRODUCED if is_found.mean() >= 0.5 else UNKNOWN if is_found.any() else REPRODUCED
-    return Verdict(word, f"{short_name(env)} {is_found.sum()} of {len(is_found)}")
+        return _not_trained(env)
+    numbers = f"{short_name(env)} {is_found.sum()} of {len(is_found)}"
+    return Verdict(word(float(is_found.mean())), numbers)
 
 
 def ahead(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
     """That `x` has more than `y` in each environment."""
+
+    def word(first: Float64, second: Float64, difference: Interval) -> str:
+        for alternative, found in {"greater": REPRODUCED, "less": NOT_REPRODUCED}.items():
+            exact = PermutationMethod(20_000, rng=np.random.default_rng(0))
+            if mannwhitneyu(first, second, alternative=alternative, method=exact).pvalue <= 0.05:
+                return found
+        return UNKNOWN
+
     pair = _series(x), _series(y)
-    return all_of(*(partial(_ahead, measure, *pair, env) for env in envs))
-
-
-def _ahead(measure: str, x: Series, y: Series, env: str, tables: Tables) -> Verdict:
-    first, second = (_numbers(tables, measure, each, env) for each in (x, y))
-    short = _short_of(env, first, second)
-    if short is not None:
-        return short
-    first, second = first[np.isfinite(first)], second[np.isfinite(second)]
-    word = UNKNOWN
-    for direction, meaning in {"greater": REPRODUCED, "less": NOT_REPRODUCED}.items():
-        test = permutation_test(
-            (first, second), _wins, n_resamples=20_000, alternative=direction, rng=0
-        )
-        word = meaning if test.pvalue <= 0.05 else word
-    return Verdict(word, _describe(measure, env, first, second))
-
-
-def _wins(x: Float64, y: Float64) -> float:
-    """Share of the pairs that x wins, draws counting one half."""
-    return float(((x[:, None] > y) + 0.5 * (x[:, None] == y)).mean())
+    return all_of(*(partial(_compared, word, measure, *pair, env) for env in envs))
 
 
 def as_good(measure: str, x: str | Series, y: str | Series, margin: float, *envs: str) -> Judge:
     """That `x` has as much as `y` in each environment, or more: up to a margin."""
+
+    def word(first: Float64, second: Float64, difference: Interval) -> str:
+        return _reaches(difference, -margin)
+
     pair = _series(x), _series(y)
-    return all_of(*(partial(_as_good, measure, *pair, margin, env) for env in envs))
+    return all_of(*(partial(_compared, word, measure, *pair, env) for env in envs))
 
 
-def _as_good(
-    measure: str, x: Series, y: Series, margin: float, env: str, tables: Tables
+def _compared(
+    word: Callable[[Float64, Float64, Interval], str],
+    measure: str,
+    x: Series,
+    y: Series,
+    env: str,
+    tables: Tables,
 ) -> Verdict:
+    """The word for the numbers of two algorithms, and the difference of their means."""
     first, second = (_numbers(tables, measure, each, env) for each in (x, y))
     short = _short_of(env, first, second)
     if short is not None:
         return short
     first, second = first[np.isfinite(first)], second[np.isfinite(second)]
-    word = _compare(_difference(first, second), -margin)
-    return Verdict(word, _describe(measure, env, first, second))
+    difference = stratified_bootstrap(
+        [first, second], lambda runs: runs[0].mean(axis=-1) - runs[1].mean(axis=-1)
+    )
+    means = f"{first.mean():.3g} against {second.mean():.3g}"
+    bounds = f"{difference.low:+.3g} to {difference.high:+.3g}"
+    return Verdict(
+        word(first, second, difference), f"{short_name(env)}: {measure} {means}, {bounds}"
+    )
 
 
-def _compare(interval: Interval, limit: float) -> str:
+def _reaches(interval: Interval, limit: float) -> str:
     """Whether a number is at least the limit."""
     if interval.low >= limit:
         return REPRODUCED
     return NOT_REPRODUCED if interval.high < limit else UNKNOWN
-
-
-def _describe(measure: str, env: str, x: Float64, y: Float64) -> str:
-    means = f"{x.mean():.3g} against {y.mean():.3g}"
-    difference = _difference(x, y)
-    return f"{short_name(env)}: {measure} {means}, {difference.low:+.3g} to {difference.high:+.3g}"
-
-
-def _difference(x: Float64, y: Float64) -> Interval:
-    """The difference of two means."""
-    return stratified_bootstrap([x, y], lambda runs: runs[0].mean(axis=-1) - runs[1].mean(axis=-1))
 
 
 def at_least(measure: str, algorithm: str, least: float, *envs: str) -> Judge:
@@ -160,7 +158,7 @@ def _at_least(measure: str, series: Series, least: float, env: str, tables: Tabl
         return short
     mean = stratified_bootstrap(values[np.isfinite(values)], lambda runs: runs[0].mean(axis=-1))
     numbers = f"{measure} {mean.estimate:.3g} ({mean.low:.3g} to {mean.high:.3g})"
-    return Verdict(_compare(mean, least), f"{short_name(env)}: {numbers}")
+    return Verdict(_reaches(mean, least), f"{short_name(env)}: {numbers}")
 
 
 def opposite(judge: Judge) -> Judge:

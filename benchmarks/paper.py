@@ -23,17 +23,22 @@ import numpy.typing as npt
 import pandas as pd
 import typer
 
+from benchmarks import results
+from benchmarks.figures import IMAGES
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.canvas import save
 from curiosity_algos.experiments.figures.evidence import MEASURES
 from curiosity_algos.experiments.figures.plan import Series, series_of
-from curiosity_algos.experiments.figures.projection import Projection, project, replay_rewarding
+from curiosity_algos.experiments.figures.projection import (
+    Projection,
+    project_rewarding,
+    replay_rewarding,
+)
 from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.measures import Float64, Points
 
-FOLDER = Path(__file__).parent / "results" / "paper"
-IMAGES = Path(__file__).parents[1] / "docs" / "images"
+FOLDER = results.FOLDER / "paper"
 N_POINTS = 100
 SIDE, SQUARE = 200, 2
 """Maze units along each side of a maze, and of the squares that final states are counted in."""
@@ -132,17 +137,16 @@ def _final_states(run: Path) -> pd.DataFrame:
 def _projection(runs: pd.DataFrame) -> pd.DataFrame:
     """A row for each rewarding policy, and its route: equal ones have the same number."""
     keys = ["preset", "algorithm", "seed"]
-    played = [replay_rewarding(Path(run)) for run in runs["run"]]
-    numbers = [len(each.returns) for each in played]
-    if sum(numbers) < 3:
+    played = {run: [replay_rewarding(Path(run))] for run in runs["run"]}
+    states = [policy for (each,) in played.values() for policy in each.states]
+    if len(states) < 3:
         return pd.DataFrame(columns=keys)
-    states = np.concatenate([each.states for each in played])
-    scores, shares = project(states)
-    table = runs[keys].loc[runs.index.repeat(numbers)].reset_index(drop=True)
-    table[["x", "y"]] = scores
-    table["return"] = np.concatenate([each.returns for each in played])
+    projected = project_rewarding(played)
+    table = runs[keys].iloc[projected.owners].reset_index(drop=True)
+    table[["x", "y"]] = projected.scores
+    table["return"] = projected.returns
     table["route"] = pd.factorize(pd.Series([_route(each) for each in states]))[0]
-    return table.assign(share_x=shares[0], share_y=shares[1])
+    return table.assign(share_x=projected.shares[0], share_y=projected.shares[1])
 
 
 def _route(states: npt.NDArray[np.float32]) -> bytes:

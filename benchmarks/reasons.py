@@ -17,13 +17,12 @@ from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase
 from scipy.spatial.distance import cdist
 
-from curiosity_algos import NSLC
-from curiosity_algos.experiments import SaveRun
-from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES
+from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, POPULATION
+from curiosity_algos.experiments.training import RunSpec, train
 from curiosity_algos.search.emitters import Batch, ParetoEmitter
 from curiosity_algos.search.pareto import pareto_fronts
 
-N_SURVIVORS, N_PARENTS, N_NEIGHBORS = 56, 7, 30
+N_SURVIVORS, N_PARENTS, N_NEIGHBORS = POPULATION, 7, 30
 
 
 class PublicSelection(ParetoEmitter):
@@ -67,17 +66,26 @@ def make_emitters(
     archive: ArchiveBase, x0: npt.NDArray[np.float32], seed: int
 ) -> list[EmitterBase]:
     """The one emitter, with the mutations of the paper's mazes."""
-    return [PublicSelection(archive, x0=x0, sigma=0.5, n_parents=7, batch_size=56, seed=seed)]
+    return [
+        PublicSelection(
+            archive,
+            x0=x0,
+            sigma=0.5,
+            n_parents=N_PARENTS,
+            batch_size=POPULATION,
+            seed=seed,
+        )
+    ]
 
 
 def main(
     runs: Path, env: str = MAZES[0], seed: int = 0, timesteps: float = BUDGETS["paper"].maze
 ) -> None:
-    """Train on a maze, on one thread."""
+    """Train on a maze, on one thread; a run that was interrupted goes on."""
     th.set_num_threads(1)
-    model = NSLC.from_preset("paper", env, seed=seed, emitters=make_emitters, n_threads=1)
-    folder = runs / "selection=public" / "NSLC" / env / str(seed)
-    model.learn(timesteps, SaveRun(folder))
+    settings = {"preset": "paper", "emitters": make_emitters, "n_threads": 1}
+    run = RunSpec("NSLC", env, seed, timesteps, settings=settings, variant="selection=public")
+    train(run, run.folder(runs))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from scipy.stats import entropy
 
 from benchmarks.paper import COLUMNS, SIDE, SQUARE, Tables
 from curiosity_algos.experiments.figures.plan import MAZES
+from curiosity_gym.layouts import reachable_cells
 
 Float64 = npt.NDArray[np.float64]
 Runs: TypeAlias = pd.Series
@@ -80,27 +81,23 @@ def share_near_goal(env: str, counts: Float64) -> float:
 def middle_of_snake(env: str, counts: Float64) -> float:
     """Density of final states in the middle third of Snake's corridors, over that of all."""
     is_middle = abs(_centers() - SIDE / 2) < SIDE / 6
-    free = _is_free(env)
-    share = free[is_middle].sum() / free.sum()
+    places = _is_reachable(env)
+    share = places[is_middle].sum() / places.sum()
     return counts[is_middle].sum() / counts.sum() / share
 
 
 @cache
 def _near_goal(env: str) -> npt.NDArray[np.bool_]:
-    x, y = gym.make(env).unwrapped.layout.goal  # type: ignore[attr-defined]  # of a maze
+    x, y = gym.make(env).unwrapped.layout.goal
     is_near = np.hypot(_centers()[None] - x, _centers()[:, None] - y) <= RADIUS
-    parts, _ = label(is_near & _is_free(env))
+    parts, _ = label(is_near & _is_reachable(env))
     return parts == parts[int(y) // SQUARE, int(x) // SQUARE]
 
 
 @cache
-def _is_free(env: str) -> npt.NDArray[np.bool_]:
-    """Whether the middle of each square is outside of every wall, (y, x)."""
-    free = np.ones((len(COLUMNS), len(COLUMNS)), dtype=bool)
-    x, y = _centers()[None], _centers()[:, None]
-    for left, low, width, height in gym.make(env).unwrapped.layout.walls:  # type: ignore[attr-defined]
-        free &= ~((left < x) & (x < left + width) & (low < y) & (y < low + height))
-    return free
+def _is_reachable(env: str) -> npt.NDArray[np.bool_]:
+    """Whether a robot can be in each square, (y, x)."""
+    return reachable_cells(gym.make(env).unwrapped.layout, len(COLUMNS)).T
 
 
 def _centers() -> Float64:

@@ -313,7 +313,7 @@ def test_near_a_goal_is_not_behind_its_wall():
 
 def test_the_middle_of_snake_is_compared_with_its_places():
     snake = MAZES[0]
-    even = run_numbers._is_free(snake).astype(float)
+    even = run_numbers._is_reachable(snake).astype(float)
     assert run_numbers.middle_of_snake(snake, even) == pytest.approx(1.0)
     assert run_numbers.middle_of_snake(snake, squares(start=((5, 5), 9))) == 0.0
     assert run_numbers.middle_of_snake(snake, squares(middle=((95, 100), 9))) == pytest.approx(

@@ -9,7 +9,11 @@ from typing import Protocol
 import numpy as np
 
 from curiosity_algos.experiments.figures.plan import Plan, Series
-from curiosity_algos.experiments.figures.projection import Projection, project_rewarding
+from curiosity_algos.experiments.figures.projection import (
+    Projection,
+    project_rewarding,
+    replay_rewarding,
+)
 from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.measures import (
     Float64,
@@ -74,7 +78,9 @@ class TrainedRuns:
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""
-        return project_rewarding({each.label: self._folders(each, env) for each in panel})
+        return project_rewarding(
+            {each.label: list(map(replay_rewarding, self._folders(each, env))) for each in panel}
+        )
 
     def _folders(self, series: Series, env: str) -> list[Path]:
         return [self._folder(series, env, seed) for seed in self.seeds]

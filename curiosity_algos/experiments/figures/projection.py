@@ -134,26 +134,23 @@ class Projection(NamedTuple):
     shares: Float64
 
 
-def project_rewarding(runs: Mapping[str, Sequence[Path]]) -> Projection:
-    """Play rewarding policies of each algorithm's runs again, and project them.
+def project_rewarding(rewarding: Mapping[str, Sequence[Rewarding]]) -> Projection:
+    """Project rewarding policies of several algorithms together.
 
     Args:
-        runs: Folders by algorithm, all on one environment.
+        rewarding: Those of each algorithm's runs, by its name.
 
     Raises:
-        FileNotFoundError: If a run is missing.
-        ValueError: If they have fewer than three rewarding policies in all.
+        ValueError: If they are fewer than three in all.
     """
-    played = {name: [replay_rewarding(run) for run in each] for name, each in runs.items()}
-    numbers = [sum(len(each.returns) for each in of_one) for of_one in played.values()]
+    numbers = [sum(len(each.returns) for each in runs) for runs in rewarding.values()]
     if sum(numbers) < 3:
         raise ValueError("`runs` must have 3 rewarding policies, they have fewer.")
-    pooled = [each for of_one in played.values() for each in of_one]
+    pooled = [each for runs in rewarding.values() for each in runs]
     scores, shares = project(np.concatenate([each.states for each in pooled]))
     returns = np.concatenate([each.returns for each in pooled])
-    return Projection(
-        tuple(played), np.repeat(range(len(played)), numbers), scores, returns, shares
-    )
+    owners = np.repeat(np.arange(len(rewarding)), numbers)
+    return Projection(tuple(rewarding), owners, scores, returns, shares)
 
 
 def show_projection(projection: Projection, env: str) -> Figure:

@@ -85,7 +85,7 @@ def test_policies_of_all_runs_are_projected_together(make_runs):
     played = {name: [replay_rewarding(run) for run in each] for name, each in runs.items()}
     numbers = [sum(len(each.returns) for each in of_one) for of_one in played.values()]
     assert min(numbers) > 0
-    projection = project_rewarding(runs)
+    projection = project_rewarding(played)
     assert projection.algorithms == ("MAPElites", "NSES")
     assert np.bincount(projection.owners).tolist() == numbers
     pooled = [each for of_one in played.values() for each in of_one]
@@ -145,4 +145,4 @@ def test_there_must_be_something_to_project(make_runs):
     none = replay_rewarding(run)
     assert none.states.shape == (0, N_STATES, 36)
     with pytest.raises(ValueError, match="`runs` must have 3 rewarding policies, they have"):
-        project_rewarding({"NSES": [run]})
+        project_rewarding({"NSES": [none]})

@@ -28,25 +28,29 @@ from benchmarks.figures import IMAGES
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.canvas import save
-from curiosity_algos.experiments.figures.evidence import MEASURES
+from curiosity_algos.experiments.figures.evidence import MEASURES, count_final_states
+from curiosity_algos.experiments.figures.mazes import SIDE, Counts
 from curiosity_algos.experiments.figures.plan import Series, series_of
 from curiosity_algos.experiments.figures.projection import (
     Projection,
     project_rewarding,
     replay_rewarding,
 )
-from curiosity_algos.experiments.loading import load_final_states
-from curiosity_algos.experiments.measures import Float64, Points
+from curiosity_algos.experiments.measures import Points
 
 FOLDER = results.FOLDER / "paper"
 N_POINTS = 100
-SIDE, SQUARE = 200, 2
-"""Maze units along each side of a maze, and of the squares that final states are counted in."""
-COLUMNS = [str(x) for x in range(SIDE // SQUARE)]
+SIZE = 200
+"""Maze units along each side of a maze."""
+COLUMNS = [str(x) for x in range(int(SIZE / SIDE))]
+"""Of the squares that final states are counted in."""
 ROUTE_CELL = 20
 """Maze units along each side of the squares whose order is a policy's route."""
+PUBLIC_STEP = "step=canonical"
+SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP)}
+"""By name the preset, and the variant whose runs count instead, of algorithms that have it."""
 FIGURES = {"paper": (1, 2, 3, 4, 8)}
-"""Of each preset the figures whose runs there are."""
+"""By the name of the settings the figures whose runs there are."""
 KEYS = ["preset", "variant", "algorithm", "env", "seed"]
 RESULTS = [
     "timesteps",
@@ -94,10 +98,11 @@ def _variant(path: Path) -> str:
 
 
 def _shown(runs: pd.DataFrame, figure: int) -> pd.DataFrame:
-    """Those of the runs that a figure shows."""
+    """Those of the runs that a figure shows, with one step of the strategies or the other."""
     panels = series_of(figure)
     shown = [(env, series.algorithm) for env, panel in panels.items() for series in panel]
-    return runs[(runs["variant"] == "") & runs.set_index(["env", "algorithm"]).index.isin(shown)]
+    is_shown = runs.set_index(["env", "algorithm"]).index.isin(shown)
+    return runs[is_shown & runs["variant"].isin(["", PUBLIC_STEP])]
 
 
 def _of_each(runs: pd.DataFrame, read: Callable[[Path], pd.DataFrame]) -> pd.DataFrame:
@@ -127,16 +132,13 @@ def _curves(run: Path) -> pd.DataFrame:
 
 def _final_states(run: Path) -> pd.DataFrame:
     """How many episodes ended in each square, a row for each y."""
-    x, y = load_final_states(run)["behavior"][:, :2].T
-    edges = np.arange(0, SIDE + 1, SQUARE)
-    counts, _, _ = np.histogram2d(y, x, bins=[edges, edges])
-    table = pd.DataFrame(counts.astype(int), columns=COLUMNS)
+    table = pd.DataFrame(count_final_states(run, run.parent.name), columns=COLUMNS)
     return table.rename_axis("y").reset_index()
 
 
 def _projection(runs: pd.DataFrame) -> pd.DataFrame:
     """A row for each rewarding policy, and its route: equal ones have the same number."""
-    keys = ["preset", "algorithm", "seed"]
+    keys = ["preset", "variant", "algorithm", "seed"]
     played = {run: [replay_rewarding(Path(run))] for run in runs["run"]}
     states = [policy for (each,) in played.values() for policy in each.states]
     if len(states) < 3:
@@ -151,7 +153,7 @@ def _projection(runs: pd.DataFrame) -> pd.DataFrame:
 
 def _route(states: npt.NDArray[np.float32]) -> bytes:
     """The squares that a policy came through, in the order of its first visits; states: -1 to 1."""
-    squares = ((states[:, :2] + 1.0) * (SIDE / 2 / ROUTE_CELL)).astype(np.int8)
+    squares = ((states[:, :2] + 1.0) * (SIZE / 2 / ROUTE_CELL)).astype(np.int8)
     return bytes(number for square in dict.fromkeys(map(tuple, squares)) for number in square)
 
 
@@ -179,17 +181,23 @@ class Tables:
     """Evidence that is read from the files.
 
     Args:
-        preset: "paper" or "tuned".
+        settings: One of `SETTINGS`.
         folder: That holds the files.
     """
 
-    def __init__(self, preset: str, folder: Path = FOLDER) -> None:
+    def __init__(self, settings: str, folder: Path = FOLDER) -> None:
+        preset, variant = SETTINGS[settings]
         tables = {path.stem: read(path.stem, folder) for path in folder.glob("*.csv")}
-        self._tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
+        tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
+        runs = tables["runs"]
+        replaced = set(runs.loc[runs["variant"] == variant, "algorithm"]) if variant else set()
+        self._tables = {
+            name: _with_variant(table, variant, replaced) for name, table in tables.items()
+        }
         self.seeds = sorted(set(self._tables["runs"]["seed"]))
 
     def table(self, name: str) -> pd.DataFrame:
-        """The rows of a file that are of the preset."""
+        """The rows of a file that are of these settings."""
         return self._tables[name]
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
@@ -200,18 +208,14 @@ class Tables:
             for _, curve in curves.groupby("seed")
         ]
 
-    def positions(self, series: Series, env: str) -> Float64:
-        """A place in the square that each episode ended in, (n, 2), drawn at random."""
-        rows = self._of("final_states", series, env)
-        counts = rows[COLUMNS].to_numpy()
-        row, x = np.nonzero(counts)
-        squares = np.column_stack([x, rows["y"].to_numpy()[row]])
-        ends = np.repeat(squares, counts[row, x], axis=0)
-        return SQUARE * (ends + np.random.default_rng(0).random(ends.shape))
+    def final_states(self, series: Series, env: str) -> Counts:
+        """How many episodes of all runs ended in each square of a maze, by y and x."""
+        return self._of("final_states", series, env).groupby("y")[COLUMNS].sum().to_numpy()
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""
         rows = self._tables["projection"]
+        rows = rows[rows["variant"] == ""]
         names = tuple(series.algorithm for series in panel)
         return Projection(
             names,
@@ -227,14 +231,21 @@ class Tables:
         return table[(table[list(keys)] == pd.Series(keys)).all(axis=1)]
 
 
+def _with_variant(table: pd.DataFrame, variant: str, algorithms: set[str]) -> pd.DataFrame:
+    """Rows in which those of a variant are in the place of the algorithms' own."""
+    is_replaced = (table["variant"] == "") & table["algorithm"].isin(algorithms)
+    table = table[~is_replaced]
+    return table.assign(variant=table["variant"].mask(table["variant"] == variant, ""))
+
+
 @app.command()
 def draw(out: Path = IMAGES, folder: Path = FOLDER) -> None:
     """Draw every figure anew."""
-    for preset, figures in FIGURES.items():
-        evidence = Tables(preset, folder)
+    for settings, figures in FIGURES.items():
+        evidence = Tables(settings, folder)
         for figure, (ending, theme) in product(figures, THEMES.items()):
             with mpl.rc_context(theme):
-                path = out / f"{preset}_figure_{figure}{ending}.png"
+                path = out / f"{settings}_figure_{figure}{ending}.png"
                 save(paper.draw(figure, evidence), path)
                 typer.echo(path)
 

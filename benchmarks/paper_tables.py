@@ -17,33 +17,31 @@ from curiosity_algos.experiments.figures.plan import series_of
 from curiosity_algos.experiments.statistics import interquartile_mean, stratified_bootstrap
 
 evidence = cache(Tables)
-"""What is committed of a preset, read once."""
+"""What is committed of some settings, read once."""
+COLUMNS = ["Section", "What the paper says", "Verdict", "Our runs"]
 
 
 @cache
-def judge(preset: str) -> list[Verdict]:
+def judge(settings: str) -> list[Verdict]:
     """The verdict on each claim."""
-    return [claim.judge(evidence(preset)) for claim in CLAIMS]
+    return [claim.judge(evidence(settings)) for claim in CLAIMS]
 
 
-def claims(preset: str) -> str:
+def claims(settings: str) -> str:
     """A row for each claim: the verdict, and its numbers."""
-    rows = [
-        [claim.section, claim.text, *verdict]
-        for claim, verdict in zip(CLAIMS, judge(preset), strict=True)
-    ]
-    return markdown(["Section", "What the paper says", "Verdict", "Our runs"], rows)
+    judged = zip(CLAIMS, judge(settings), strict=True)
+    return markdown(COLUMNS, [[claim.section, claim.text, *verdict] for claim, verdict in judged])
 
 
-def verdicts(preset: str) -> str:
+def verdicts(settings: str) -> str:
     """How many claims have which verdict, in a line."""
-    words = pd.Series([verdict.word for verdict in judge(preset)])
+    words = pd.Series([verdict.word for verdict in judge(settings)])
     return f"{', '.join(f'{n} {word}' for word, n in words.value_counts().items())}."
 
 
-def of_the_preset(preset: str) -> pd.DataFrame:
-    """A row for each run with all of the preset's settings."""
-    runs = evidence(preset).table("runs")
+def of_the_figures(settings: str) -> pd.DataFrame:
+    """A row for each run that has the settings and no others."""
+    runs = evidence(settings).table("runs")
     return in_order(runs[runs["variant"] == ""])
 
 
@@ -60,13 +58,13 @@ def of_reasons(preset: str) -> pd.DataFrame:
     return in_order(pd.concat([compared, tried.assign(algorithm=names)], ignore_index=True))
 
 
-def diversity(preset: str) -> str:
+def diversity(settings: str) -> str:
     """Of the rewarding policies on US how many there are, and how they differ.
 
     Interquartile means over the runs that have them, with their 95 % intervals.
     """
     names = ["rewarding policies", "nearest distance", f"routes of {N_POLICIES}", "regions"]
-    tables = evidence(preset)
+    tables = evidence(settings)
     rows = [
         [series.algorithm, *(_mean(measured(name, tables), series.algorithm) for name in names)]
         for series in series_of(8)[US]

@@ -14,7 +14,8 @@ from scipy.ndimage import label
 from scipy.spatial.distance import cdist
 from scipy.stats import entropy
 
-from benchmarks.paper import COLUMNS, SIDE, SQUARE, Tables
+from benchmarks.paper import COLUMNS, SIZE, Tables
+from curiosity_algos.experiments.figures.mazes import SIDE
 from curiosity_algos.experiments.figures.plan import MAZES
 from curiosity_gym.layouts import reachable_cells
 
@@ -80,7 +81,7 @@ def share_near_goal(env: str, counts: Float64) -> float:
 
 def middle_of_snake(env: str, counts: Float64) -> float:
     """Density of final states in the middle third of Snake's corridors, over that of all."""
-    is_middle = abs(_centers() - SIDE / 2) < SIDE / 6
+    is_middle = abs(_centers() - SIZE / 2) < SIZE / 6
     places = _is_reachable(env)
     share = places[is_middle].sum() / places.sum()
     return counts[is_middle].sum() / counts.sum() / share
@@ -91,7 +92,7 @@ def _near_goal(env: str) -> npt.NDArray[np.bool_]:
     x, y = gym.make(env).unwrapped.layout.goal
     is_near = np.hypot(_centers()[None] - x, _centers()[:, None] - y) <= RADIUS
     parts, _ = label(is_near & _is_reachable(env))
-    return parts == parts[int(y) // SQUARE, int(x) // SQUARE]
+    return parts == parts[int(y / SIDE), int(x / SIDE)]
 
 
 @cache
@@ -101,7 +102,7 @@ def _is_reachable(env: str) -> npt.NDArray[np.bool_]:
 
 
 def _centers() -> Float64:
-    return SQUARE * (np.arange(len(COLUMNS)) + 0.5)
+    return SIDE * (np.arange(len(COLUMNS)) + 0.5)
 
 
 def _of_policies(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
@@ -111,8 +112,8 @@ def _of_policies(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Ru
     low, high = scores.quantile(0.01), scores.quantile(0.99)
     regions = ((scores - low) / (high - low) * N_REGIONS).clip(0, N_REGIONS - 1).astype(int)
     policies = policies.assign(region=regions["x"] * N_REGIONS + regions["y"])
-    groups = policies.groupby(["algorithm", "seed"])
-    values = {(name, US, "", seed): measure(rows) for (name, seed), rows in groups}
+    groups = policies.groupby(["algorithm", "variant", "seed"])
+    values = {(name, US, *others): measure(rows) for (name, *others), rows in groups}
     return pd.Series(values).reindex(tables.table("runs").set_index(RUN).index)
 
 

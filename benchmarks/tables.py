@@ -228,7 +228,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "paper-verdicts": partial(paper_tables.verdicts, "paper"),
     "paper-diversity": partial(paper_tables.diversity, "paper"),
     "paper-hours": partial(paper_tables.hours, "paper"),
-    "paper-summary": partial(make_table, paper_tables.of_the_preset, "paper", summary),
+    "paper-summary": partial(make_table, paper_tables.of_the_figures, "paper", summary),
     "paper-reasons": partial(make_table, paper_tables.of_reasons, "paper", summary),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }

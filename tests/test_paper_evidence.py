@@ -14,6 +14,7 @@ from benchmarks.claims import CLAIMS
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
+from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.sweep import Processes, sweep
 from curiosity_algos.experiments.training import RunSpec
 
@@ -25,7 +26,8 @@ def plan(tmp_path_factory):
     """Runs of figures 4 and 8, as short as they may be, and one whose behavior is another."""
     folder = tmp_path_factory.mktemp("runs")
     plan = Plan(folder, BUDGETS["smoke"], "paper", (0, 1))
-    runs = [*plan.runs(4), *plan.runs(8), plan.run(Series("NSES", {"behavior": "state"}), US, 0)]
+    others = [Series("NSES", {"behavior": "state"}), Series("NSES", {"step": "canonical"})]
+    runs = [*plan.runs(4), *plan.runs(8), *(plan.run(series, US, 0) for series in others)]
     sweep(list({run.folder(folder): run for run in runs}.values()), folder, backend=Processes(1))
     return plan
 
@@ -55,6 +57,25 @@ def test_curves_are_those_of_the_runs(plan, collected):
     assert len(of_states) == 1
 
 
+def test_runs_of_a_variant_count_instead_of_the_algorithms_own(plan, collected):
+    """In all its mazes: its runs have one step or the other."""
+    ours, theirs = (paper.Tables(name, collected) for name in ("paper", "public"))
+    step = Series("NSES", {"step": "canonical"})
+    for measure in ("best_return", "coverage"):
+        ((x, y),) = theirs.curves(Series("NSES"), US, measure)
+        np.testing.assert_array_equal((x, y), *ours.curves(step, US, measure))
+        np.testing.assert_array_equal(
+            theirs.curves(Series("CMAME"), US, measure), ours.curves(Series("CMAME"), US, measure)
+        )
+    assert len(ours.curves(Series("NSES"), US, "coverage")) == 2
+    assert theirs.curves(step, US, "coverage") == []
+    for env in (MAZES[0], MAZES[2]):
+        assert ours.curves(Series("NSES"), env, "coverage")
+        assert theirs.curves(Series("NSES"), env, "coverage") == []
+    counts = theirs.final_states(Series("NSES"), US)
+    np.testing.assert_array_equal(counts, ours.final_states(step, US))
+
+
 def test_between_two_times_the_mean_of_generations_counts(monkeypatch, tmp_path):
     steps = np.arange(0.0, 1001.0)
     spike = np.zeros(1001)
@@ -70,13 +91,20 @@ def test_between_two_times_the_mean_of_generations_counts(monkeypatch, tmp_path)
 
 def test_every_final_state_is_in_its_square(plan, collected):
     runs, tables = TrainedRuns(plan), paper.Tables("paper", collected)
+
+    def folders(series, env):
+        return [plan.run(series, env, seed).folder(plan.folder) for seed in plan.seeds]
+
     for env, panel in series_of(4).items():
         for series in panel:
-            ours, theirs = (
-                sorted(map(tuple, np.minimum(each.positions(series, env) // 2, 99)))
-                for each in (tables, runs)
+            counts = tables.final_states(series, env)
+            np.testing.assert_array_equal(counts, runs.final_states(series, env))
+            ends = np.concatenate(
+                [load_final_states(run)["behavior"] for run in folders(series, env)]
             )
-            assert ours == theirs
+            assert counts.sum() == len(ends)
+            x, y = (ends[-1, :2] // 2).astype(int)
+            assert counts[y, x] >= 1
 
 
 def test_the_projection_is_that_of_the_runs(plan, collected):
@@ -131,8 +159,8 @@ def test_the_committed_data_draws_every_figure(tmp_path):
     paper.draw(out=tmp_path)
     assert dict(mpl.rcParams) == before
     names = {
-        f"{preset}_figure_{figure}{ending}.png"
-        for preset, figures in paper.FIGURES.items()
+        f"{settings}_figure_{figure}{ending}.png"
+        for settings, figures in paper.FIGURES.items()
         for figure in figures
         for ending in paper.THEMES
     }
@@ -145,15 +173,13 @@ def test_the_committed_data_draws_every_figure(tmp_path):
 
 
 def test_no_figure_has_fewer_than_three_seeds():
-    runs = paper.read("runs")
-    for preset, figures in paper.FIGURES.items():
-        tables = paper.Tables(preset)
+    for settings, figures in paper.FIGURES.items():
+        tables = paper.Tables(settings)
         for figure in figures:
             for env, panel in series_of(figure).items():
                 for series in panel:
                     n = len(tables.curves(series, env, "coverage"))
-                    assert n >= 3 or series.algorithm == "TD3ICM", (preset, figure, env, series)
-    assert set(runs["preset"]) >= set(paper.FIGURES)
+                    assert n >= 3 or series.algorithm == "TD3ICM", (settings, figure, env, series)
 
 
 def test_the_public_selection_takes_the_first_for_neighbors(tmp_path):
@@ -355,7 +381,7 @@ def test_policies_of_runs_are_compared_in_one_projection():
             wide.assign(algorithm="NSLC", seed=0),
             wide[:2].assign(algorithm="NSLC", seed=1),
         ]
-    )
+    ).assign(variant="")
     of_regions = run_numbers._of_policies(run_numbers.regions, tables)
     assert of_regions["NSES", US, "", 0] <= 4
     assert of_regions["NSLC", US, "", 0] > 40
@@ -379,8 +405,8 @@ def test_a_way_is_a_route_however_long_it_takes():
 
 
 def test_every_claim_has_a_verdict():
-    for preset in paper.FIGURES:
-        verdicts = paper_tables.judge(preset)
+    for settings in paper.FIGURES:
+        verdicts = paper_tables.judge(settings)
         assert len(verdicts) == len(CLAIMS)
         for claim, (word, numbers) in zip(CLAIMS, verdicts, strict=True):
             assert word in {R, N, U}

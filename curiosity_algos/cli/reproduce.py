@@ -13,7 +13,7 @@ from curiosity_algos.cli import options
 def reproduce(
     figures: Annotated[list[int], typer.Argument(help="Of the paper, 1 to 8.", min=1, max=8)],
     budget: Annotated[
-        str, typer.Option(help="Seconds, hours, or the paper's: smoke, short, paper.")
+        str, typer.Option(help="Seconds to the paper's: smoke, short, tenth, paper.")
     ] = "smoke",
     preset: Annotated[str, typer.Option(help="Settings: paper or tuned.")] = "paper",
     seeds: Annotated[

@@ -33,13 +33,13 @@ def draw_layout(ax: "Axes", layout: MazeLayout) -> None:
 def plot_density(
     positions: FloatArray, layout: MazeLayout, *, ax: "Axes | None" = None, bins: int = 100
 ) -> "Axes":
-    """Plot every position over the maze, colored by how many lie around it.
+    """Plot how many positions are in each square of a maze; squares without one are left out.
 
     Args:
         positions: (n, 2) x, y, usually the final positions of all rollouts; n may be 0.
         layout: The maze.
         ax: Axes to draw on; new ones by default.
-        bins: Number of cells along the longer side of the maze in which positions are counted.
+        bins: Number of squares along the longer side of the maze.
 
     Returns:
         The axes.
@@ -55,39 +55,35 @@ def plot_density(
 
         ax = plt.figure(figsize=(7, 6), layout="constrained").add_subplot()
     draw_layout(ax, layout)
+    side = max(layout.width, layout.height) / bins
     if len(positions):
-        draw_densities([ax], [positions], max(layout.width, layout.height) / bins)
+        draw_counts([ax], [count(positions, layout, side)], side)
     return ax
 
 
-def draw_densities(
-    axes: "Sequence[Axes]", positions: Sequence[FloatArray], cell_size: float
-) -> None:
-    """Draw positions on one or several axes of a figure, with one bar of colors for all of them.
+def count(positions: FloatArray, layout: MazeLayout, side: float) -> NDArray[np.int64]:
+    """How many positions (n, 2) are in each square of so many maze units, by y and x."""
+    edges = [side * np.arange(np.ceil(size / side) + 1) for size in (layout.height, layout.width)]
+    counts, _, _ = np.histogram2d(positions[:, 1], positions[:, 0], bins=edges)
+    return counts.astype(np.int64)
+
+
+def draw_counts(axes: "Sequence[Axes]", counts: Sequence[NDArray[np.int64]], side: float) -> None:
+    """Draw counts in squares on one or several axes of a figure, with one bar of colors.
 
     Args:
         axes: At least one, each of a maze.
-        positions: For each of the axes x, y, (n, 2), at least one in all.
-        cell_size: Side of the square cells in which positions are counted (maze units).
+        counts: For each of the axes, by y and x, at least one above 0 in all.
+        side: Of the squares (maze units).
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
-    counts = [_local_counts(each, cell_size) for each in positions]
-    norm = LogNorm(1, max(10, np.concatenate(counts).max()))
-    for ax, each, numbers in zip(axes, positions, counts, strict=True):
-        order = np.argsort(numbers, kind="stable")  # the densest on top
-        x, y = each[order].T
-        dots = ax.scatter(x, y, c=numbers[order], norm=norm, s=4, alpha=0.5, linewidths=0, zorder=3)
-        dots.set_rasterized(True)  # a PDF of 1e5 vector dots hardly opens
-    # The dots' own colorbar would be as transparent as they are.
-    label = f"positions in a cell of {cell_size:g} x {cell_size:g}"
+    norm = LogNorm(1, max(10, *(each.max() for each in counts)))
+    for ax, each in zip(axes, counts, strict=True):
+        y, x = (side * np.arange(n + 1) for n in each.shape)
+        shown = np.ma.masked_equal(each, 0)
+        ax.pcolormesh(x, y, shown, norm=norm, zorder=0.5, rasterized=True)  # below the walls
+    label = f"positions in a square of {side:g} x {side:g}"
     shrink = 0.9 if len(axes) == 1 else 0.5
     axes[0].figure.colorbar(ScalarMappable(norm), ax=list(axes), label=label, shrink=shrink)
-
-
-def _local_counts(positions: FloatArray, cell_size: float) -> NDArray[np.intp]:
-    """Return how many positions share the cell of each position, itself included, (n,)."""
-    cells = np.floor(positions / cell_size).astype(np.int64)
-    _, index, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    return counts[index]

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
+import gymnasium as gym
 import numpy as np
 
+from curiosity_algos.experiments.figures.mazes import SIDE, Counts
 from curiosity_algos.experiments.figures.plan import Plan, Series
 from curiosity_algos.experiments.figures.projection import (
     Projection,
@@ -16,7 +18,6 @@ from curiosity_algos.experiments.figures.projection import (
 )
 from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.measures import (
-    Float64,
     Measure,
     Points,
     best_return,
@@ -24,6 +25,7 @@ from curiosity_algos.experiments.measures import (
     generation_return,
 )
 from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_gym.maze.plots import count
 
 MEASURES: Mapping[str, Measure] = {
     "best_return": best_return,
@@ -31,6 +33,13 @@ MEASURES: Mapping[str, Measure] = {
     "coverage": coverage,
 }
 """What curves are of, by name."""
+
+
+def count_final_states(run: Path, env: str) -> Counts:
+    """How many episodes of a run ended in each square of a maze, by y and x."""
+    layout = gym.make(env).unwrapped.layout  # type: ignore[attr-defined]  # of a maze
+    ends = load_final_states(run)["behavior"].astype(np.float64)
+    return count(ends, layout, SIDE)
 
 
 class Evidence(Protocol):
@@ -45,8 +54,8 @@ class Evidence(Protocol):
         """A curve of each run, of one of `MEASURES`; none where nothing was trained."""
         ...
 
-    def positions(self, series: Series, env: str) -> Float64:
-        """Where the episodes of all runs ended, (n, 2)."""
+    def final_states(self, series: Series, env: str) -> Counts:
+        """How many episodes of all runs ended in each square of a maze, by y and x."""
         ...
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
@@ -71,10 +80,11 @@ class TrainedRuns:
         """A curve of each run, of one of `MEASURES`."""
         return [MEASURES[measure](folder) for folder in self._folders(series, env)]
 
-    def positions(self, series: Series, env: str) -> Float64:
-        """Where the episodes of all runs ended, (n, 2)."""
-        ends = [load_final_states(each)["behavior"][:, :2] for each in self._folders(series, env)]
-        return np.concatenate(ends).astype(np.float64)
+    def final_states(self, series: Series, env: str) -> Counts:
+        """How many episodes of all runs ended in each square of a maze, by y and x."""
+        counts = [count_final_states(run, env) for run in self._folders(series, env)]
+        total: Counts = np.sum(counts, axis=0)
+        return total
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""

@@ -15,13 +15,13 @@ from matplotlib.lines import Line2D
 
 from curiosity_algos.experiments.figures.canvas import add_title, make_panels, short_name
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES
-from curiosity_gym.maze.plots import draw_densities, draw_layout
+from curiosity_gym.maze.plots import draw_counts, draw_layout
 from curiosity_gym.maze.viewer import HIT
 
-Float64 = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
 
-CELL_SIZE = 2.0
-"""In which final states are counted for their color (maze units)."""
+SIDE = 2.0
+"""Of the squares in which final states are counted (maze units)."""
 
 
 def show_mazes(envs: Sequence[str]) -> Figure:
@@ -56,24 +56,24 @@ def draw_beams(ax: Axes, maze: gym.Env[Any, Any]) -> None:
     ax.plot(*ends[beams < 1.0].T, ".", color=HIT, markersize=5, zorder=3)
 
 
-def show_final_states(states: Mapping[str, Mapping[str, Float64]]) -> Figure:
+def show_final_states(states: Mapping[str, Mapping[str, Counts]]) -> Figure:
     """Final states of the episodes of runs, a row for each algorithm and a column for each maze.
 
     Args:
-        states: Positions (n, 2) by algorithm and environment.
+        states: How many there are in each square of side `SIDE`, by y and x, of each algorithm in
+            each environment.
     """
     envs = list(next(iter(states.values())))
     figure, axes = make_panels(len(states), len(envs), width=3.6, height=3.2, layout="compressed")
     for row, (algorithm, by_env) in zip(axes, states.items(), strict=True):
         for ax, env in zip(row, envs, strict=True):
             _draw_maze(ax, gym.make(env), env)
-            ax.set(title=f"{algorithm} on {short_name(env)}, {len(by_env[env]):,} episodes")
+            ax.set(title=f"{algorithm} on {short_name(env)}, {by_env[env].sum():,} episodes")
             ax.title.set_fontsize(9)
     for ax in axes.flat:
         ax.label_outer()
     for ax in axes[:, 0]:
         ax.set_ylabel("y (maze units)")
-    positions = [by_env[env] for by_env in states.values() for env in envs]
-    draw_densities(list(axes.flat), positions, CELL_SIZE)
+    draw_counts(list(axes.flat), [by_env[env] for by_env in states.values() for env in envs], SIDE)
     add_title(figure, "Final states", axes.flat[0].get_lines()[:2])
     return figure

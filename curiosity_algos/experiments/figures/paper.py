@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, short_name
 from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
 from curiosity_algos.experiments.figures.evidence import Evidence
-from curiosity_algos.experiments.figures.mazes import show_final_states, show_mazes
+from curiosity_algos.experiments.figures.mazes import Counts, show_final_states, show_mazes
 from curiosity_algos.experiments.figures.plan import MAZES, Series, series_of
 from curiosity_algos.experiments.figures.projection import show_projection
 from curiosity_algos.experiments.labels import COLORS
-from curiosity_algos.experiments.measures import Float64
 from curiosity_gym.validation import check_choice
 
 NOTE = (
@@ -78,10 +77,10 @@ def _line(evidence: Evidence, series: Series, env: str, measure: str) -> Line:
 
 
 def _show_final_states(evidence: Evidence) -> Figure:
-    states: dict[str, dict[str, Float64]] = {}
+    states: dict[str, dict[str, Counts]] = {}
     for env, panel in series_of(4).items():
         for series in panel:
-            states.setdefault(series.algorithm, {})[env] = evidence.positions(series, env)
+            states.setdefault(series.algorithm, {})[env] = evidence.final_states(series, env)
     return show_final_states(states)
 
 

@@ -78,6 +78,7 @@ BUDGETS = {
         jobs=1,  # a run takes less time than the start of a process
     ),
     "short": Budget(seeds=(0, 1, 2), maze=3e7, control=1e6, td3_maze=3e5, td3_control=1e5),
+    "tenth": Budget(seeds=(0, 1, 2), maze=2.24e7, control=1.12e7, td3_maze=1e6, td3_control=2e5),
     "paper": Budget(
         seeds=(0, 1, 2, 3, 4),
         maze=GENERATIONS * POPULATION * 2_000,
@@ -86,7 +87,7 @@ BUDGETS = {
         td3_control=1e6,
     ),
 }
-"""By name; the paper's own is 2,000 generations of 56 individuals."""
+"""By name; the paper's own is 2,000 generations of 56 individuals, a tenth of it 200."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
     [
         # Releases of typer differ in capitals, and in how they say what is allowed.
         (["9"], "Invalid value for '(?i:figures).*(1<=x<=8|less than or equal to 8)"),
-        (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, paper"),
+        (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, tenth, paper"),
         (["2", "--preset", "best"], "`preset` must be one of paper, tuned"),
         (["2", "--out", "reward.jpg"], "`out` must be one of .png, .pdf, .svg"),
         (["2", "3", "--out", "both.png"], "`out` must be left out"),

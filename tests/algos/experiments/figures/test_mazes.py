@@ -5,7 +5,7 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import LineCollection, QuadMesh
 
 from curiosity_algos.experiments.figures.mazes import show_final_states, show_mazes
 from curiosity_gym.built_in import BUILT_IN
@@ -50,23 +50,23 @@ def test_beams_end_where_a_wall_begins(has_ink):
     assert [each.get_title() for each in figure.axes] == ["Snake", "US"]
 
 
-def test_every_final_state_is_a_dot():
+def test_every_final_state_is_in_its_square():
     rng = np.random.default_rng(0)
     states = {
-        name: {env: rng.uniform(0.0, 200.0, (n, 2)) for env, n in zip(ENVS, ns, strict=True)}
-        for name, ns in {"NSES": (50, 30), "CMAME": (20, 1)}.items()
+        name: {env: rng.poisson(rate, (100, 100)) for env, rate in zip(ENVS, rates, strict=True)}
+        for name, rates in {"NSES": (0.1, 5.0), "CMAME": (1.0, 0.0)}.items()
     }
     figure = show_final_states(states)
     *panels, bar = figure.axes
-    assert "positions in a cell of 2 x 2" in bar.get_ylabel()
+    assert "positions in a square of 2 x 2" in bar.get_ylabel()
     titles = [(name, env) for name in states for env in ENVS]
     norms = set()
     for ax, (name, env) in zip(panels, titles, strict=True):
-        assert ax.get_title().startswith(f"{name} on {env.split('-')[1]}, ")
-        (dots,) = [each for each in ax.collections if isinstance(each, PathCollection)]
-        shown = np.asarray(dots.get_offsets())
-        expected = states[name][env]
-        np.testing.assert_array_equal(shown[np.lexsort(shown.T)], expected[np.lexsort(expected.T)])
-        assert dots.get_rasterized()
-        norms.add(dots.norm)
+        counts = states[name][env]
+        assert ax.get_title() == f"{name} on {env.split('-')[1]}, {counts.sum():,} episodes"
+        (squares,) = [each for each in ax.collections if isinstance(each, QuadMesh)]
+        shown = squares.get_array()
+        np.testing.assert_array_equal(shown.filled(0), counts)
+        assert (shown.mask == (counts == 0)).all()  # which are left as they are
+        norms.add(squares.norm)
     assert len(norms) == 1  # a color means the same in every panel

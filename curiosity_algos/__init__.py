@@ -20,6 +20,7 @@ from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper, ICMVecEnvWrapper
 from curiosity_algos.sb3.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 
 if TYPE_CHECKING:
     from curiosity_algos.algorithms.aurora import AURORA
@@ -38,6 +39,7 @@ __all__ = [
     "RND",
     "TD3ICM",
     "BonusCheckpointCallback",
+    "BonusReplayBuffer",
     "BonusVecEnvWrapper",
     "CanonicalES",
     "CuriosityES",

@@ -19,7 +19,7 @@ from curiosity_algos.bonuses.base import Bonus, record_bonus, train
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.sb3.replay_buffer import CuriosityReplayBuffer
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_gym.validation import (
     check_at_least_one,
@@ -71,7 +71,7 @@ class TD3ICM(ResumableTD3):
         ValueError: If an argument is out of its range, or the env's spaces are not supported.
     """
 
-    replay_buffer: CuriosityReplayBuffer
+    replay_buffer: BonusReplayBuffer
 
     def __init__(
         self,
@@ -123,7 +123,7 @@ class TD3ICM(ResumableTD3):
         check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
         check_bonus_choice(self.bonus, self.bonus_kwargs)
 
-    def _make_parts(self, seed: np.random.SeedSequence) -> CuriosityReplayBuffer:
+    def _make_parts(self, seed: np.random.SeedSequence) -> BonusReplayBuffer:
         networks_seed, buffer_seed = seed.spawn(2)
         self._bonus = make_bonus(
             self.bonus,
@@ -133,15 +133,17 @@ class TD3ICM(ResumableTD3):
             seed=integer_seed(networks_seed),
             device=self.device,
         )
-        return CuriosityReplayBuffer(
+        return BonusReplayBuffer(
             self.buffer_size,
             self.observation_space,
             self.action_space,
+            self.device,
             bonus=self._bonus,
             weight=self.weight,
             extrinsic=self.extrinsic,
+            gamma=None,
+            train_interval=None,
             seed=buffer_seed,
-            device=self.device,
         )
 
     def _see_rollout(self, n_steps: int) -> None:
@@ -172,7 +174,7 @@ class TD3ICM(ResumableTD3):
         own = self.replay_buffer
         super().load_replay_buffer(path, truncate_last_traj)
         loaded, self.replay_buffer = self.replay_buffer, own
-        if not isinstance(loaded, CuriosityReplayBuffer):
+        if not isinstance(loaded, BonusReplayBuffer):
             raise ValueError("`path` must be a replay buffer that TD3ICM has saved.")
         loaded.bonus, loaded.weight, loaded.extrinsic = own.bonus, own.weight, own.extrinsic
         self.replay_buffer = loaded

@@ -47,6 +47,11 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
         check_choice(tuple(names), bonus_kwargs=name)
 
 
+def for_one_policy(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Keywords of a bonus that a single policy learns from: a faster ICM would outrun it."""
+    return {**({"learning_rate": 1e-4} if bonus == "icm" else {}), **bonus_kwargs}
+
+
 def make_bonus(
     bonus: str | Bonus,
     bonus_kwargs: Mapping[str, Any],

@@ -19,13 +19,13 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
+from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
-from curiosity_algos.sb3.scale import BonusScale
+from curiosity_algos.sb3.scale import BonusScale, check_discount
 from curiosity_algos.sb3.wrapper_file import (
     SETTINGS,
     check_actions,
@@ -42,11 +42,7 @@ from curiosity_gym.validation import (
     check_bool,
     check_positive,
     check_seed,
-    check_share,
 )
-
-DEFAULTS = {"icm": {"learning_rate": 1e-4}}
-"""Keywords of bonuses where users give none: faster, the module outruns a policy on its own."""
 
 
 class BonusVecEnvWrapper(VecEnvWrapper):
@@ -111,7 +107,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         _check_venv(venv)
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
         check_positive(weight=weight)
-        _check_discount(gamma)
+        check_discount(gamma)
         check_at_least_one(train_interval=train_interval, n_updates=n_updates)
         check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
         check_seed(seed)
@@ -144,9 +140,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     ) -> None:
         networks_seed, buffer_seed, steps_seed = seed.spawn(3)
         space, action_space = self.observation_space, self.action_space
-        keywords = {**DEFAULTS.get(self._name or "", {}), **self.bonus_kwargs}
         self.bonus = make_bonus(
-            bonus, keywords, space, action_space, seed=integer_seed(networks_seed), device=device
+            bonus,
+            for_one_policy(bonus, self.bonus_kwargs),
+            space,
+            action_space,
+            seed=integer_seed(networks_seed),
+            device=device,
         )
         self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
@@ -371,9 +371,3 @@ def _check_infos(infos: list[dict[str, Any]]) -> None:
     # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
     if not all(isinstance(info, dict) for info in infos):
         raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
-
-
-def _check_discount(gamma: float) -> None:
-    check_share(gamma=gamma)
-    if gamma == 1.0:
-        raise ValueError("`gamma` must be below 1: the sum would grow for ever.")

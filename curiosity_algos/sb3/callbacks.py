@@ -18,13 +18,14 @@ from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 
 
 class ExplorationCallback(BaseCallback):
-    """Logs what this package's algorithms log: coverage, and of a `BonusVecEnvWrapper` the bonus.
+    """Logs what this package's algorithms log: coverage, and of who trains a bonus its values.
 
     With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended in
     and those that they visited on their way (`coverage/visited`), where environments give
     `info["behavior"]` as those of `curiosity_gym` do. With each rollout it logs `intrinsic/mean`
-    and `intrinsic/max` of the steps since the last log, and the losses of the wrapper's last
-    training. It warns where a model that has trained goes on with a new wrapper.
+    and `intrinsic/max` of the steps since the last log, and the losses of the last training of a
+    `BonusVecEnvWrapper`; of a `BonusReplayBuffer` all are those of its last training. It warns
+    where a model that has trained goes on with a new wrapper.
 
     Args:
         verbose: As in SB3.
@@ -82,9 +83,10 @@ class ExplorationCallback(BaseCallback):
         if self._intrinsic:
             record_bonus(self.logger, np.array(self._intrinsic))
             self._intrinsic.clear()
-        wrapper = bonus_wrapper(self.model)
-        for name, loss in ({} if wrapper is None else wrapper.metrics).items():
-            self.logger.record(name, loss)
+        buffer = getattr(self.model, "replay_buffer", None)
+        for learner in (bonus_wrapper(self.model), buffer):
+            for name, value in getattr(learner, "metrics", {}).items():
+                self.logger.record(name, value)
 
     def _log_coverage(self) -> None:
         for name, share in self.coverage_shares.items():

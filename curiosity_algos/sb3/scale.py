@@ -10,10 +10,19 @@ import numpy.typing as npt
 import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
+from curiosity_gym.validation import check_share
+
 EPSILON, LARGEST = 1e-8, 10.0
 """Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
 MEMORY = 100_000
 """Transitions that the scale remembers: what the bonus was at first is forgotten."""
+
+
+def check_discount(gamma: float) -> None:
+    """Raise ValueError unless sums of any length have a scale."""
+    check_share(gamma=gamma)
+    if gamma == 1.0:
+        raise ValueError("`gamma` must be below 1: the sum would grow for ever.")
 
 
 class BonusScale:

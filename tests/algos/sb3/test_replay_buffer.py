@@ -1,17 +1,23 @@
+import copy
 import io
 from contextlib import nullcontext
-from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
+import pandas as pd
 import pytest
+import sb3_contrib
+import stable_baselines3
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from curiosity_algos import ICM
+from curiosity_algos import ICM, ExplorationCallback
 from curiosity_algos.sb3 import replay_buffer as module
-from curiosity_algos.sb3.replay_buffer import CuriosityReplayBuffer
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
+from curiosity_algos.sb3.scale import BonusScale
 
 OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
 
@@ -22,9 +28,30 @@ class Weighted:
     name = "weighted"
     factor = 1.0
 
+    def __init__(self):
+        self.seen, self.trained = [], []
+
     def score(self, observations, actions, next_observations):
-        parts = 2 * observations + 10 * actions + 4 * next_observations
-        return self.factor * parts[:, 0]
+        numbers = (each.reshape(len(each), -1)[:, 0] for each in (observations, next_observations))
+        before, after = numbers
+        actions = np.asarray(actions, dtype=np.float32).reshape(len(actions))
+        return self.factor * (2 * before + 10 * actions + 4 * after)
+
+    def score_trajectory(self, observations, actions):
+        return self.score(observations[:-1], actions, observations[1:])
+
+    def observe(self, observations):
+        self.seen += observations.ravel().tolist()
+
+    def update(self, *batch):
+        self.trained.append(batch)
+        return {"loss": 1.0}
+
+    def state_dict(self):
+        return {"factor": self.factor}
+
+    def load_state_dict(self, state, strict=True):
+        self.factor = state["factor"]
 
 
 def worth(x):
@@ -32,16 +59,11 @@ def worth(x):
     return 7 * x + 4
 
 
-def make_buffer(capacity=10, extrinsic=True, seed=0, action_space=ACTIONS):
-    return CuriosityReplayBuffer(
-        capacity,
-        OBSERVATIONS,
-        action_space,
-        bonus=Weighted(),
-        weight=0.5,
-        extrinsic=extrinsic,
-        seed=np.random.SeedSequence(seed),
-        device=th.device("cpu"),
+def make_buffer(capacity=10, observation_space=OBSERVATIONS, action_space=ACTIONS, **settings):
+    """Of a bonus that another trains, as it is."""
+    given = {"weight": 0.5, "gamma": None, "train_interval": None, "seed": 0, **settings}
+    return BonusReplayBuffer(
+        capacity, observation_space, action_space, "cpu", **{"bonus": Weighted(), **given}
     )
 
 
@@ -92,23 +114,12 @@ class TestSamples:
 
     @pytest.mark.parametrize(
         ("shape", "batch_size", "n_rows"),
-        [((1,), 128, 2048), ((1,), 100, 2000), ((1,), 4096, 4096), ((8, 8, 3), 32, 32)],
+        [((1,), 128, 2048), ((1,), 100, 2000), ((1,), 4096, 4096), ((36, 36, 3), 32, 32)],
     )
     def test_so_many_are_scored_at_once(self, shape, batch_size, n_rows):
-        scored = []
-        bonus = SimpleNamespace(
-            score=lambda seen, *_: scored.append(len(seen)) or np.zeros(len(seen))
-        )
-        buffer = CuriosityReplayBuffer(
-            4,
-            spaces.Box(0, 255, shape, np.uint8),
-            ACTIONS,
-            bonus=bonus,
-            weight=0.5,
-            extrinsic=True,
-            seed=np.random.SeedSequence(0),
-            device=th.device("cpu"),
-        )
+        space = spaces.Box(0, 255, shape, np.uint8)
+        buffer, scored = make_buffer(4, space), []
+        buffer.bonus.score = lambda seen, *_: scored.append(len(seen)) or np.zeros(len(seen))
         row = np.zeros((1, *shape), np.uint8)
         buffer.add(row, row, np.zeros((1, 1)), np.zeros(1), np.zeros(1), [{}])
         with buffer.drawn_ahead(100, batch_size):
@@ -120,16 +131,8 @@ class TestSamples:
         space = spaces.Box(-9, 9, (5,))
         rewards = []
         for together in (False, True):
-            buffer = CuriosityReplayBuffer(
-                500,
-                space,
-                ACTIONS,
-                bonus=ICM(space, ACTIONS, seed=0, device="cpu"),
-                weight=0.5,
-                extrinsic=False,
-                seed=np.random.SeedSequence(0),
-                device=th.device("cpu"),
-            )
+            icm = ICM(space, ACTIONS, seed=0, device="cpu")
+            buffer = make_buffer(500, space, bonus=icm, extrinsic=False)
             rng = np.random.default_rng(1)
             for _ in range(300):
                 seen, then = rng.normal(size=(2, 1, 5)).astype(np.float32)
@@ -301,3 +304,268 @@ class TestState:
         buffer.sample(3)
         other.sample(3)
         assert buffer.state_dict()["rng"] == other.state_dict()["rng"]
+
+
+def walk(buffer, n_steps, ends=lambda env, step: False):
+    """Each of the environments goes from 100 * env one up a step, or begins anew where it ended."""
+    places = 100.0 * np.arange(buffer.n_envs)
+    for step in range(n_steps):
+        dones = np.array([ends(env, step) for env in range(buffer.n_envs)])
+        rows = places.astype(np.float32)[:, None]
+        buffer.add(rows, rows + 1, rows / 1000, places / 10, dones, [{}] * buffer.n_envs)
+        places = np.where(dones, 100.0 * np.arange(buffer.n_envs), places + 1)
+
+
+@pytest.mark.parametrize("optimize", [False, True])
+class TestManyEnvironments:
+    def test_rows_belong_together(self, optimize):
+        buffer = make_buffer(24, n_envs=3, optimize_memory_usage=optimize)
+        walk(buffer, 6)
+        sample = buffer.sample(300)
+        x = sample.observations
+        assert sorted(x.unique().tolist()) == [100 * env + i for env in range(3) for i in range(6)]
+        assert th.equal(sample.next_observations, x + 1)
+        assert th.allclose(sample.actions, x / 1000)
+        assert th.allclose(sample.rewards, x / 10 + 0.5 * (6 * x + x / 100 + 4))
+
+    def test_the_oldest_go(self, optimize):
+        buffer = make_buffer(12, n_envs=3, optimize_memory_usage=optimize)
+        walk(buffer, 9)
+        oldest = 5 + optimize  # whose place has the newest next observation
+        seen = buffer.sample(300).observations.unique().tolist()
+        assert seen == [100 * env + i for env in range(3) for i in range(oldest, 9)]
+        before, _, after = buffer.newest(9)
+        assert before.ravel().tolist() == [100 * e + i for i in range(oldest, 9) for e in range(3)]
+        np.testing.assert_array_equal(after, before + 1)
+
+    def test_spans_stay_in_an_episode_of_an_environment(self, optimize):
+        buffer = make_buffer(60, n_envs=3, optimize_memory_usage=optimize)
+        buffer.bonus.horizon = 4
+        walk(buffer, 9, ends=lambda env, step: step == 2 + env)
+        before, _, after = buffer.sample_transitions(2000)
+        spans = set(zip(before[:, 0].int().tolist(), after[:, 0].int().tolist(), strict=True))
+        expected = set()
+        for env, (first, second) in enumerate([(3, 6), (4, 5), (5, 4)]):  # steps of its episodes
+            for length in (first, second):
+                for i in range(length):
+                    for j in range(i + 1, min(i + 4, length) + 1):
+                        # The last observation of an episode that ended may not be held.
+                        is_lost = optimize and length == first and j == length
+                        expected.add((100 * env + i, 100 * env + j - is_lost))
+        assert spans == expected
+
+    def test_one_is_left_and_the_others_go_on(self, optimize):
+        buffer = make_buffer(20, n_envs=2, optimize_memory_usage=optimize)
+        buffer.bonus.horizon = 3
+        for rows in ([[0], [100]], [[1], [101]], [[50], [102]]):
+            rows = np.array(rows, dtype=np.float32)
+            buffer.add(rows, rows + 1, rows / 1000, np.zeros(2), np.zeros(2), [{}, {}])
+        assert buffer.dones[:3].tolist() == [[0, 0], [1, 0], [0, 0]]
+        assert buffer.timeouts[1, 0] == (not optimize)
+        before, _, after = buffer.sample_transitions(500)
+        assert after[before < 50].max() <= 2
+        assert after[before >= 100].max() == 103
+
+
+def test_choices_are_taken_as_they_are():
+    buffer = make_buffer(10, action_space=spaces.Discrete(5))
+    taken = []
+    buffer.bonus.score = lambda before, actions, after: (
+        taken.append(actions) or np.zeros(len(before))
+    )
+    for x in range(3):
+        row = np.full((1, 1), x, dtype=np.float32)
+        buffer.add(row, row + 1, np.array([x + 1]), np.zeros(1), np.zeros(1), [{}])
+    sample = buffer.sample(20)
+    assert sample.actions.dtype == th.int64
+    assert taken[0].shape == (20,)
+    np.testing.assert_array_equal(taken[0], sample.observations[:, 0] + 1)
+    before, actions, _ = buffer.sample_transitions(20)
+    assert actions.dtype == th.float32
+    assert th.equal(actions, before + 1)
+
+
+class TestTraining:
+    def test_it_comes_with_every_so_many_transitions(self):
+        buffer = make_buffer(60, n_envs=3, train_interval=10, n_updates=2, batch_size=5)
+        walk(buffer, 3)
+        assert not buffer.bonus.trained
+        walk(buffer, 1)  # 12 transitions, 4 of each
+        assert len(buffer.bonus.trained) == 2
+        assert buffer.bonus.trained[0][0].shape == (5, 1)
+        assert buffer.bonus.seen == [0, 100, 200, 1, 101, 201, 2, 102, 202, 0, 100, 200]
+        walk(buffer, 4)
+        assert len(buffer.bonus.trained) == 4
+        assert len(buffer.bonus.seen) == 24
+
+    def test_before_it_the_bonus_is_nothing(self):
+        buffer = make_buffer(60, train_interval=4, extrinsic=False)
+        walk(buffer, 3)
+        assert not buffer.sample(9).rewards.any()
+        walk(buffer, 1)
+        assert buffer.sample(9).rewards.all()
+
+    def test_the_scale_is_that_of_the_sums_so_far(self):
+        buffer = make_buffer(60, n_envs=2, train_interval=10, gamma=0.9, extrinsic=False)
+        walk(buffer, 5)
+        scale = BonusScale(2, gamma=0.9)
+        places = np.arange(5)[:, None] + [0.0, 100.0]
+        steps = 6 * places + places / 100 + 4
+        largest = max(scale.scaled(step, is_learning=True).max() for step in steps)
+        sample = buffer.sample(200)
+        x = sample.observations.numpy()[:, 0]
+        of_now = scale.scaled((6 * x + x / 100 + 4).astype(np.float64), is_learning=False)
+        np.testing.assert_allclose(sample.rewards[:, 0], 0.5 * of_now, rtol=1e-5)
+        assert buffer.metrics["weighted/loss"] == 1.0
+        assert buffer.metrics["intrinsic/max"] == pytest.approx(0.5 * largest, rel=1e-5)
+
+    def test_a_bonus_that_is_not_finite_stops_it(self):
+        buffer = make_buffer(60, train_interval=4)
+        buffer.bonus.factor = np.nan
+        with pytest.raises(ValueError, match="`bonus` must give finite scores"):
+            walk(buffer, 4)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"bonus": "curiosity"}, "`bonus` must be one of apt, icm, rnd"),
+        ({"bonus": "icm", "bonus_kwargs": {"betta": 1}}, "`bonus_kwargs`"),
+        ({"weight": 0.0}, "`weight` must be"),
+        ({"extrinsic": 2}, "`extrinsic` must be"),
+        ({"gamma": 1.0}, "`gamma` must be below 1"),
+        ({"train_interval": 0}, "`train_interval` must be"),
+        ({"n_updates": 0}, "`n_updates` must be"),
+        ({"batch_size": 0}, "`batch_size` must be"),
+        ({"seed": -1}, "`seed` must be"),
+        ({"action_space": spaces.MultiBinary(3)}, "action"),
+        ({"observation_space": spaces.Dict({"x": OBSERVATIONS})}, "observation"),
+    ],
+)
+def test_bad_settings_are_named(settings, said):
+    with pytest.raises(ValueError, match=said):
+        make_buffer(**settings)
+
+
+# -- with the algorithms of others ----------------------------------------------------------------
+
+CONTINUOUS = dict.fromkeys(("SAC", "TD3", "DDPG", "TQC", "CrossQ"), "Pendulum-v1")
+ALGORITHMS = {**CONTINUOUS, "DQN": "CartPole-v1", "QRDQN": "CartPole-v1"}
+
+
+def make_model(name, n_envs=2, **settings):
+    algorithm = getattr(sb3_contrib, name, None) or getattr(stable_baselines3, name)
+    kwargs = {"train_interval": 32, "n_updates": 2, "batch_size": 16, **settings}
+    return algorithm(
+        "MlpPolicy",
+        make_vec_env(ALGORITHMS[name], n_envs, seed=0),
+        learning_starts=40,
+        batch_size=16,
+        seed=0,
+        device="cpu",
+        policy_kwargs={"net_arch": [8]},
+        replay_buffer_class=BonusReplayBuffer,
+        replay_buffer_kwargs={"bonus": "rnd", **kwargs},
+    )
+
+
+def weights(model):
+    return th.cat([each.flatten() for each in model.policy.parameters()])
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_any_algorithm_learns_with_it(name):
+    model = make_model(name).learn(100)
+    assert model.replay_buffer.metrics["rnd/loss"] > 0.0
+    again = make_model(name).learn(100)
+    assert th.equal(weights(model), weights(again))  # the model's seed is that of the bonus
+    without = make_model(name, weight=1e-9).learn(100)
+    assert not th.equal(weights(model), weights(without))
+
+
+@pytest.mark.parametrize("bonus", ["apt", "icm", "rnd"])
+@pytest.mark.parametrize("name", ["SAC", "DQN"])
+def test_sb3_saves_and_loads_it(name, bonus, tmp_path):
+    model = make_model(name, bonus=bonus).learn(100)
+    model.save_replay_buffer(tmp_path / "buffer")
+    other = make_model(name, bonus=bonus, seed=5)
+    other.load_replay_buffer(tmp_path / "buffer")
+    for _ in range(3):
+        for one, twin in zip(
+            model.replay_buffer.sample(9)[:5], other.replay_buffer.sample(9)[:5], strict=True
+        ):
+            assert th.equal(one, twin)
+
+
+@pytest.mark.parametrize("n_envs", [1, 4])
+@pytest.mark.parametrize("bonus", ["apt", "icm", "rnd"])
+@pytest.mark.parametrize("name", ["SAC", "TD3", "DQN"])
+def test_a_loaded_model_goes_on_bit_for_bit(name, bonus, n_envs, tmp_path):
+    """With its environments and generators as they stood, which SB3's files leave out."""
+    model = make_model(name, n_envs, bonus=bonus).learn(80)
+    model.save(tmp_path / "model")
+    model.replay_buffer.save(tmp_path / "buffer.pt")
+    envs, choices = copy.deepcopy(model.get_env()), copy.deepcopy(model.action_space)
+    torch_state, numpy_state = th.get_rng_state(), np.random.get_state()  # noqa: NPY002  # SB3's
+    model.learn(80, reset_num_timesteps=False)
+
+    twin = type(model).load(tmp_path / "model", envs, force_reset=False, device="cpu")
+    twin.replay_buffer.restore(tmp_path / "buffer.pt")
+    twin.action_space = choices
+    th.set_rng_state(torch_state)
+    np.random.set_state(numpy_state)  # noqa: NPY002
+    twin.learn(80, reset_num_timesteps=False)
+    assert th.equal(weights(model), weights(twin))
+    assert model.replay_buffer.metrics == twin.replay_buffer.metrics
+    assert model.num_timesteps == twin.num_timesteps == 160
+
+
+@pytest.mark.parametrize("optimize", [False, True])
+@pytest.mark.parametrize("bonus", ["apt", "icm", "rnd"])
+@pytest.mark.parametrize("n_steps", [20, 200])
+def test_its_own_file_goes_on(bonus, optimize, n_steps, tmp_path):
+    """Whether it has been filled or not."""
+
+    def make(seed):
+        settings = {"train_interval": 16, "n_updates": 2, "gamma": 0.9, "n_envs": 2}
+        given = {"bonus": bonus, "seed": seed, "optimize_memory_usage": optimize, **settings}
+        return make_buffer(64, **given)
+
+    one, twin = make(0), make(1)
+    walk(one, n_steps)
+    one.save(tmp_path / "buffer.pt")
+    twin.restore(tmp_path / "buffer.pt")
+    for buffer in (one, twin):
+        walk(buffer, 50, ends=lambda env, step: step % 7 == env)
+    assert one.metrics == twin.metrics
+    for ours, theirs in zip(one.sample(40)[:5], twin.sample(40)[:5], strict=True):
+        assert th.equal(ours, theirs)
+
+
+def test_a_file_of_other_settings_changes_nothing(tmp_path):
+    buffer = make_buffer(20, bonus="rnd", gamma=0.9, train_interval=8)
+    walk(buffer, 10)
+    buffer.save(tmp_path / "buffer.pt")
+    torn = tmp_path / "torn.pt"
+    torn.write_bytes((tmp_path / "buffer.pt").read_bytes()[:-100])
+    for other in ({"bonus": "icm"}, {"bonus": "rnd", "n_envs": 2}):
+        twin = make_buffer(20, **{"gamma": 0.9, "train_interval": 8, **other})
+        before = copy.deepcopy(twin.bonus.state_dict())
+        with pytest.raises(ValueError, match="`path` must be saved of a BonusReplayBuffer"):
+            twin.restore(tmp_path / "buffer.pt")
+        assert twin.size() == 0
+        assert str(twin.bonus.state_dict()) == str(before)
+    with pytest.raises(ValueError, match="is not a whole one"):
+        buffer.restore(torn)
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        buffer.restore(tmp_path / "none.pt")
+
+
+def test_the_log_has_its_losses(tmp_path):
+    model = make_model("SAC")
+    model.set_logger(configure(str(tmp_path), ["csv"]))
+    model.learn(600, callback=ExplorationCallback(), log_interval=1)
+    model.logger.close()
+    rows = pd.read_csv(tmp_path / "progress.csv")
+    for name in ("rnd/loss", "intrinsic/mean", "intrinsic/max"):
+        assert rows[name].max() > 0.0

@@ -26,7 +26,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNorm
 from curiosity_algos import TD3ICM
 from curiosity_algos.algorithms import td3_icm
 from curiosity_algos.evaluation import vector
-from curiosity_algos.sb3.replay_buffer import CuriosityReplayBuffer
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 
 
 class Save(BaseCallback):
@@ -547,7 +547,7 @@ class TestAsInStableBaselines:
         def make_noise():
             return OrnsteinUhlenbeckActionNoise(np.zeros(2), 0.3 * np.ones(2))
 
-        monkeypatch.setattr(CuriosityReplayBuffer, "sample", ReplayBuffer.sample)
+        monkeypatch.setattr(BonusReplayBuffer, "sample", ReplayBuffer.sample)
         monkeypatch.setattr(td3_icm, "train", lambda *arguments, **kwargs: {})
         ours = TD3ICM(make_easy_maze(), action_noise=make_noise(), **self.SETTINGS)
         theirs = TD3("MlpPolicy", make_easy_maze(), action_noise=make_noise(), **self.SETTINGS)

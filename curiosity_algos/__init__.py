@@ -12,7 +12,9 @@ from curiosity_algos.algorithms.curiosity_es import CuriosityES
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.bonuses.apt import APT
+from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.evaluation.evaluator import make_evaluator
@@ -33,6 +35,7 @@ __all__ = [
     "APT",
     "AURORA",
     "CMAME",
+    "E3B",
     "ICM",
     "NSES",
     "NSLC",
@@ -48,6 +51,7 @@ __all__ = [
     "GymnasiumVecEnv",
     "ICMVecEnvWrapper",
     "MAPElites",
+    "NovelD",
     "Rollouts",
     "load_preset",
     "make_evaluator",

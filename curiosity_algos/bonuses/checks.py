@@ -1,12 +1,12 @@
 """Is a bonus right? Small worlds whose answers can be written down, for any `Bonus`.
 
-`check_bonus` and `check_wrapper` raise AssertionError with the figure that is wrong, much as
-Gymnasium's `check_env` does. `learn_tiny_mdp` gives the figures themselves.
+`check_bonus`, `check_episodes` and `check_wrapper` raise AssertionError with the figure that is
+wrong, much as Gymnasium's `check_env` does. `learn_tiny_mdp` gives the figures themselves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -20,6 +20,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.episodes import EpisodicBonus, episodes_of
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators
 
@@ -81,8 +82,13 @@ def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) 
             for _ in range(n):
                 bonus.observe(before)  # with every update, as algorithms do
                 bonus.update(before, actions.reshape(-1, 1).float(), after)
-            means.append([bonus.score(*half).mean() for half in (seen, unseen)])
+            means.append([_score(bonus, half).mean() for half in (seen, unseen)])
     return Learned(moments, *np.array(means, dtype=np.float64).T)
+
+
+def _score(bonus: Bonus, transitions: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Bonus of each transition, as the first of an episode where that counts."""
+    return (episodes_of(bonus, len(transitions[0])) or bonus).score(*transitions)
 
 
 def check_bonus(make_bonus: MakeBonus, seed: int = 0) -> Learned:
@@ -114,6 +120,47 @@ def _check(is_right: bool, what: str, learned: Learned) -> None:
             f"The bonus {what}: before training it is {before} where it is trained and elsewhere, "
             f"after it {after}."
         )
+
+
+# -- episodes -------------------------------------------------------------------------------------
+
+N_EPISODES, N_STEPS = 3, 12
+
+
+def check_episodes(make_bonus: MakeBonus, seed: int = 0) -> None:
+    """Check that a bonus with a memory of its episode remembers that, and nothing else.
+
+    Args:
+        make_bonus: As in `learn_tiny_mdp`; it makes an `EpisodicBonus`.
+        seed: Of the episodes, which come to places more than once.
+
+    Raises:
+        AssertionError: If an episode has another bonus than `score_trajectory` says of it alone,
+            where others are played beside it or were played before.
+    """
+    rng = np.random.default_rng(seed)
+    states = rng.normal(0.0, 1.0, (N_STATES, N_ENTRIES)).astype(np.float32)
+    # Four places each: of twelve steps most lead back.
+    places = rng.integers(0, 4, (N_EPISODES, N_STEPS + 1)) + 4 * np.arange(N_EPISODES)[:, None]
+    observations = states[places]
+    actions = rng.integers(0, N_ACTIONS, (N_EPISODES, N_STEPS))
+    bonus = make_bonus(spaces.Box(-np.inf, np.inf, (N_ENTRIES,)), spaces.Discrete(N_ACTIONS))
+    assert isinstance(bonus, EpisodicBonus)
+    bonus.observe(th.from_numpy(states))
+    alone = [bonus.score_trajectory(*each) for each in zip(observations, actions, strict=True)]
+    episodes = bonus.episodes(N_EPISODES)
+    for when in ("beside others", "after another"):
+        steps = zip(
+            *(each.swapaxes(0, 1) for each in (observations[:, :-1], actions, observations[:, 1:])),
+            strict=True,
+        )
+        together = np.stack([episodes.score(*step) for step in steps], axis=1)
+        if not np.allclose(together, alone, rtol=1e-4, atol=1e-6):
+            raise AssertionError(
+                f"The bonus of an episode must be the same {when}: it is {np.mean(together):.3g} "
+                f"on average, and {np.mean(alone):.3g} alone."
+            )
+        episodes.end(np.ones(N_EPISODES, dtype=np.bool_))
 
 
 # -- a wrapper, or a callback ---------------------------------------------------------------------

@@ -128,6 +128,13 @@ class ActionEncoder(th.nn.Module):
             )
         return (entries - self.center) / self.half_range
 
+    def error(self, predicted: th.Tensor, encoded: th.Tensor) -> th.Tensor:
+        """Error of n predicted actions, (n,): L2 norm, or cross-entropy of a Discrete's."""
+        if self.is_discrete:
+            return functional.cross_entropy(predicted, encoded.argmax(dim=1), reduction="none")
+        error: th.Tensor = th.linalg.vector_norm(predicted - encoded, dim=1)
+        return error
+
 
 def action_scale(
     action_space: spaces.Box[Any],

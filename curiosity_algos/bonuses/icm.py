@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from torch.nn import functional
 
 from curiosity_algos.bonuses import compiled_icm
 from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
@@ -78,10 +77,7 @@ class ICM(NetworkBonus):
     ) -> th.Tensor:
         """The inverse model's error on encoded actions, (n,): L2 norm, or cross-entropy."""
         predicted = self.inverse_model(th.cat([features, next_features], dim=1))
-        if self.encode_actions.is_discrete:
-            return functional.cross_entropy(predicted, actions.argmax(dim=1), reduction="none")
-        error: th.Tensor = th.linalg.vector_norm(predicted - actions, dim=1)
-        return error
+        return self.encode_actions.error(predicted, actions)
 
     def losses(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor

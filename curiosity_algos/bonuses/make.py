@@ -13,8 +13,11 @@ from gymnasium import spaces
 
 from curiosity_algos.bonuses.apt import APT
 from curiosity_algos.bonuses.base import Bonus, NetworkKeywords
+from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
+from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain
@@ -22,7 +25,13 @@ from curiosity_gym.validation import check_choice
 
 NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
 """Keywords of a bonus that is named; its seed and its device are those of the algorithm."""
-BONUSES: dict[str, Callable[..., Bonus]] = {"apt": APT, "icm": ICM, "rnd": RND}
+BONUSES: dict[str, Callable[..., Bonus]] = {
+    "apt": APT,
+    "e3b": E3B,
+    "icm": ICM,
+    "noveld": NovelD,
+    "rnd": RND,
+}
 
 
 def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> None:
@@ -86,7 +95,7 @@ def _check_fits(
     else:
         actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
     try:
-        scores = bonus.score(observations, actions, observations)
+        scores = (episodes_of(bonus, 2) or bonus).score(observations, actions, observations)
     except Exception as error:
         raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
     if np.shape(scores) != (2,):

@@ -26,10 +26,9 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
     """Holds the curiosity of trajectories, beside whatever search a class after it has.
 
     Args:
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
-            trains.
-        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`
-            (`learning_rate`, ...).
+        bonus: "apt", "e3b", "icm", "noveld", "rnd", or a `Bonus` made for the environment's spaces,
+            which this then trains.
+        bonus_kwargs: Keywords of a bonus that is named, see that (`learning_rate`, ...).
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.
         batch_size: Transitions a gradient step.

@@ -14,6 +14,7 @@ from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
+from curiosity_algos.bonuses.episodes import score_in_order
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.bonuses.transitions import EvenlySpaced, draw_transitions, flat
@@ -91,9 +92,9 @@ class CuriosityMotivation:
     Args:
         observation_space: One-dimensional Box.
         action_space: One-dimensional Box, or Discrete.
-        bonus: Gives the curiosity `c_t` of each transition: "apt", "icm", "rnd", or a `Bonus` made
-            for these spaces, which the motivation then trains.
-        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`.
+        bonus: Gives the curiosity `c_t` of each transition: "apt", "e3b", "icm", "noveld", "rnd",
+            or a `Bonus` made for these spaces, which the motivation then trains.
+        bonus_kwargs: Keywords of a bonus that is named, see that.
         n_states: Transitions of an episode that its score looks at; None: all.
         gamma: In [0, 1]; 1 where `n_states` is a number.
         n_transitions: m, transitions of each individual that enter the buffer, drawn uniformly.
@@ -192,8 +193,7 @@ class CuriosityMotivation:
 
         def score_some(part: int) -> None:
             some = slice(part * N_TOGETHER, (part + 1) * N_TOGETHER)
-            scored = self.bonus.score(flat(begins[some]), flat(actions[some]), flat(ends[some]))
-            curiosity[some] = scored.reshape(-1, n_states)
+            curiosity[some] = score_in_order(self.bonus, begins[some], actions[some], ends[some])
 
         on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
         n_highest = max(1, n_states // 4)

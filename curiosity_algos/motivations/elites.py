@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.transitions import draw_transitions, flat
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
@@ -33,6 +34,7 @@ class EliteCuriosity:
     """
 
     def __init__(self, bonus: Bonus, n_transitions: int, seed: np.random.SeedSequence) -> None:
+        check_needs_no_episodes(bonus, "an archive of elites")
         self.bonus = bonus
         self.n_transitions = n_transitions
         self._rng = np.random.default_rng(seed)

@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.checkpoints.plain_files import plain
@@ -62,10 +63,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     Args:
         venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the spaces of `venv`, which this then
-            trains.
-        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND`. The `learning_rate` of
-            an ICM is 1e-4 here.
+        bonus: "apt", "e3b", "icm", "noveld", "rnd", or a `Bonus` made for the spaces of `venv`,
+            which this then trains.
+        bonus_kwargs: Of a bonus that is named, see that. The `learning_rate` of an ICM is 1e-4
+            here.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
@@ -148,6 +149,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             seed=integer_seed(networks_seed),
             device=device,
         )
+        self._episodes = episodes_of(self.bonus, self.num_envs)
         self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
         n_stored = get_action_dim(action_space)
@@ -171,7 +173,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         observations = self.venv.reset()
         self._observations = self._stored(observations)
         self._scale.reset()
-        self._recent.end(np.ones(self.num_envs, dtype=np.bool_))
+        every = np.ones(self.num_envs, dtype=np.bool_)
+        self._recent.end(every)
+        if self._episodes is not None:
+            self._episodes.end(every)
         return observations
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
@@ -196,6 +201,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._observations = after
         bonus = self._visit(before, self._last_observations(after, dones, infos))
         self._recent.end(dones | (not self.training))  # steps that are not learned from are gaps
+        if self._episodes is not None:
+            self._episodes.end(dones)
         intrinsic = self.weight * bonus
         for info, outer, inner in zip(infos, rewards, intrinsic, strict=True):
             info["reward_extrinsic"], info["reward_intrinsic"] = float(outer), float(inner)
@@ -225,7 +232,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         with single_torch_thread():
             bonus = np.zeros(len(before))
             if self._has_trained:
-                score = self.bonus.score(before, self._actions, after)
+                scorer = self._episodes or self.bonus
+                score = scorer.score(before, self._actions, after)
                 if not np.isfinite(score).all():
                     raise ValueError("`bonus` must give finite scores, it gave others.")
                 bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
@@ -258,6 +266,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             "buffer": self.buffer.state_dict(),
             "scale": self._scale.state_dict(),
             "recent": self._recent.state_dict(),
+            "episodes": None if self._episodes is None else self._episodes.state_dict(),
             "observations": th.from_numpy(self._observations.copy()),
             "n_untrained": self._n_untrained,
             "has_trained": self._has_trained,
@@ -283,6 +292,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])
+        if self._episodes is not None:
+            self._episodes.load_state_dict(state["episodes"])
+        elif state["episodes"] is not None:
+            raise ValueError("`episodes` must be None.")
         self._observations = observations
         self._n_untrained = state["n_untrained"]
         self._has_trained = state["has_trained"]

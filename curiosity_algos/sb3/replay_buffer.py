@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
+from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import draw_steps, horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
@@ -76,7 +77,8 @@ class BonusReplayBuffer(ReplayBuffer):
             `ExplorationCallback` logs them.
 
     Raises:
-        ValueError: If an argument is out of its range, or the spaces are of another kind.
+        ValueError: If an argument is out of its range, the spaces are of another kind, or the bonus
+            asks what an episode has seen, as `E3B` and `NovelD` do: `BonusVecEnvWrapper` knows it.
     """
 
     _ahead: Iterator[tuple[IntArray, Array]] = iter(())
@@ -124,6 +126,7 @@ class BonusReplayBuffer(ReplayBuffer):
             seed=integer_seed(seed.spawn(1)[0]),
             device=device,
         )
+        check_needs_no_episodes(self.bonus, "a replay buffer")
         super().__init__(
             buffer_size,
             observation_space,

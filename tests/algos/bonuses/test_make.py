@@ -33,9 +33,10 @@ def test_other_actions_are_refused(space):
 def test_a_name_makes_a_bonus(name):
     bonus = make_bonus(name, {"n_features": 3}, *SPACES, seed=1, device="cpu")
     same = make_bonus(name, {"n_features": 3}, *SPACES, seed=1, device="cpu")
-    batch = np.ones((2, 4), np.float32), np.ones((2, 2), np.float32), np.zeros((2, 4), np.float32)
+    trajectory = np.eye(3, 4, dtype=np.float32), np.ones((2, 2), np.float32)
     assert bonus.name == name
-    np.testing.assert_array_equal(bonus.score(*batch), same.score(*batch))
+    scores = [each.score_trajectory(*trajectory) for each in (bonus, same)]
+    np.testing.assert_array_equal(*scores)
 
 
 def test_an_object_is_taken_as_it_is():
@@ -150,5 +151,5 @@ def test_keywords_are_those_of_the_bonus(bonus_kwargs):
 
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
-    with pytest.raises(ValueError, match="`bonus` must be one of apt, icm, rnd"):
+    with pytest.raises(ValueError, match="`bonus` must be one of apt, e3b, icm, noveld, rnd"):
         check_bonus_choice(bonus, {})

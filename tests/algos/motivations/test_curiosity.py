@@ -202,7 +202,7 @@ class TestMaking:
             ("gamma", 1.1, "`gamma` must be from 0 to 1"),
             ("n_states", 0, "`n_states` must be a whole number of at least 1"),
             ("n_states", 20, "`gamma` must be 1 unless `n_states` is None"),
-            ("bonus", "rdn", "`bonus` must be one of apt, icm, rnd, got 'rdn'"),
+            ("bonus", "rdn", "`bonus` must be one of apt, e3b, icm, noveld, rnd, got 'rdn'"),
             ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
             ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
             ("n_transitions", 0, "`n_transitions` must be a whole number of at least 1"),

@@ -429,7 +429,7 @@ class TestTraining:
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"bonus": "curiosity"}, "`bonus` must be one of apt, icm, rnd"),
+        ({"bonus": "curiosity"}, "`bonus` must be one of apt, e3b, icm, noveld, rnd"),
         ({"bonus": "icm", "bonus_kwargs": {"betta": 1}}, "`bonus_kwargs`"),
         ({"weight": 0.0}, "`weight` must be"),
         ({"extrinsic": 2}, "`extrinsic` must be"),

@@ -1,0 +1,159 @@
+"""E3B: new is what lies outside the ellipsoid of what the episode has seen.
+
+Henaff et al. 2022, "Exploration via Elliptical Episodic Bonuses"
+(https://arxiv.org/abs/2210.05805).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Unpack
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
+from curiosity_algos.common.networks import mlp
+from curiosity_algos.common.randomness import torch_generator
+from curiosity_gym.compiled import compiled
+from curiosity_gym.validation import check_positive
+
+Float64 = npt.NDArray[np.float64]
+
+
+class E3B(NetworkBonus):
+    """`phi(s')^T C^-1 phi(s')` with `C = ridge I + sum of phi phi^T` of the episode so far.
+
+    The same observation again and again is worth less each time: 1 / bonus grows by 1 a step. Every
+    episode begins anew, so that the bonus does not dry up where each shows a new task. The features
+    `phi` are those of an inverse model, which tells the action between two states from them: what
+    actions do not change is left out.
+
+    Args:
+        observation_space: As of `NetworkBonus`.
+        action_space: As of `ICM`.
+        ridge: lambda, above 0: the bonus of the first observation is its features' square over it.
+    """
+
+    name = "e3b"
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        ridge: float = 0.1,
+        **kwargs: Unpack[NetworkKeywords],
+    ) -> None:
+        check_positive(ridge=ridge)
+        super().__init__(observation_space, **kwargs)
+        self.ridge = ridge
+        self.encode_actions = ActionEncoder(action_space)
+        n_features, hidden = self.n_features, self.hidden
+        made = {"generator": torch_generator(self.seed)}
+        self.encoder = make_encoder(observation_space, hidden, hidden, n_features, **made)
+        n_actions = self.encode_actions.size
+        self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions, **made)
+        self._begin()
+
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """Mean error of the inverse model on a batch."""
+        both = self.encoder(self.inputs(th.cat([observations, next_observations])))
+        predicted = self.inverse_model(th.cat(both.chunk(2), dim=1))
+        error = self.encode_actions.error(predicted, self.encode_actions(actions))
+        return {"loss": error.mean()}
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Raise ValueError: a transition alone has no bonus, see `episodes`."""
+        raise ValueError("`bonus` must be asked for whole episodes: e3b remembers each of them.")
+
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Bonus (T,) of the steps of an episode among T + 1 observations."""
+        (scores,) = self.episodes(1).score_steps(observations[1:][None])
+        return np.asarray(scores)
+
+    def episodes(self, n: int) -> Ellipsoids:
+        """A memory for n episodes side by side."""
+        return Ellipsoids(self, n)
+
+    @th.no_grad()
+    def features(self, observations: npt.NDArray[Any]) -> Float64:
+        """`phi` of observations (n, ...), (n, F)."""
+        features = self.encoder(self.inputs(self.tensor(observations)))
+        numbers: Float64 = features.cpu().numpy().astype(np.float64)
+        return numbers
+
+
+class Ellipsoids:
+    """The inverse covariance of the features of each of n episodes; see `Episodes`."""
+
+    def __init__(self, bonus: E3B, n: int) -> None:
+        self._bonus = bonus
+        self._first = np.eye(bonus.n_features) / bonus.ridge
+        self._inverses = np.tile(self._first, (n, 1, 1))
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus (n,) of a step of each episode, which is then remembered."""
+        return self.score_steps(next_observations[:, None])[:, 0]
+
+    def score_steps(self, observations: npt.NDArray[Any]) -> FloatArray:
+        """Bonus (n, T) of T observations of each episode, (n, T, ...), which are remembered."""
+        shape = observations.shape[:2]
+        features = self._bonus.features(observations.reshape(-1, *observations.shape[2:]))
+        scores = np.empty(shape)
+        product = np.empty(features.shape[1])
+        for inverse, each, score in zip(
+            self._inverses, features.reshape(*shape, -1), scores, strict=True
+        ):
+            visit(inverse, each, product, score)
+        return scores.astype(np.float32)
+
+    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+        """Forget the episodes (n,) that have ended."""
+        self._inverses[dones] = self._first
+
+    def state_dict(self) -> dict[str, Any]:
+        """The inverse covariances."""
+        return {"inverses": th.from_numpy(self._inverses.copy())}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
+        inverses = state["inverses"].cpu().numpy().copy()
+        own = self._inverses
+        if (inverses.shape, inverses.dtype) != (own.shape, own.dtype):
+            raise ValueError(f"`inverses` must have shape {own.shape}, got {inverses.shape}.")
+        if not np.isfinite(inverses).all():
+            raise ValueError("`inverses` must be finite.")
+        self._inverses = inverses
+
+
+@compiled
+def visit(inverse: Float64, features: Float64, product: Float64, scores: Float64) -> None:
+    """Score features (T, F) one after the other, and take each into the inverse (F, F).
+
+    By Sherman and Morrison's formula; the product (F,) is for what is computed on the way.
+    """
+    n_steps, n = features.shape
+    for t in range(n_steps):
+        score = 0.0
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += inverse[i, j] * features[t, j]
+            product[i] = total
+            score += features[t, i] * total
+        scores[t] = score
+        for i in range(n):
+            for j in range(n):
+                inverse[i, j] -= product[i] * product[j] / (1.0 + score)

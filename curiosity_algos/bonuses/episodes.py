@@ -1,0 +1,76 @@
+"""Bonuses that ask what an episode has seen, and what they remember of episodes under way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from curiosity_algos.bonuses.base import Bonus, FloatArray
+from curiosity_algos.bonuses.transitions import flat
+
+
+class Episodes(Protocol):
+    """What a bonus remembers of episodes side by side, each from its beginning."""
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus (n,) of a step of each episode, which is then remembered."""
+        ...
+
+    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+        """Forget the episodes (n,) that have ended: with the next step others begin."""
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """What is remembered, as tensors and plain values."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
+        ...
+
+
+@runtime_checkable
+class EpisodicBonus(Bonus, Protocol):
+    """A bonus of a step in its episode: of a transition alone it has none.
+
+    `score` raises ValueError, `score_trajectory` takes an episode from its beginning.
+    """
+
+    def episodes(self, n: int) -> Episodes:
+        """A memory for n episodes side by side, none of which has begun."""
+        ...
+
+
+def check_needs_no_episodes(bonus: Bonus, holder: str) -> None:
+    """Raise ValueError unless transitions that come in no order can be scored."""
+    if isinstance(bonus, EpisodicBonus):
+        raise ValueError(
+            f"`bonus` must be one of single transitions in {holder}, {bonus.name} asks what an "
+            "episode has seen before."
+        )
+
+
+def episodes_of(bonus: Bonus, n: int) -> Episodes | None:
+    """A memory for n episodes side by side, if the bonus has any."""
+    return bonus.episodes(n) if isinstance(bonus, EpisodicBonus) else None
+
+
+def score_in_order(
+    bonus: Bonus,
+    observations: npt.NDArray[Any],
+    actions: npt.NDArray[Any],
+    next_observations: npt.NDArray[Any],
+) -> FloatArray:
+    """Bonus of n transitions (P, n, ...) of each of P episodes in their order, (P, n)."""
+    n_episodes, n = observations.shape[:2]
+    arrays = observations, actions, next_observations
+    episodes = episodes_of(bonus, n_episodes)
+    if episodes is None:
+        return bonus.score(*map(flat, arrays)).reshape(n_episodes, n)
+    steps = [episodes.score(*(each[:, i] for each in arrays)) for i in range(n)]
+    return np.stack(steps, axis=1)

@@ -1,0 +1,145 @@
+"""NovelD: a step is worth what it gains in novelty, once an episode.
+
+Zhang et al. 2021, "NovelD: A Simple yet Effective Exploration Criterion" (NeurIPS 2021).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from hashlib import blake2b
+from typing import Any, Unpack
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.base import FloatArray, NetworkKeywords
+from curiosity_algos.bonuses.rnd import RND
+from curiosity_gym.validation import check_not_negative, check_whole
+
+
+class NovelD(RND):
+    """`max(e(s') - alpha e(s), beta)` where the episode comes to `s'` for the first time, else 0.
+
+    The novelty `e` is the root of RND's error, as in the authors' code. Of images, and other whole
+    numbers, two observations are the same if they are equal; of others if a random projection of
+    the standardized entries has the same `n_bits` signs (Charikar's SimHash).
+
+    Further keywords are those of `RND`.
+
+    Args:
+        observation_space: As of `NetworkBonus`.
+        action_space: Any; taken so that bonuses are made alike.
+        alpha: Share of the novelty of where a step begins that is taken off, at least 0.
+        beta: Lowest bonus of a first visit, at least 0.
+        n_bits: 1 to 62; more tell more observations apart.
+    """
+
+    name = "noveld"
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        alpha: float = 0.5,
+        beta: float = 0.0,
+        n_bits: int = 16,
+        **kwargs: Unpack[NetworkKeywords],
+    ) -> None:
+        check_not_negative(alpha=alpha, beta=beta)
+        check_whole(1, 62, n_bits=n_bits)
+        super().__init__(observation_space, action_space, **kwargs)
+        self.alpha = alpha
+        self.beta = beta
+        self.n_bits = n_bits
+        rng = np.random.default_rng(self.seed)
+        directions = rng.normal(size=(int(np.prod(self.shape)), n_bits)).astype(np.float32)
+        # With the weights in a file: a bonus without a seed is made with others.
+        self.register_buffer("directions", th.from_numpy(directions).to(self.device))
+        self._is_exact = not np.issubdtype(observation_space.dtype, np.floating)
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Raise ValueError: a transition alone has no bonus, see `episodes`."""
+        raise ValueError("`bonus` must be asked for whole episodes: noveld remembers each of them.")
+
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Bonus (T,) of the steps of an episode among T + 1 observations."""
+        gains, codes = self.gains(observations[:-1], observations[1:]), self.codes(observations)
+        _, firsts = np.unique(codes, return_index=True)
+        is_first = np.zeros(len(codes), dtype=np.bool_)
+        is_first[firsts] = True
+        return np.where(is_first[1:], gains, np.float32(0.0))
+
+    def episodes(self, n: int) -> Visits:
+        """A memory for n episodes side by side."""
+        return Visits(self, n)
+
+    @th.no_grad()
+    def gains(
+        self, observations: npt.NDArray[Any], next_observations: npt.NDArray[Any]
+    ) -> FloatArray:
+        """`max(e(s') - alpha e(s), beta)` of transitions, (n,)."""
+        before, after = (
+            self.errors(self.tensor(each)).sqrt() for each in (observations, next_observations)
+        )
+        gains: FloatArray = (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
+        return gains
+
+    @th.no_grad()
+    def codes(self, observations: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+        """Whole numbers (n,): the same where observations (n, ...) count as the same."""
+        if self._is_exact:
+            rows = observations.reshape(len(observations), -1)
+            digests = b"".join(blake2b(row.tobytes(), digest_size=8).digest() for row in rows)
+            return np.frombuffer(digests, dtype=np.int64)
+        entries = self.normalizer(self._flat(self.tensor(observations)))
+        signs = (entries @ self.directions > 0.0).cpu().numpy()
+        codes: npt.NDArray[np.int64] = signs @ (1 << np.arange(self.n_bits, dtype=np.int64))
+        return codes
+
+
+class Visits:
+    """What each of n episodes has come to so far; see `Episodes`."""
+
+    def __init__(self, bonus: NovelD, n: int) -> None:
+        self._bonus = bonus
+        self._seen: list[set[int]] = [set() for _ in range(n)]
+
+    def score(
+        self,
+        observations: npt.NDArray[Any],
+        actions: npt.NDArray[Any],
+        next_observations: npt.NDArray[Any],
+    ) -> FloatArray:
+        """Bonus (n,) of a step of each episode, which is then remembered."""
+        gains = self._bonus.gains(observations, next_observations)
+        before, after = map(self._bonus.codes, (observations, next_observations))
+        for i, (seen, begin, end) in enumerate(
+            zip(self._seen, before.tolist(), after.tolist(), strict=True)
+        ):
+            seen.add(begin)
+            gains[i] *= end not in seen
+            seen.add(end)
+        return gains
+
+    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+        """Forget the episodes (n,) that have ended."""
+        for i in np.flatnonzero(dones):
+            self._seen[i] = set()
+
+    def state_dict(self) -> dict[str, Any]:
+        """The codes of what was seen."""
+        return {"seen": [th.tensor(sorted(each), dtype=th.int64) for each in self._seen]}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
+        saved = list(state["seen"])
+        if len(saved) != len(self._seen) or {each.dtype for each in saved} != {th.int64}:
+            raise ValueError(f"`seen` must be whole numbers of {len(self._seen)} episodes.")
+        self._seen = [set(each.flatten().tolist()) for each in saved]

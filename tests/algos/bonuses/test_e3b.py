@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from hypothesis import given
+from hypothesis import strategies as st
+
+from curiosity_algos.bonuses.checks import check_episodes
+from curiosity_algos.bonuses.e3b import E3B, Ellipsoids
+
+SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
+
+
+def make_e3b(*spaces, **changes):
+    return E3B(*(spaces or SPACE), **({"n_features": 4, "seed": 0, "device": "cpu"} | changes))
+
+
+def make_observations(n=20, seed=0):
+    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
+
+
+def by_definition(features, ridge):
+    """The bonus with the inverse of a sum that is made anew at each step."""
+    n = features.shape[1]
+    scores = []
+    for t, each in enumerate(features):
+        covariance = ridge * np.eye(n) + features[:t].T @ features[:t]
+        scores.append(each @ np.linalg.inv(covariance) @ each)
+    return np.array(scores)
+
+
+@given(st.integers(0, 1000), st.integers(1, 40), st.sampled_from([0.01, 0.1, 3.0]))
+def test_it_is_the_papers_formula(seed, n, ridge):
+    e3b, observations = make_e3b(ridge=ridge), make_observations(n + 1, seed)
+    expected = by_definition(e3b.features(observations[1:]), ridge)
+    scores = e3b.score_trajectory(observations, np.zeros(n, dtype=np.int64))
+    np.testing.assert_allclose(scores, expected, rtol=1e-4, atol=1e-7)
+
+
+def test_the_same_again_is_worth_one_less_a_step():
+    observations = np.repeat(make_observations(1), 30, axis=0)
+    scores = make_e3b().score_trajectory(observations, np.zeros(29, dtype=np.int64))
+    np.testing.assert_allclose(np.diff(1.0 / scores.astype(float)), 1.0, rtol=1e-4)
+
+
+def test_each_episode_has_its_own_memory():
+    check_episodes(make_e3b)
+
+
+class NeverForgets(Ellipsoids):
+    def end(self, dones):
+        pass
+
+
+class SharesOne(Ellipsoids):
+    def score_steps(self, observations):
+        self._inverses = np.broadcast_to(self._inverses[:1], self._inverses.shape).copy()
+        return super().score_steps(observations)
+
+
+class ScoresWhereItBegan(Ellipsoids):
+    def score(self, observations, actions, next_observations):
+        return super().score(next_observations, actions, observations)
+
+
+@pytest.mark.parametrize("memory", [NeverForgets, SharesOne, ScoresWhereItBegan])
+def test_a_wrong_memory_is_found(memory, monkeypatch):
+    monkeypatch.setattr(E3B, "episodes", lambda self, n: memory(self, n))
+    if memory is ScoresWhereItBegan:
+        trajectory = Ellipsoids.score_steps
+        monkeypatch.setattr(
+            E3B,
+            "score_trajectory",
+            lambda self, seen, _: trajectory(Ellipsoids(self, 1), seen[1:][None])[0],
+        )
+    with pytest.raises(AssertionError, match="must be the same"):
+        check_episodes(make_e3b)
+
+
+@pytest.mark.parametrize("actions", [spaces.Discrete(3), spaces.Box(-1, 1, (2,))])
+def test_features_learn_what_actions_change(actions):
+    """The action is the first entry's change, the others are noise."""
+    rng = np.random.default_rng(0)
+    e3b = make_e3b(SPACE[0], actions, learning_rate=3e-3)
+    is_discrete = isinstance(actions, spaces.Discrete)
+    losses = []
+    for _ in range(300):
+        before, after = rng.normal(0, 1, (2, 64, 6)).astype(np.float32)
+        taken = rng.integers(0, 3, 64)
+        after[:, 0] = before[:, 0] + taken - 1.0
+        given = taken[:, None] if is_discrete else np.repeat(taken[:, None] - 1.0, 2, axis=1)
+        batch = (before, given.astype(np.float32), after)
+        losses.append(e3b.update(*map(th.from_numpy, batch))["loss"])
+    assert np.mean(losses[-20:]) < 0.5 * np.mean(losses[:20])
+
+
+def test_a_transition_alone_has_no_bonus():
+    with pytest.raises(ValueError, match="`bonus` must be asked for whole episodes"):
+        make_e3b().score(*make_observations(3)[:, None])
+
+
+def test_the_ridge_is_above_zero():
+    with pytest.raises(ValueError, match="`ridge` must be"):
+        make_e3b(ridge=0.0)
+
+
+def test_a_memory_of_other_episodes_is_refused():
+    episodes, others = make_e3b().episodes(3), make_e3b().episodes(2)
+    with pytest.raises(ValueError, match="`inverses` must have shape"):
+        episodes.load_state_dict(others.state_dict())
+    state = episodes.state_dict()
+    state["inverses"][0, 0, 0] = th.nan
+    with pytest.raises(ValueError, match="`inverses` must be finite"):
+        episodes.load_state_dict(state)

@@ -1,0 +1,115 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.checks import check_episodes
+from curiosity_algos.bonuses.noveld import NovelD, Visits
+
+SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
+IMAGES = spaces.Box(0, 255, (36, 36, 3), np.uint8)
+NOTHING = np.zeros(100, dtype=np.int64)
+
+
+def make_noveld(*spaces, **changes):
+    return NovelD(*(spaces or SPACE), **({"n_features": 4, "seed": 0, "device": "cpu"} | changes))
+
+
+def make_observations(n=20, seed=0):
+    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
+
+
+def test_a_first_visit_is_worth_the_gain():
+    noveld, observations = make_noveld(alpha=1.5, n_bits=60), make_observations()
+    errors = np.sqrt(noveld.errors(noveld.tensor(observations)).detach().numpy())
+    expected = np.maximum(errors[1:] - 1.5 * errors[:-1], 0.0)
+    assert (expected == 0.0).any()
+    scores = noveld.score_trajectory(observations, NOTHING[:19])
+    np.testing.assert_allclose(scores, expected, rtol=1e-5, atol=1e-7)
+    lowest = make_noveld(alpha=1.5, beta=0.2, n_bits=60).score_trajectory(observations, NOTHING)
+    np.testing.assert_allclose(lowest, np.maximum(expected, 0.2), rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["numbers", "images"])
+def test_a_second_visit_is_worth_nothing(kind):
+    if kind == "numbers":
+        noveld, places = make_noveld(beta=0.1), make_observations(4)
+    else:
+        noveld = make_noveld(IMAGES, SPACE[1], beta=0.1)
+        places = np.zeros((4, *IMAGES.shape), dtype=np.uint8)
+        places[np.arange(4), 0, 0, 0] = np.arange(4)  # which differ in a single byte
+    order = [0, 1, 2, 1, 0, 3, 3, 2]
+    scores = noveld.score_trajectory(places[order], NOTHING[:7])
+    assert (scores > 0.0).tolist() == [True, True, False, False, True, False, False]
+
+
+def test_each_episode_has_its_own_memory():
+    check_episodes(make_noveld)
+
+
+class NeverForgets(Visits):
+    def end(self, dones):
+        pass
+
+
+class SharesOne(Visits):
+    def __init__(self, bonus, n):
+        super().__init__(bonus, n)
+        self._seen = [self._seen[0]] * n
+
+
+class CountsWhereItBegan(Visits):
+    def score(self, observations, actions, next_observations):
+        return super().score(next_observations, actions, observations)
+
+
+@pytest.mark.parametrize("memory", [NeverForgets, SharesOne, CountsWhereItBegan])
+def test_a_wrong_memory_is_found(memory, monkeypatch):
+    monkeypatch.setattr(NovelD, "episodes", lambda self, n: memory(self, n))
+    # Few signs, so that what the one episode has seen the others come to.
+    with pytest.raises(AssertionError, match="must be the same"):
+        check_episodes(lambda *spaces: make_noveld(*spaces, n_bits=3, beta=0.1))
+
+
+def test_more_bits_tell_more_apart():
+    observations = make_observations(500)
+    kinds = [len(set(make_noveld(n_bits=n).codes(observations).tolist())) for n in (1, 4, 16, 62)]
+    assert kinds[0] == 2
+    assert kinds == sorted(kinds)
+    assert kinds[3] > 490
+
+
+def test_codes_are_the_same_in_every_process():
+    code = """
+import numpy as np
+from gymnasium import spaces
+from curiosity_algos.bonuses.noveld import NovelD
+for space in (spaces.Box(-1, 1, (6,)), spaces.Box(0, 255, (36, 36, 3), np.uint8)):
+    noveld = NovelD(space, spaces.Discrete(3), seed=0, device="cpu")
+    rows = np.random.default_rng(0).uniform(0, 99, (3, *space.shape)).astype(space.dtype)
+    print(noveld.codes(rows).tolist())
+"""
+    printed = {
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+        for _ in range(2)
+    }
+    (lines,) = printed
+    assert len(lines.splitlines()) == 2
+
+
+def test_a_transition_alone_has_no_bonus():
+    with pytest.raises(ValueError, match="`bonus` must be asked for whole episodes"):
+        make_noveld().score(*make_observations(3)[:, None])
+
+
+@pytest.mark.parametrize(("name", "value"), [("alpha", -1.0), ("beta", np.nan), ("n_bits", 63)])
+def test_errors_name_the_argument(name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be"):
+        make_noveld(**{name: value})
+
+
+def test_a_memory_of_other_episodes_is_refused():
+    with pytest.raises(ValueError, match="`seen` must be whole numbers of 3 episodes"):
+        make_noveld().episodes(3).load_state_dict(make_noveld().episodes(2).state_dict())

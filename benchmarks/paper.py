@@ -49,7 +49,7 @@ ROUTE_CELL = 20
 PUBLIC_STEP = "step=canonical"
 SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP)}
 """By name the preset, and the variant whose runs count instead, of algorithms that have it."""
-FIGURES = {"paper": (1, 2, 3, 4, 8)}
+FIGURES = {"paper": (1, 2, 3, 4, 8), "public": (2, 3, 4, 8)}
 """By the name of the settings the figures whose runs there are."""
 KEYS = ["preset", "variant", "algorithm", "env", "seed"]
 RESULTS = [

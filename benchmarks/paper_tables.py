@@ -9,7 +9,7 @@ import pandas as pd
 from benchmarks.claims import CLAIMS
 from benchmarks.judging import Verdict
 from benchmarks.markdown import markdown
-from benchmarks.paper import Tables
+from benchmarks.paper import PUBLIC_STEP, Tables
 from benchmarks.results import ENVIRONMENTS, in_order
 from benchmarks.run_numbers import N_POLICIES, US, measured
 from curiosity_algos.experiments.figures.canvas import short_name
@@ -33,6 +33,17 @@ def claims(settings: str) -> str:
     return markdown(COLUMNS, [[claim.section, claim.text, *verdict] for claim, verdict in judged])
 
 
+def other_claims(settings: str, others: str) -> str:
+    """A row for each claim of which these settings tell something else than others."""
+    judged = zip(CLAIMS, judge(settings), judge(others), strict=True)
+    rows = [
+        [claim.section, claim.text, *verdict]
+        for claim, verdict, other in judged
+        if verdict != other
+    ]
+    return markdown(COLUMNS, rows)
+
+
 def verdicts(settings: str) -> str:
     """How many claims have which verdict, in a line."""
     words = pd.Series([verdict.word for verdict in judge(settings)])
@@ -48,7 +59,7 @@ def of_the_figures(settings: str) -> pd.DataFrame:
 def of_reasons(preset: str) -> pd.DataFrame:
     """A row for each run that tries a reason, and for those that it is compared with."""
     runs = evidence(preset).table("runs")
-    drawn = {
+    drawn = {PUBLIC_STEP} | {
         series.variant for n in range(2, 9) for panel in series_of(n).values() for series in panel
     }
     tried = runs[~runs["variant"].isin(drawn)]

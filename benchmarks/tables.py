@@ -226,9 +226,13 @@ TABLES: dict[str, Callable[[], str]] = {
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),
     "paper-verdicts": partial(paper_tables.verdicts, "paper"),
+    "public-claims": partial(paper_tables.other_claims, "public", "paper"),
+    "public-verdicts": partial(paper_tables.verdicts, "public"),
     "paper-diversity": partial(paper_tables.diversity, "paper"),
+    "public-diversity": partial(paper_tables.diversity, "public"),
     "paper-hours": partial(paper_tables.hours, "paper"),
     "paper-summary": partial(make_table, paper_tables.of_the_figures, "paper", summary),
+    "public-summary": partial(make_table, paper_tables.of_the_figures, "public", summary),
     "paper-reasons": partial(make_table, paper_tables.of_reasons, "paper", summary),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }

@@ -51,7 +51,7 @@ def make_td3(env: str, **changes: Any) -> TD3:
 
 def run(plan: Plan) -> list[Table]:
     """Rates of both, an episode in turns, then the stages of TD3ICM's episodes."""
-    n_steps = plan.size(2000, 64)
+    n_steps = plan.size(2000, 16)
     changes = {"learning_starts": 0, "buffer_size": 50 * n_steps, "seed": 0}
     if plan.quick:
         changes |= {"train_freq": (n_steps, "step")}

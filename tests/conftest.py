@@ -54,7 +54,6 @@ SLOW = [
     "test_extras.py",
     "test_paper_evidence.py",
     "test_rl_zoo3.py",
-    "test_tutorials.py",
 ]
 """Files and folders that start processes, browsers or clusters, or train: not in `make check`."""
 

@@ -11,7 +11,7 @@ import numpy as np
 import optuna
 import pandas as pd
 import pytest
-from scripts import ROOT, run_python
+from scripts import ROOT, run_script
 from stable_baselines3 import TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -20,6 +20,8 @@ from curiosity_algos import CuriosityES, MAPElites
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 
 EXAMPLES = ROOT / "examples"
+SCRIPT = EXAMPLES / "rl_zoo3_train.py"
+CONF_FILE = ["--conf-file", str(EXAMPLES / "rl_zoo3.yml")]
 SPACES, convert, sampler = operator.itemgetter("SPACES", "convert", "sampler")(
     runpy.run_path(str(EXAMPLES / "rl_zoo3_spaces.py"))
 )
@@ -33,31 +35,33 @@ def words(options):
     return [word for name, value in options.items() for word in (f"--{name}", str(value))]
 
 
-def train(algo, budget, folder, arguments):
-    """The model file of a run of rl-zoo3, `arguments` beginning with the script."""
+def train(algo, budget, folder, script, arguments=CONF_FILE):
+    """The model file of a run of rl-zoo3."""
     options = {"algo": algo, "env": ENV, "n-timesteps": budget, "eval-freq": -1, "seed": 0}
     options |= {"device": "cpu", "log-folder": folder}
-    run_python([*arguments, *words(options)], folder)
+    run_script(script, folder, [*arguments, *words(options)])
     run = max((folder / algo).glob(f"{ENV}_*"))
     return run / f"{ENV}.zip"
 
 
 def test_td3_trains_on_a_maze(tmp_path):
-    script = ["-m", "rl_zoo3.train", "--gym-packages", "curiosity_gym"]
-    model = TD3.load(train("td3", 150, tmp_path, script), device="cpu")
+    script = tmp_path / "train.py"
+    script.write_text("from rl_zoo3.train import train\ntrain()\n")
+    packages = ["--gym-packages", "curiosity_gym"]
+    model = TD3.load(train("td3", 150, tmp_path, script, packages), device="cpu")
     assert model.num_timesteps == 150
     assert model._n_updates == 150 - model.learning_starts > 0
     assert model.observation_space.shape == (36,)
 
 
 def test_the_example_trains_curiosity_es_and_goes_on(tmp_path):
-    script = [EXAMPLES / "rl_zoo3_train.py", "--conf-file", EXAMPLES / "rl_zoo3.yml"]
-    path = train("CuriosityES", 1000, tmp_path, script)
+    path = train("CuriosityES", 1000, tmp_path, SCRIPT)
     model = CuriosityES.load(path)
     assert model.num_timesteps == GENERATION
     assert model.coverage == CuriosityES(ENV, seed=0).learn(1000).coverage > 0.0
 
-    resumed = train("CuriosityES", 1000, tmp_path, [*script, "--trained-agent", path])
+    going_on = [*CONF_FILE, "--trained-agent", str(path)]
+    resumed = train("CuriosityES", 1000, tmp_path, SCRIPT, going_on)
     assert resumed != path
     assert CuriosityES.load(resumed).generation == 2
 
@@ -71,7 +75,7 @@ def test_the_example_adds_every_algorithm_before_arguments_are_read(monkeypatch)
     for module in (ModuleType("rl_zoo3"), zoo, tuning):
         monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.syspath_prepend(EXAMPLES)
-    runpy.run_path(str(EXAMPLES / "rl_zoo3_train.py"), run_name="__main__")
+    runpy.run_path(str(SCRIPT), run_name="__main__")
     exported = {name: getattr(curiosity_algos, name) for name in curiosity_algos.__all__}
     classes = {name: each for name, each in exported.items() if isinstance(each, type)}
     assert seen == {name: each for name, each in classes.items() if issubclass(each, BaseAlgorithm)}
@@ -80,11 +84,9 @@ def test_the_example_adds_every_algorithm_before_arguments_are_read(monkeypatch)
 
 
 def test_the_example_tunes(tmp_path):
-    script = EXAMPLES / "rl_zoo3_train.py"
     options = {
         "algo": "CuriosityES",
         "env": ENV,
-        "conf-file": EXAMPLES / "rl_zoo3.yml",
         "env-kwargs": "horizon:50",
         "n-timesteps": 5000,
         "n-evaluations": 5000,
@@ -100,7 +102,7 @@ def test_the_example_tunes(tmp_path):
         "study-name": "tuning",
     }
     flags = ["--optimize-hyperparameters", "--no-optim-plots"]
-    run_python([script, *flags, *words(options)], tmp_path)
+    run_script(SCRIPT, tmp_path, [*CONF_FILE, *flags, *words(options)])
     (report,) = (tmp_path / "CuriosityES").glob("report_*.csv")
     trials = pd.read_csv(report)
     assert (trials["state"] == "COMPLETE").all()
@@ -110,16 +112,15 @@ def test_the_example_tunes(tmp_path):
     assert sampled <= set(trials)
 
     # What was tuned is trained.
-    arguments = [script, "--conf-file", EXAMPLES / "rl_zoo3.yml", "--trial-id", 1]
-    arguments += ["--storage", f"sqlite:///{tmp_path}/trials.db", "--study-name", "tuning"]
-    model = CuriosityES.load(train("CuriosityES", 1000, tmp_path, map(str, arguments)))
+    arguments = [*CONF_FILE, "--trial-id", "1", "--study-name", "tuning"]
+    arguments += ["--storage", f"sqlite:///{tmp_path}/trials.db"]
+    model = CuriosityES.load(train("CuriosityES", 1000, tmp_path, SCRIPT, arguments))
     assert model.learning_rate == pytest.approx(trials["params_learning_rate"][1])
     assert model.sigma == pytest.approx(trials["params_sigma"][1])
 
 
 def test_an_algorithm_with_an_archive_trains(tmp_path):
-    script = [EXAMPLES / "rl_zoo3_train.py", "--conf-file", EXAMPLES / "rl_zoo3.yml"]
-    model = MAPElites.load(train("MAPElites", 1000, tmp_path, script))
+    model = MAPElites.load(train("MAPElites", 1000, tmp_path, SCRIPT))
     assert model.num_timesteps == GENERATION
 
 

@@ -1,10 +1,9 @@
-"""Programs of the documentation, shortened and run as users run them."""
+"""Programs of the documentation and the examples, shortened and run as users run them."""
 
 import multiprocessing
 import os
 import re
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,16 +13,6 @@ ROOT = Path(__file__).parents[2]
 def cut_budgets(program):
     """The program with a budget of 1e3 in the place of each, as a test is no training run."""
     return re.sub(r"\b\d+(\.\d+)?e[45678]\b", "1e3", program)
-
-
-def run_python(arguments, folder):
-    """What Python prints with these arguments, in a folder."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    result = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True
-    )
-    assert result.returncode == 0, result.stderr
-    return result.stdout
 
 
 def run_script(script, folder, arguments=()):
@@ -45,4 +34,5 @@ def _run(script, folder, arguments, printed):
             os.dup2(file.fileno(), descriptor)
     os.chdir(folder)
     sys.argv = [str(script), *arguments]
+    sys.path.insert(0, str(script.parent))  # as Python does
     runpy.run_path(str(script), run_name="__main__")

@@ -116,7 +116,7 @@ def test_a_mistake_is_one_line(words, message, refused, tmp_path):
 
 
 class TestSweep:
-    words = ("sweep", "--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "2e5", *SMALL)
+    words = ("sweep", "--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "1e5", *SMALL)
 
     def kill(self, begin, folder):
         """Begin the sweep, and kill all of it after a checkpoint."""

@@ -113,23 +113,18 @@ def play_and_close(evaluator, parameters):
 
 
 class TestFaults:
-    @pytest.mark.parametrize(
-        ("alarm", "error", "message"),
-        [
-            ("die", RuntimeError, "`env` has ended a process that played it"),
-            ("odd", RuntimeError, "OddError: the 3rd"),
-            ("raise", ValueError, "`env` is out of order"),
-        ],
-    )
-    def test_are_told_and_the_next_goes_on(
-        self, alarm, error, message, tmp_path, assert_same_rollouts
-    ):
+    def test_are_told_and_the_next_goes_on(self, tmp_path, assert_same_rollouts):
         make = partial(Alarmed, tmp_path / "alarm", os.getpid())
         apart, alone = (make_evaluator(make, n_threads=n) for n in (2, None))
         parameters = make_parameters(alone)
-        (tmp_path / "alarm").write_text(alarm)
-        with pytest.raises(error, match=message):
-            apart.evaluate(parameters, 0)
+        for alarm, error, message in [
+            ("die", RuntimeError, "`env` has ended a process that played it"),
+            ("odd", RuntimeError, "OddError: the 3rd"),
+            ("raise", ValueError, "`env` is out of order"),
+        ]:
+            (tmp_path / "alarm").write_text(alarm)
+            with pytest.raises(error, match=message):
+                apart.evaluate(parameters, 0)
         (tmp_path / "alarm").unlink()
         assert_same_rollouts(apart.evaluate(parameters, 1), alone.evaluate(parameters, 1))
 

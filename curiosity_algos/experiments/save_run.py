@@ -236,7 +236,7 @@ class SaveRun(BaseCallback):
         model, found = self.model, self._found
         return {
             "timesteps": model.num_timesteps,
-            "total_timesteps": model._total_timesteps,
+            "total_timesteps": int(model._total_timesteps),  # SB3 keeps `1e6` as it was given
             "n_episodes": self._n_episodes,
             "best_return": found.best_return if np.isfinite(found.best_return) else None,
             "first_success_timesteps": found.first_success_timesteps,

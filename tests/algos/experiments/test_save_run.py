@@ -234,7 +234,7 @@ class TestStableBaselines:
     def test_on_policy(self, folder, bonus):
         seen = ExplorationCallback()
         model = make_ppo(make_mazes(bonus=bonus))
-        model.learn(600, [SaveRun(folder), seen], log_interval=1)
+        model.learn(6e2, [SaveRun(folder), seen], log_interval=1)
         run = the_run(folder)
         assert run["algorithm"] == ("PPO" if bonus is None else "PPO + ICM")
         assert (run["timesteps"], run["n_episodes"]) == (600, 12)

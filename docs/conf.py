@@ -1,5 +1,6 @@
 """Sphinx configuration: Markdown pages by MyST, the reference by autodoc from Google docstrings."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -28,6 +29,7 @@ myst_heading_anchors = 3
 
 nb_execution_mode = "force"  # what a tutorial shows is what it prints now
 nb_execution_timeout = 600
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # of tutorials: small batches are slower on several
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_output_stderr = "remove"  # of libraries, about the machine that built the page

@@ -131,13 +131,12 @@ class TestSweep:
         while is_anyone_left(process.pid):
             time.sleep(0.01)
 
-    def test_killed_it_ends_in_the_same_runs(
-        self, run_here, begin, curiosity, tmp_path, assert_same
-    ):
+    def test_killed_it_ends_in_the_same_runs(self, run_here, begin, tmp_path, assert_same):
         whole, killed = tmp_path / "whole", tmp_path / "killed"
-        assert run_here(*self.words, "-f", str(whole), "--jobs", "1")[0] == 0
+        here = ("--jobs", "1")
+        assert run_here(*self.words, "-f", str(whole), *here)[0] == 0
         self.kill(begin, killed)
-        status, _, errors = curiosity(*self.words, "-f", killed)
+        status, _, errors = run_here(*self.words, "-f", str(killed), *here)
         assert status == 0, errors
         one, other = (load_runs(folder) for folder in (whole, killed))
         assert len(one) == 4

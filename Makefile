@@ -16,7 +16,7 @@ demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
 	.venv/bin/python examples/train_curiosity_es.py --preset tuned --seed 0 --out runs/demo
 
 check: lint  ## before a commit: lint, and the tests that are fast
-	$(PYTEST) -m "not slow"
+	$(PYTEST) --fast
 
 test: .venv/.installed  ## run all tests
 	$(PYTEST)

@@ -1,6 +1,6 @@
 """What every test needs: no screen, Python's own answer to Ctrl-C, and the extras that it uses.
 
-Beside that, the examples that hypothesis draws, the order of the tests, and which of them are slow.
+Beside that, the examples that hypothesis draws, the order of the tests, and which files are slow.
 """
 
 import contextlib
@@ -36,17 +36,24 @@ TESTS = Path(__file__).parent
 SLOW = [
     "algos/algorithms/test_cma_me.py",
     "algos/bonuses/test_checks.py",
+    "algos/bonuses/test_noveld.py",
     "algos/cli",
+    "algos/common/test_interrupt.py",
+    "algos/common/test_presets.py",
+    "algos/evaluation/test_environments.py",
     "algos/evaluation/test_processes.py",
     "algos/evaluation/test_ray.py",
     "algos/evaluation/test_simulation.py",
+    "algos/evaluation/test_sparse_envs.py",
     "algos/experiments",
+    "algos/sb3",
     "algos/test_imports.py",
     "algos/test_resume.py",
     "algos/test_stable_baselines.py",
     "gym/control",
     "gym/locomotion",
     "gym/test_compiled.py",
+    "gym/test_state.py",
     "gym/wrappers/test_ready_made.py",
     "test_benchmark_results.py",
     "test_benchmarks.py",
@@ -92,19 +99,23 @@ def extras_of(item):
 
 
 def pytest_addoption(parser):
-    """Add the option that tests run in another order."""
+    """Add the options that tests run in another order, and that only fast ones do."""
+    parser.addoption("--fast", action="store_true", help="leave out what SLOW lists")
     parser.addoption("--shuffle", metavar="SEED", help="run the tests in the order that SEED draws")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Leave out slow files where that is asked for, and with them what only they import."""
+    is_slow = any(collection_path.is_relative_to(TESTS / path) for path in SLOW)
+    return True if is_slow and config.getoption("fast") else None
+
+
 def pytest_collection_modifyitems(config, items):
-    """Mark the slow tests, skip those of extras that are not installed, and put all in order."""
+    """Skip the tests of extras that are not installed, and put all in order."""
     missing = {extra for extra, name in MODULES.items() if importlib.util.find_spec(name) is None}
-    slow = [TESTS / path for path in SLOW]
     for item in items:
         for extra in sorted(extras_of(item) & missing):
             item.add_marker(pytest.mark.skip(reason=f"the extra {extra} is not installed"))
-        if any(item.path.is_relative_to(path) for path in slow):
-            item.add_marker(pytest.mark.slow)
     if (seed := config.getoption("shuffle")) is not None:
         items.sort(key=lambda item: _place(seed, item))
 

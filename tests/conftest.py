@@ -35,8 +35,10 @@ settings.load_profile("gate")
 TESTS = Path(__file__).parent
 SLOW = [
     "algos/algorithms/test_cma_me.py",
+    "algos/archives/test_sparse_grid.py",
     "algos/bonuses/test_checks.py",
     "algos/bonuses/test_noveld.py",
+    "algos/checkpoints/test_foreign_state.py",
     "algos/cli",
     "algos/common/test_interrupt.py",
     "algos/common/test_presets.py",
@@ -46,6 +48,7 @@ SLOW = [
     "algos/evaluation/test_simulation.py",
     "algos/evaluation/test_sparse_envs.py",
     "algos/experiments",
+    "algos/loops/test_quality_diversity.py",
     "algos/sb3",
     "algos/test_imports.py",
     "algos/test_resume.py",
@@ -62,7 +65,7 @@ SLOW = [
     "test_paper_evidence.py",
     "test_rl_zoo3.py",
 ]
-"""Files and folders that start processes, browsers or clusters, or train: not in `make check`."""
+"""Files and folders that start processes, compile emitters, or train: not in `make check`."""
 
 MODULES = {
     "control": "dm_control",

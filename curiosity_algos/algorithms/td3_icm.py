@@ -174,7 +174,7 @@ class TD3ICM(ResumableTD3):
         own = self.replay_buffer
         super().load_replay_buffer(path, truncate_last_traj)
         loaded, self.replay_buffer = self.replay_buffer, own
-        if not isinstance(loaded, BonusReplayBuffer):
+        if not isinstance(loaded, BonusReplayBuffer) or loaded.train_interval is not None:
             raise ValueError("`path` must be a replay buffer that TD3ICM has saved.")
         loaded.bonus, loaded.weight, loaded.extrinsic = own.bonus, own.weight, own.extrinsic
         self.replay_buffer = loaded

@@ -16,18 +16,23 @@ from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
+from curiosity_algos.bonuses.episodes import take_over
+from curiosity_algos.bonuses.transitions import flat
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_positive
 
 Float64 = npt.NDArray[np.float64]
+MIN_RIDGE = 1e-6
+"""Below it the inverse loses its digits to features of everyday size."""
 
 
 class E3B(NetworkBonus):
     """`phi(s')^T C^-1 phi(s')` with `C = ridge I + sum of phi phi^T` of the episode so far.
 
-    The same observation again and again is worth less each time: 1 / bonus grows by 1 a step. Every
+    The sum begins with the episode's first observation, so that staying there is worth little. The
+    same observation again and again is worth less each time: 1 / bonus grows by 1 a step. Every
     episode begins anew, so that the bonus does not dry up where each shows a new task. The features
     `phi` are those of an inverse model, which tells the action between two states from them: what
     actions do not change is left out.
@@ -35,7 +40,8 @@ class E3B(NetworkBonus):
     Args:
         observation_space: As of `NetworkBonus`.
         action_space: As of `ICM`.
-        ridge: lambda, above 0: the bonus of the first observation is its features' square over it.
+        ridge: lambda, at least 1e-6: what is nothing like the episode so far has a bonus of its
+            features' square over it.
     """
 
     name = "e3b"
@@ -49,6 +55,8 @@ class E3B(NetworkBonus):
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_positive(ridge=ridge)
+        if ridge < MIN_RIDGE:
+            raise ValueError(f"`ridge` must be at least {MIN_RIDGE:g}, got {ridge!r}.")
         super().__init__(observation_space, **kwargs)
         self.ridge = ridge
         self.encode_actions = ActionEncoder(action_space)
@@ -78,8 +86,8 @@ class E3B(NetworkBonus):
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
     ) -> FloatArray:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""
-        (scores,) = self.episodes(1).score_steps(observations[1:][None])
-        return np.asarray(scores)
+        (scores,) = self.episodes(1).visit(observations[None], np.arange(1))
+        return np.asarray(scores[1:])
 
     def episodes(self, n: int) -> Ellipsoids:
         """A memory for n episodes side by side."""
@@ -105,18 +113,19 @@ class Ellipsoids:
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
     ) -> FloatArray:
         """Bonus (n,) of a step of each episode, which is then remembered."""
-        return self.score_steps(next_observations[:, None])[:, 0]
+        begin = np.flatnonzero((self._inverses == self._first).all(axis=(1, 2)))
+        if len(begin):
+            self.visit(observations[begin, None], begin)
+        return self.visit(next_observations[:, None], np.arange(len(self._inverses)))[:, 0]
 
-    def score_steps(self, observations: npt.NDArray[Any]) -> FloatArray:
-        """Bonus (n, T) of T observations of each episode, (n, T, ...), which are remembered."""
+    def visit(self, observations: npt.NDArray[Any], episodes: npt.NDArray[np.int64]) -> FloatArray:
+        """Bonus (m, T) of T observations (m, T, ...) of m episodes, which are remembered."""
         shape = observations.shape[:2]
-        features = self._bonus.features(observations.reshape(-1, *observations.shape[2:]))
+        features = self._bonus.features(flat(observations)).reshape(*shape, -1)
         scores = np.empty(shape)
-        product = np.empty(features.shape[1])
-        for inverse, each, score in zip(
-            self._inverses, features.reshape(*shape, -1), scores, strict=True
-        ):
-            visit(inverse, each, product, score)
+        product = np.empty(features.shape[2])
+        for i, each, score in zip(episodes, features, scores, strict=True):
+            visit(self._inverses[i], each, product, score)
         return scores.astype(np.float32)
 
     def end(self, dones: npt.NDArray[np.bool_]) -> None:
@@ -129,13 +138,7 @@ class Ellipsoids:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        inverses = state["inverses"].cpu().numpy().copy()
-        own = self._inverses
-        if (inverses.shape, inverses.dtype) != (own.shape, own.dtype):
-            raise ValueError(f"`inverses` must have shape {own.shape}, got {inverses.shape}.")
-        if not np.isfinite(inverses).all():
-            raise ValueError("`inverses` must be finite.")
-        self._inverses = inverses
+        self._inverses = take_over(state, {"inverses": self._inverses})["inverses"]
 
 
 @compiled

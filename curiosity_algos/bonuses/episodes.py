@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.bonuses.base import Bonus, FloatArray
-from curiosity_algos.bonuses.transitions import flat
 
 
 class Episodes(Protocol):
@@ -60,17 +59,15 @@ def episodes_of(bonus: Bonus, n: int) -> Episodes | None:
     return bonus.episodes(n) if isinstance(bonus, EpisodicBonus) else None
 
 
-def score_in_order(
-    bonus: Bonus,
-    observations: npt.NDArray[Any],
-    actions: npt.NDArray[Any],
-    next_observations: npt.NDArray[Any],
-) -> FloatArray:
-    """Bonus of n transitions (P, n, ...) of each of P episodes in their order, (P, n)."""
-    n_episodes, n = observations.shape[:2]
-    arrays = observations, actions, next_observations
-    episodes = episodes_of(bonus, n_episodes)
-    if episodes is None:
-        return bonus.score(*map(flat, arrays)).reshape(n_episodes, n)
-    steps = [episodes.score(*(each[:, i] for each in arrays)) for i in range(n)]
-    return np.stack(steps, axis=1)
+def take_over(
+    state: Mapping[str, Any], own: Mapping[str, npt.NDArray[Any]]
+) -> dict[str, npt.NDArray[Any]]:
+    """Copies of saved tensors that are like one's own; ValueError if they are of other episodes."""
+    columns = {name: state[name].cpu().numpy().copy() for name in own}
+    for name, column in columns.items():
+        shape, dtype = own[name].shape, own[name].dtype
+        if (column.shape, column.dtype) != (shape, dtype):
+            raise ValueError(f"`{name}` must have shape {shape}, got {column.shape}.")
+        if not np.isfinite(column).all():
+            raise ValueError(f"`{name}` must be finite.")
+    return columns

@@ -15,7 +15,7 @@ from curiosity_algos.bonuses.apt import APT
 from curiosity_algos.bonuses.base import Bonus, NetworkKeywords
 from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
-from curiosity_algos.bonuses.episodes import episodes_of
+from curiosity_algos.bonuses.episodes import Episodes, episodes_of
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.rnd import RND
@@ -82,6 +82,18 @@ def make_bonus(
     return BONUSES[bonus](observation_space, action_space, seed=seed, device=device, **bonus_kwargs)
 
 
+def _check_remembers(episodes: Episodes) -> None:
+    try:
+        state = episodes.state_dict()
+        episodes.end(np.array([True, False]))
+        episodes.load_state_dict(state)
+    except Exception as error:
+        raise ValueError(
+            "`bonus.episodes` must make what can end, and has a state that it takes over again."
+        ) from error
+    check_plain(state, "bonus")
+
+
 def _check_fits(
     bonus: Bonus, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> None:
@@ -94,10 +106,13 @@ def _check_fits(
         actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
     else:
         actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
+    episodes = episodes_of(bonus, 2)
     try:
-        scores = (episodes_of(bonus, 2) or bonus).score(observations, actions, observations)
+        scores = (episodes or bonus).score(observations, actions, observations)
     except Exception as error:
         raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
+    if episodes is not None:
+        _check_remembers(episodes)
     if np.shape(scores) != (2,):
         raise ValueError(
             f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."

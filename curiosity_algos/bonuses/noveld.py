@@ -15,16 +15,20 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import FloatArray, NetworkKeywords
+from curiosity_algos.bonuses.episodes import take_over
 from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_gym.validation import check_not_negative, check_whole
+
+Float64 = npt.NDArray[np.float64]
 
 
 class NovelD(RND):
     """`max(e(s') - alpha e(s), beta)` where the episode comes to `s'` for the first time, else 0.
 
     The novelty `e` is the root of RND's error, as in the authors' code. Of images, and other whole
-    numbers, two observations are the same if they are equal; of others if a random projection of
-    the standardized entries has the same `n_bits` signs (Charikar's SimHash).
+    numbers, two observations are the same if they are equal; of others if their entries,
+    standardized as the episode began, are on the same side of `n_bits` random hyperplanes.
 
     Further keywords are those of `RND`.
 
@@ -37,6 +41,8 @@ class NovelD(RND):
     """
 
     name = "noveld"
+    directions: th.Tensor
+    offsets: th.Tensor
 
     def __init__(
         self,
@@ -54,11 +60,13 @@ class NovelD(RND):
         self.alpha = alpha
         self.beta = beta
         self.n_bits = n_bits
-        rng = np.random.default_rng(self.seed)
-        directions = rng.normal(size=(int(np.prod(self.shape)), n_bits)).astype(np.float32)
-        # With the weights in a file: a bonus without a seed is made with others.
-        self.register_buffer("directions", th.from_numpy(directions).to(self.device))
+        rng, n_entries = np.random.default_rng(self.seed), int(np.prod(self.shape))
         self._is_exact = not np.issubdtype(observation_space.dtype, np.floating)
+        # With the weights in a file: a bonus without a seed is made with others.
+        directions, points = rng.normal(size=(2, n_entries, n_bits))  # each plane through a point
+        self.register_buffer("directions", th.from_numpy(directions).to(self.device))
+        offsets = th.from_numpy((directions * points).sum(axis=0))
+        self.register_buffer("offsets", offsets.to(self.device))
 
     def score(
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
@@ -70,7 +78,8 @@ class NovelD(RND):
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
     ) -> FloatArray:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""
-        gains, codes = self.gains(observations[:-1], observations[1:]), self.codes(observations)
+        gains = self.gains(observations[:-1], observations[1:])
+        codes = self.codes(observations, *self.standard())
         _, firsts = np.unique(codes, return_index=True)
         is_first = np.zeros(len(codes), dtype=np.bool_)
         is_first[firsts] = True
@@ -91,16 +100,28 @@ class NovelD(RND):
         gains: FloatArray = (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
         return gains
 
-    @th.no_grad()
-    def codes(self, observations: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
-        """Whole numbers (n,): the same where observations (n, ...) count as the same."""
+    def standard(self) -> tuple[Float64, Float64]:
+        """Mean and scale (D,) of each entry now; D is 0 where they do not matter."""
+        if self._is_exact or not isinstance(self.normalizer, RunningNormalizer):
+            n_entries = 0 if self._is_exact else len(self.directions)
+            return np.zeros(n_entries), np.ones(n_entries)
+        mean, variance = self.normalizer.mean, self.normalizer.variance
+        return mean.cpu().numpy().copy(), variance.sqrt().clamp_min(1e-3).cpu().numpy()
+
+    def codes(
+        self, observations: npt.NDArray[Any], mean: Float64, scale: Float64
+    ) -> npt.NDArray[np.int64]:
+        """Whole numbers (n,): the same where observations (n, ...) count as the same.
+
+        Entries are standardized by mean and scale, (D,) or one for each, (n, D).
+        """
+        rows = observations.reshape(len(observations), -1)
         if self._is_exact:
-            rows = observations.reshape(len(observations), -1)
             digests = b"".join(blake2b(row.tobytes(), digest_size=8).digest() for row in rows)
             return np.frombuffer(digests, dtype=np.int64)
-        entries = self.normalizer(self._flat(self.tensor(observations)))
-        signs = (entries @ self.directions > 0.0).cpu().numpy()
-        codes: npt.NDArray[np.int64] = signs @ (1 << np.arange(self.n_bits, dtype=np.int64))
+        directions, offsets = self.directions.cpu().numpy(), self.offsets.cpu().numpy()
+        is_beyond = ((rows - mean) / scale) @ directions > offsets
+        codes: npt.NDArray[np.int64] = is_beyond @ (1 << np.arange(self.n_bits, dtype=np.int64))
         return codes
 
 
@@ -110,6 +131,8 @@ class Visits:
     def __init__(self, bonus: NovelD, n: int) -> None:
         self._bonus = bonus
         self._seen: list[set[int]] = [set() for _ in range(n)]
+        n_entries = len(bonus.standard()[0])
+        self._mean, self._scale = np.zeros((n, n_entries)), np.ones((n, n_entries))
 
     def score(
         self,
@@ -119,7 +142,12 @@ class Visits:
     ) -> FloatArray:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         gains = self._bonus.gains(observations, next_observations)
-        before, after = map(self._bonus.codes, (observations, next_observations))
+        begin = [not seen for seen in self._seen]
+        self._mean[begin], self._scale[begin] = self._bonus.standard()
+        before, after = (
+            self._bonus.codes(each, self._mean, self._scale)
+            for each in (observations, next_observations)
+        )
         for i, (seen, begin, end) in enumerate(
             zip(self._seen, before.tolist(), after.tolist(), strict=True)
         ):
@@ -134,12 +162,20 @@ class Visits:
             self._seen[i] = set()
 
     def state_dict(self) -> dict[str, Any]:
-        """The codes of what was seen."""
-        return {"seen": [th.tensor(sorted(each), dtype=th.int64) for each in self._seen]}
+        """The codes of what was seen, and how entries were standardized."""
+        return {
+            "seen": [th.tensor(sorted(each), dtype=th.int64) for each in self._seen],
+            "mean": th.from_numpy(self._mean.copy()),
+            "scale": th.from_numpy(self._scale.copy()),
+        }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
         saved = list(state["seen"])
         if len(saved) != len(self._seen) or {each.dtype for each in saved} != {th.int64}:
             raise ValueError(f"`seen` must be whole numbers of {len(self._seen)} episodes.")
+        columns = take_over(state, {"mean": self._mean, "scale": self._scale})
+        if (columns["scale"] <= 0.0).any():
+            raise ValueError("`scale` must be above 0.")
         self._seen = [set(each.flatten().tolist()) for each in saved]
+        self._mean, self._scale = columns["mean"], columns["scale"]

@@ -57,8 +57,14 @@ class EvenlySpaced:
 
     def __call__(self, rollouts: Rollouts, individuals: slice) -> Transitions:
         """Those of some individuals."""
-        ends = -(-np.arange(1, self.n + 1) * rollouts.lengths[:, None] // self.n)  # rounded up
+        ends = evenly_spaced(self.n, rollouts.lengths)
         return _between(rollouts, ends - 1, ends)
+
+
+def evenly_spaced(n: int, lengths: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Steps (P, n) from 1 on, evenly over episodes of lengths (P,), each with its last."""
+    steps: npt.NDArray[np.int64] = -(-np.arange(1, n + 1) * lengths[:, None] // n)  # rounded up
+    return steps
 
 
 def _between(

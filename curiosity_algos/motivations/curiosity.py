@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,17 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train
+from curiosity_algos.bonuses.base import Bonus, FloatArray, NetworkBonus, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
-from curiosity_algos.bonuses.episodes import score_in_order
+from curiosity_algos.bonuses.episodes import EpisodicBonus
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.bonuses.spans import horizon_of
-from curiosity_algos.bonuses.transitions import EvenlySpaced, draw_transitions, flat
+from curiosity_algos.bonuses.transitions import (
+    EvenlySpaced,
+    draw_transitions,
+    evenly_spaced,
+    flat,
+)
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import (
     generator_state,
@@ -33,22 +39,22 @@ N_TOGETHER = 8
 
 
 @dataclass(frozen=True)
-class WeightedSum:
-    """`sum_t gamma^(T-1-t) c_t` of each trajectory (eq. 10): a `Summarizer` that scores it.
+class OfTrajectories:
+    """A `Summarizer` that scores each trajectory as a whole.
 
     Attributes:
         bonus: Gives the curiosity `c_t` of each transition.
-        gamma: In [0, 1].
+        reduce: Makes the score of the curiosity (T,) of all transitions.
         pool: Threads that score.
     """
 
     bonus: Bonus
-    gamma: float
+    reduce: Callable[[FloatArray], float]
     pool: ThreadPool
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle for a worker elsewhere, which scores on a thread of its own."""
-        return WeightedSum, (self.bonus, self.gamma, ThreadPool(1))
+        return OfTrajectories, (self.bonus, self.reduce, ThreadPool(1))
 
     def __call__(self, rollouts: Rollouts, individuals: slice) -> Summary:
         """One array, (P,), of some individuals."""
@@ -59,11 +65,29 @@ class WeightedSum:
             length = rollouts.lengths[i]
             seen, taken = observations[i, : length + 1], actions[i, :length]
             check_observations(seen)  # a bonus may bound what it takes, and see no infinity
-            weights = self.gamma ** np.arange(length)[::-1]
-            scores[i] = weights @ self.bonus.score_trajectory(seen, taken)
+            scores[i] = self.reduce(self.bonus.score_trajectory(seen, taken))
 
         on_threads(self.pool, score_one, len(rollouts))
         return (scores,)
+
+
+def weighted_sum(gamma: float, curiosity: FloatArray) -> float:
+    """`sum_t gamma^(T-1-t) c_t` (eq. 10)."""
+    return float(gamma ** np.arange(len(curiosity))[::-1] @ curiosity)
+
+
+def highest_quarter(n_states: int, curiosity: FloatArray) -> float:
+    """The mean of the highest quarter of so many steps, evenly over the episode."""
+    steps = evenly_spaced(n_states, np.array([len(curiosity)]))[0] - 1
+    return float(_highest_quarter(curiosity[steps]))
+
+
+def _highest_quarter(curiosity: FloatArray) -> npt.NDArray[np.float64]:
+    """The mean of the highest quarter along the last axis."""
+    n_highest = max(1, curiosity.shape[-1] // 4)
+    highest = np.sort(curiosity, axis=-1)[..., -n_highest:]
+    scores: npt.NDArray[np.float64] = highest.mean(axis=-1, dtype=np.float64)
+    return scores
 
 
 def on_threads(pool: ThreadPool, task: Callable[[int], None], n_tasks: int) -> None:
@@ -87,7 +111,7 @@ class CuriosityMotivation:
     weighs the end of an episode most, which also keeps long episodes from winning by length alone.
     With `n_states` it is the mean of the highest quarter of the curiosity of so many transitions,
     which lie evenly over the episode and end with its last: what most of a trajectory has in common
-    with others does not count.
+    with others does not count. A bonus that remembers its episode is told all of it all the same.
 
     Args:
         observation_space: One-dimensional Box.
@@ -162,9 +186,18 @@ class CuriosityMotivation:
 
     def scoring(self, n_individuals: int) -> dict[str, Summarizer]:
         """A summarizer for `score`: it may read trajectories where and when they are played."""
+        if not self._is_whole:
+            return {self._scored: EvenlySpaced(self.n_states or 1)}
         if self.n_states is None:
-            return {self._scored: WeightedSum(self.bonus, self.gamma, self._pool)}
-        return {self._scored: EvenlySpaced(self.n_states)}
+            reduce = partial(weighted_sum, self.gamma)
+        else:
+            reduce = partial(highest_quarter, self.n_states)
+        return {self._scored: OfTrajectories(self.bonus, reduce, self._pool)}
+
+    @property
+    def _is_whole(self) -> bool:
+        """Whether the bonus is asked for every step of an episode."""
+        return self.n_states is None or isinstance(self.bonus, EpisodicBonus)
 
     def learning(self, n_individuals: int) -> dict[str, Summarizer]:
         """A summarizer for `update`, of trajectories of so many individuals; drawn now."""
@@ -180,7 +213,7 @@ class CuriosityMotivation:
     def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
         """Curiosity of each individual's trajectory, shape (P,)."""
         summary = rollouts.summary(self._scored, self.scoring)
-        scores = summary[0] if self.n_states is None else self._of_some(*summary)
+        scores = summary[0] if self._is_whole else self._of_some(*summary)
         check_observations(scores)  # they are finite where all that they come from is
         return scores
 
@@ -193,13 +226,11 @@ class CuriosityMotivation:
 
         def score_some(part: int) -> None:
             some = slice(part * N_TOGETHER, (part + 1) * N_TOGETHER)
-            curiosity[some] = score_in_order(self.bonus, begins[some], actions[some], ends[some])
+            scores = self.bonus.score(*(flat(each[some]) for each in (begins, actions, ends)))
+            curiosity[some] = scores.reshape(-1, n_states)
 
         on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
-        n_highest = max(1, n_states // 4)
-        highest = np.sort(curiosity, axis=1)[:, -n_highest:]
-        scores: npt.NDArray[np.float64] = highest.mean(axis=1, dtype=np.float64)
-        return scores
+        return _highest_quarter(curiosity)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""

@@ -231,11 +231,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         """Score the transitions, then learn from them; the scaled bonus of each environment."""
         with single_torch_thread():
             bonus = np.zeros(len(before))
-            if self._has_trained:
+            # Who remembers episodes sees them from their beginning, whether it counts yet or not.
+            if self._has_trained or self._episodes is not None:
                 scorer = self._episodes or self.bonus
                 score = scorer.score(before, self._actions, after)
                 if not np.isfinite(score).all():
                     raise ValueError("`bonus` must give finite scores, it gave others.")
+            if self._has_trained:
                 bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
             if self.training:
                 self._learn(before, after)

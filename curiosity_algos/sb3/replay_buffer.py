@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -48,11 +49,12 @@ class BonusReplayBuffer(ReplayBuffer):
 
     The bonus is trained on what is collected, and divided by the running standard deviation of its
     discounted sum (Burda et al. 2018), so that a `weight` means much the same whatever its scale.
-    Until its first training it is 0. Value targets stop at terminations only: the last step of a
-    truncated episode goes on.
+    Until its first training it is 0. Value targets stop at terminations only, unless
+    `handle_timeout_termination` is off: the last step of a truncated episode goes on.
 
     Args:
-        buffer_size: Transitions kept of all environments, the newest.
+        buffer_size: Transitions kept of all environments, the newest: one of each at least, and two
+            with `optimize_memory_usage`.
         observation_space: Of a single environment: Box of one dimension, or of images.
         action_space: Box with bounds, or Discrete.
         device: Where samples go, and the networks of a bonus that is named.
@@ -66,7 +68,7 @@ class BonusReplayBuffer(ReplayBuffer):
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
             counts as it is.
         train_interval: Transitions of all environments between two trainings; None: another
-            trains.
+            trains, `gamma` is None, and the bonus counts from the beginning.
         n_updates: Gradient steps a training.
         batch_size: Transitions a gradient step of the bonus.
         seed: Of the networks and the draws; None: drawn from NumPy's generator, which SB3's
@@ -110,6 +112,14 @@ class BonusReplayBuffer(ReplayBuffer):
             check_discount(gamma)
         if train_interval is not None:
             check_at_least_one(train_interval=train_interval)
+        elif gamma is not None:
+            raise ValueError("`gamma` must be None where `train_interval` is: nothing is scaled.")
+        check_at_least_one(buffer_size=buffer_size, n_envs=n_envs)
+        if optimize_memory_usage and buffer_size < 2 * n_envs:
+            raise ValueError(
+                f"`buffer_size` must be at least {2 * n_envs} with `optimize_memory_usage`, two of "
+                f"each environment, got {buffer_size}."
+            )
         check_at_least_one(n_updates=n_updates, batch_size=batch_size)
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
@@ -118,12 +128,13 @@ class BonusReplayBuffer(ReplayBuffer):
             # The global generator is what SB3's algorithms seed.
             seed = np.random.randint(2**31) if seed is None else seed  # noqa: NPY002
             seed = np.random.SeedSequence(seed)
+        (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         self.bonus = make_bonus(
             bonus,
             for_one_policy(bonus, bonus_kwargs or {}),
             observation_space,
             action_space,
-            seed=integer_seed(seed.spawn(1)[0]),
+            seed=integer_seed(networks_seed),
             device=device,
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
@@ -177,6 +188,7 @@ class BonusReplayBuffer(ReplayBuffer):
         if not self.size():
             return
         newest = (self.pos - 1) % self.buffer_size
+        obs = np.asarray(obs, self.observations.dtype)  # as it is held
         before = self._next_observations(np.full(self.n_envs, newest), np.arange(self.n_envs))
         is_left = (before != obs).reshape(self.n_envs, -1).any(axis=1) & (self.dones[newest] == 0)
         self.dones[newest, is_left] = 1.0
@@ -187,11 +199,17 @@ class BonusReplayBuffer(ReplayBuffer):
         """Train the bonus with what came since the last time, and see what it says of that."""
         n, self._n_untrained = self._n_untrained, 0
         with single_torch_thread():
-            transitions = self.newest(n)
-            self.bonus.observe(th.from_numpy(transitions[0]))
+            rows, envs = self._newest(n)
+            n_together = max(self._n_scored, self.batch_size)
+            parts = range(0, len(rows), n_together)
+            some = [slice(begin, begin + n_together) for begin in parts]
+            for each in some:
+                seen = self._seen(self.observations[rows[each], envs[each]])
+                self.bonus.observe(th.from_numpy(seen))
             draw = self.sample_transitions
             losses = train(self.bonus, draw, n_updates=self.n_updates, batch_size=self.batch_size)
-            bonus = self._checked(self.bonus.score(*transitions))
+            scores = [self.bonus.score(*self._transitions(rows[i], envs[i])) for i in some]
+            bonus = self._checked(np.concatenate(scores))
         self._has_trained = True
         if self._scale is not None:
             steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
@@ -233,13 +251,17 @@ class BonusReplayBuffer(ReplayBuffer):
 
     def _drawn(self, n_batches: int, batch_size: int) -> Iterator[tuple[IntArray, Array]]:
         """Transitions (n,) of each batch and their bonus (n,), computed when it is needed."""
-        is_image = len(self.observation_space.shape or ()) > 1  # of which one batch is a lot
-        n_together = 1 if is_image else max(1, N_SCORED // batch_size)
+        n_together = max(1, self._n_scored // batch_size)
         for begin in range(0, n_batches, n_together):
             n = min(n_together, n_batches - begin)
             drawn = self._draw(n * batch_size)
             bonus = self._bonus_of(drawn)
             yield from zip(drawn.reshape(n, -1), bonus.reshape(n, -1), strict=True)
+
+    @property
+    def _n_scored(self) -> int:
+        """Transitions whose bonus is computed in one call; of images a batch is more than these."""
+        return 1 if len(self.observation_space.shape or ()) > 1 else N_SCORED
 
     def _bonus_of(self, drawn: IntArray) -> Array:
         """Bonus (n,) of transitions, scaled, before it is weighted."""
@@ -279,9 +301,13 @@ class BonusReplayBuffer(ReplayBuffer):
 
         In the order of their steps, and in each of their environments.
         """
+        return self._transitions(*self._newest(n))
+
+    def _newest(self, n: int) -> tuple[IntArray, IntArray]:
+        """Rows and environments of these."""
         n = min(n, self._n_held)
         rows = (self.pos - n + np.arange(n)) % self.buffer_size
-        return self._transitions(np.repeat(rows, self.n_envs), np.tile(np.arange(self.n_envs), n))
+        return np.repeat(rows, self.n_envs), np.tile(np.arange(self.n_envs), n)
 
     # -- places ---------------------------------------------------------------------------------
 
@@ -292,6 +318,8 @@ class BonusReplayBuffer(ReplayBuffer):
 
     def _draw(self, n: int) -> IntArray:
         """Numbers of transitions that are held, drawn uniformly."""
+        if not self._n_held:
+            raise ValueError("`sample` must come after `add`: no transition is held yet.")
         return self._rng.integers(self._n_held * self.n_envs, size=n)
 
     def _places(self, drawn: IntArray) -> tuple[IntArray, IntArray]:

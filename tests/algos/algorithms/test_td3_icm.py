@@ -170,3 +170,13 @@ def test_it_finds_a_goal_that_is_near(make, make_easy_maze):
     model = make(make_easy_maze(), learning_starts=2000, gradient_steps=1).learn(2000)
     assert 0 < model.first_success_timesteps <= model.num_timesteps
     assert 0.0 < model.best_return < 1.0
+
+
+def test_a_replay_buffer_that_trains_by_itself_is_refused(make, make_maze, tmp_path):
+    model = make(make_maze()).learn(50)
+    model.save_replay_buffer(tmp_path / "own")
+    model.load_replay_buffer(tmp_path / "own")
+    model.replay_buffer.train_interval = 10
+    model.save_replay_buffer(tmp_path / "other")
+    with pytest.raises(ValueError, match="`path` must be a replay buffer that TD3ICM has saved"):
+        model.load_replay_buffer(tmp_path / "other")

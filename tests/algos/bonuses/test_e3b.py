@@ -20,10 +20,10 @@ def make_observations(n=20, seed=0):
 
 
 def by_definition(features, ridge):
-    """The bonus with the inverse of a sum that is made anew at each step."""
+    """The bonus of all but the first, with the inverse of a sum made anew at each step."""
     n = features.shape[1]
     scores = []
-    for t, each in enumerate(features):
+    for t, each in enumerate(features[1:], start=1):
         covariance = ridge * np.eye(n) + features[:t].T @ features[:t]
         scores.append(each @ np.linalg.inv(covariance) @ each)
     return np.array(scores)
@@ -32,15 +32,18 @@ def by_definition(features, ridge):
 @given(st.integers(0, 1000), st.integers(1, 40), st.sampled_from([0.01, 0.1, 3.0]))
 def test_it_is_the_papers_formula(seed, n, ridge):
     e3b, observations = make_e3b(ridge=ridge), make_observations(n + 1, seed)
-    expected = by_definition(e3b.features(observations[1:]), ridge)
+    expected = by_definition(e3b.features(observations), ridge)
     scores = e3b.score_trajectory(observations, np.zeros(n, dtype=np.int64))
     np.testing.assert_allclose(scores, expected, rtol=1e-4, atol=1e-7)
 
 
 def test_the_same_again_is_worth_one_less_a_step():
     observations = np.repeat(make_observations(1), 30, axis=0)
-    scores = make_e3b().score_trajectory(observations, np.zeros(29, dtype=np.int64))
+    e3b = make_e3b()
+    scores = e3b.score_trajectory(observations, np.zeros(29, dtype=np.int64))
     np.testing.assert_allclose(np.diff(1.0 / scores.astype(float)), 1.0, rtol=1e-4)
+    alone = np.square(e3b.features(observations[:1])).sum() / e3b.ridge
+    assert scores[0] == pytest.approx(alone / (1.0 + alone))  # the episode began there
 
 
 def test_each_episode_has_its_own_memory():
@@ -53,9 +56,14 @@ class NeverForgets(Ellipsoids):
 
 
 class SharesOne(Ellipsoids):
-    def score_steps(self, observations):
+    def visit(self, observations, episodes):
         self._inverses = np.broadcast_to(self._inverses[:1], self._inverses.shape).copy()
-        return super().score_steps(observations)
+        return super().visit(observations, episodes)
+
+
+class ForgetsTheFirst(Ellipsoids):
+    def score(self, observations, actions, next_observations):
+        return self.visit(next_observations[:, None], np.arange(len(next_observations)))[:, 0]
 
 
 class ScoresWhereItBegan(Ellipsoids):
@@ -63,16 +71,9 @@ class ScoresWhereItBegan(Ellipsoids):
         return super().score(next_observations, actions, observations)
 
 
-@pytest.mark.parametrize("memory", [NeverForgets, SharesOne, ScoresWhereItBegan])
+@pytest.mark.parametrize("memory", [NeverForgets, SharesOne, ForgetsTheFirst, ScoresWhereItBegan])
 def test_a_wrong_memory_is_found(memory, monkeypatch):
     monkeypatch.setattr(E3B, "episodes", lambda self, n: memory(self, n))
-    if memory is ScoresWhereItBegan:
-        trajectory = Ellipsoids.score_steps
-        monkeypatch.setattr(
-            E3B,
-            "score_trajectory",
-            lambda self, seen, _: trajectory(Ellipsoids(self, 1), seen[1:][None])[0],
-        )
     with pytest.raises(AssertionError, match="must be the same"):
         check_episodes(make_e3b)
 
@@ -99,9 +100,10 @@ def test_a_transition_alone_has_no_bonus():
         make_e3b().score(*make_observations(3)[:, None])
 
 
-def test_the_ridge_is_above_zero():
+@pytest.mark.parametrize("ridge", [0.0, 1e-300])
+def test_the_ridge_is_above_zero(ridge):
     with pytest.raises(ValueError, match="`ridge` must be"):
-        make_e3b(ridge=0.0)
+        make_e3b(ridge=ridge)
 
 
 def test_a_memory_of_other_episodes_is_refused():

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
+from curiosity_algos.bonuses.e3b import Ellipsoids
 from curiosity_algos.bonuses.encoders import action_size
 from curiosity_algos.bonuses.make import (
     BONUSES,
@@ -61,6 +62,14 @@ def test_an_object_has_a_horizon_of_steps(horizon):
     bonus = make_bonus("apt", {}, *SPACES, seed=1, device="cpu")
     bonus.horizon = horizon
     with pytest.raises(ValueError, match="`bonus` must have a `horizon` of at least 1 step"):
+        make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
+
+
+@pytest.mark.parametrize("missing", ["end", "state_dict", "load_state_dict"])
+def test_an_object_with_a_memory_is_tried_out_whole(missing, monkeypatch):
+    bonus = make_bonus("e3b", {}, *SPACES, seed=1, device="cpu")
+    monkeypatch.delattr(Ellipsoids, missing)
+    with pytest.raises(ValueError, match=r"`bonus\.episodes` must make what can end"):
         make_bonus(bonus, {}, *SPACES, seed=1, device="cpu")
 
 

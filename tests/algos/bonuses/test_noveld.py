@@ -3,6 +3,7 @@ import sys
 
 import numpy as np
 import pytest
+import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.checks import check_episodes
@@ -75,10 +76,39 @@ def test_a_wrong_memory_is_found(memory, monkeypatch):
 
 def test_more_bits_tell_more_apart():
     observations = make_observations(500)
-    kinds = [len(set(make_noveld(n_bits=n).codes(observations).tolist())) for n in (1, 4, 16, 62)]
+    kinds = [len(set(codes(make_noveld(n_bits=n), observations))) for n in (1, 4, 16, 62)]
     assert kinds[0] == 2
     assert kinds == sorted(kinds)
     assert kinds[3] > 490
+
+
+def codes(noveld, observations):
+    return noveld.codes(observations, *noveld.standard()).tolist()
+
+
+def test_what_is_not_normalized_has_places_too():
+    noveld, observations = make_noveld(normalize=False), make_observations(100)
+    noveld.observe(th.from_numpy(observations + 9.0))
+    assert len(set(codes(noveld, observations))) > 50
+    check_episodes(lambda *spaces: make_noveld(*spaces, normalize=False))
+
+
+@pytest.mark.parametrize(("n_entries", "least"), [(1, 10), (2, 60)])
+def test_few_entries_have_many_places_too(n_entries, least):
+    space = spaces.Box(-1, 1, (n_entries,))
+    observations = np.random.default_rng(0).normal(0, 1, (10_000, n_entries)).astype(np.float32)
+    assert len(set(codes(make_noveld(space, SPACE[1]), observations))) >= least
+
+
+def test_a_place_stays_the_same_while_statistics_change():
+    noveld, places = make_noveld(beta=0.1, n_bits=62), make_observations(6)
+    rng, episodes = np.random.default_rng(1), noveld.episodes(2)
+    paid = []
+    for i in range(200):
+        begin, end = places[i % 6], places[(i + 1) % 6]
+        paid.append(episodes.score(*(np.tile(x, (2, 1)) for x in (begin, [0], end))) > 0.0)
+        noveld.observe(th.from_numpy(rng.normal(i, 1 + i, (4, 6)).astype(np.float32)))
+    assert np.sum(paid, axis=0).tolist() == [5, 5]
 
 
 def test_codes_are_the_same_in_every_process(capsys):
@@ -89,7 +119,7 @@ from curiosity_algos.bonuses.noveld import NovelD
 for space in (spaces.Box(-1, 1, (6,)), spaces.Box(0, 255, (36, 36, 3), np.uint8)):
     noveld = NovelD(space, spaces.Discrete(3), seed=0, device="cpu")
     rows = np.random.default_rng(0).uniform(0, 99, (3, *space.shape)).astype(space.dtype)
-    print(noveld.codes(rows).tolist())
+    print(noveld.codes(rows, *noveld.standard()).tolist())
 """
     exec(code, {})
     here = capsys.readouterr().out

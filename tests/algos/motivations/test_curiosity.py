@@ -87,6 +87,17 @@ class TestScore:
             highest = values[-max(1, n_states // 4) :]
             assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
 
+    @pytest.mark.parametrize("bonus", ["e3b", "noveld"])
+    def test_a_bonus_with_a_memory_sees_every_state(self, bonus):
+        rollouts = make_rollouts()
+        motivation = make_motivation(bonus, n_states=8, gamma=1.0)
+        scores = motivation.score(rollouts)
+        for i, length in enumerate(LENGTHS):
+            seen, taken = rollouts.observations[i, : length + 1], rollouts.actions[i, :length]
+            curiosity = motivation.bonus.score_trajectory(seen, taken)
+            some = sorted(curiosity[-(-j * length // 8) - 1] for j in range(1, 9))
+            assert scores[i] == pytest.approx(np.mean(some[-2:]), rel=1e-5)
+
     @pytest.mark.parametrize("gamma", [0.0, 0.99, 1.0])
     def test_equals_the_papers_sum(self, gamma):
         rollouts = make_rollouts()

@@ -194,6 +194,12 @@ class TestRewards:
         assert is_paid == [False] * 5 + [True] * 2
         assert [rewards[0] for _, rewards, *_ in steps[:5]] == [0, 0, 0, 1, 0]
 
+    def test_what_is_remembered_begins_with_the_episode_all_the_same(self):
+        venv = wrap(bonus="noveld", train_interval=10)
+        steps = play(venv, 2)
+        assert not any(info["reward_intrinsic"] for *_, infos in steps for info in infos)
+        assert all(venv._episodes._seen)
+
     def test_the_scale_forgets_what_was_long_ago(self, monkeypatch):
         monkeypatch.setattr("curiosity_algos.sb3.scale.MEMORY", 100)
         venv = wrap_trained(bonus=(bonus := Recorder()))

@@ -1,6 +1,7 @@
 import copy
 import io
 from contextlib import nullcontext
+from itertools import pairwise
 
 import gymnasium as gym
 import numpy as np
@@ -433,8 +434,14 @@ class TestTraining:
         ({"bonus": "icm", "bonus_kwargs": {"betta": 1}}, "`bonus_kwargs`"),
         ({"weight": 0.0}, "`weight` must be"),
         ({"extrinsic": 2}, "`extrinsic` must be"),
-        ({"gamma": 1.0}, "`gamma` must be below 1"),
+        ({"gamma": 1.0, "train_interval": 9}, "`gamma` must be below 1"),
         ({"train_interval": 0}, "`train_interval` must be"),
+        ({"gamma": 0.9}, "`gamma` must be None where `train_interval` is"),
+        ({"capacity": 0}, "`buffer_size` must be"),
+        (
+            {"capacity": 3, "n_envs": 2, "optimize_memory_usage": True},
+            "`buffer_size` must be at",
+        ),
         ({"n_updates": 0}, "`n_updates` must be"),
         ({"batch_size": 0}, "`batch_size` must be"),
         ({"seed": -1}, "`seed` must be"),
@@ -445,6 +452,44 @@ class TestTraining:
 def test_bad_settings_are_named(settings, said):
     with pytest.raises(ValueError, match=said):
         make_buffer(**settings)
+
+
+def test_nothing_is_drawn_from_nothing():
+    with pytest.raises(ValueError, match="`sample` must come after `add`"):
+        make_buffer().sample(2)
+
+
+def test_a_seed_is_the_same_bonus_again():
+    seed = np.random.SeedSequence(3)
+    one, other = (make_buffer(bonus="rnd", seed=seed) for _ in range(2))
+    x = np.ones((2, 1), dtype=np.float32)
+    np.testing.assert_array_equal(one.bonus.score(x, x, x), other.bonus.score(x, x, x))
+
+
+@pytest.mark.parametrize("optimize", [False, True])
+def test_observations_of_another_dtype_are_those_that_are_held(optimize):
+    """As SubprocVecEnv hands on what an environment returns in float64."""
+    buffer = make_buffer(optimize_memory_usage=optimize)
+    rows = np.random.default_rng(0).normal(size=(6, 1, 1))
+    for before, after in pairwise(rows):
+        buffer.add(before, after, before, np.zeros(1), np.zeros(1), [{}])
+    assert not buffer.dones.any()
+    buffer.add(rows[0], rows[1], rows[0], np.zeros(1), np.zeros(1), [{}])
+    assert buffer.dones[:6, 0].tolist() == [0, 0, 0, 0, 1, 0]
+
+
+def test_a_training_scores_images_some_at_a_time(monkeypatch):
+    images = spaces.Box(0, 255, (36, 36, 1), np.uint8)
+    buffer = make_buffer(40, images, train_interval=20, n_updates=1, batch_size=8)
+    monkeypatch.setattr(Weighted, "observe", lambda self, seen: self.seen.append(len(seen)))
+    scored, score = [], Weighted.score
+    monkeypatch.setattr(
+        Weighted, "score", lambda self, *each: scored.append(len(each[0])) or score(self, *each)
+    )
+    row = np.zeros((1, *images.shape), dtype=np.uint8)
+    for _ in range(20):
+        buffer.add(row, row, np.zeros((1, 1)), np.zeros(1), np.zeros(1), [{}])
+    assert buffer.bonus.seen == scored == [8, 8, 4]
 
 
 # -- with the algorithms of others ----------------------------------------------------------------

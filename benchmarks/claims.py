@@ -254,7 +254,7 @@ CLAIMS = [
     Claim(
         "5.3",
         "AURORA takes longer than Curiosity-ES.",
-        ahead("seconds", "AURORA", "CuriosityES", *BOTTLENECK),
+        not_measured("the runs shared their machines with other work"),
     ),
     *(
         Claim(

@@ -48,8 +48,8 @@ ROUTE_CELL = 20
 """Maze units along each side of the squares whose order is a policy's route."""
 PUBLIC_STEP = "step=canonical"
 SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP)}
-"""By name the preset, and the variant whose runs count instead, of algorithms that have it."""
-FIGURES = {"paper": (1, 2, 3, 4, 8), "public": (2, 3, 4, 8)}
+"""By name the preset, and the setting whose runs count instead, of algorithms that have it."""
+FIGURES = {"paper": (1, 2, 3, 4, 7, 8), "public": (2, 3, 4, 7, 8)}
 """By the name of the settings the figures whose runs there are."""
 KEYS = ["preset", "variant", "algorithm", "env", "seed"]
 RESULTS = [
@@ -186,13 +186,13 @@ class Tables:
     """
 
     def __init__(self, settings: str, folder: Path = FOLDER) -> None:
-        preset, variant = SETTINGS[settings]
+        preset, setting = SETTINGS[settings]
         tables = {path.stem: read(path.stem, folder) for path in folder.glob("*.csv")}
         tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
         runs = tables["runs"]
-        replaced = set(runs.loc[runs["variant"] == variant, "algorithm"]) if variant else set()
+        replaced = set(runs.loc[runs["variant"] == setting, "algorithm"]) if setting else set()
         self._tables = {
-            name: _with_variant(table, variant, replaced) for name, table in tables.items()
+            name: _with_setting(table, setting, replaced) for name, table in tables.items()
         }
         self.seeds = sorted(set(self._tables["runs"]["seed"]))
 
@@ -231,11 +231,12 @@ class Tables:
         return table[(table[list(keys)] == pd.Series(keys)).all(axis=1)]
 
 
-def _with_variant(table: pd.DataFrame, variant: str, algorithms: set[str]) -> pd.DataFrame:
-    """Rows in which those of a variant are in the place of the algorithms' own."""
-    is_replaced = (table["variant"] == "") & table["algorithm"].isin(algorithms)
-    table = table[~is_replaced]
-    return table.assign(variant=table["variant"].mask(table["variant"] == variant, ""))
+def _with_setting(table: pd.DataFrame, setting: str, algorithms: set[str]) -> pd.DataFrame:
+    """Rows in which the algorithms' runs with a setting are in the place of those without."""
+    settings = table["variant"].str.split(",")
+    has_it = settings.map(lambda each: setting in each)
+    others = settings.map(lambda each: ",".join(name for name in each if name != setting))
+    return table.assign(variant=others)[has_it | ~table["algorithm"].isin(algorithms)]
 
 
 @app.command()

@@ -59,9 +59,10 @@ def of_the_figures(settings: str) -> pd.DataFrame:
 def of_reasons(preset: str) -> pd.DataFrame:
     """A row for each run that tries a reason, and for those that it is compared with."""
     runs = evidence(preset).table("runs")
-    drawn = {PUBLIC_STEP} | {
+    drawn = {
         series.variant for n in range(2, 9) for panel in series_of(n).values() for series in panel
     }
+    drawn |= {",".join(filter(None, [variant, PUBLIC_STEP])) for variant in drawn}
     tried = runs[~runs["variant"].isin(drawn)]
     keys = ["algorithm", "env"]
     compared = runs[runs["variant"] == ""].merge(tried[keys].drop_duplicates(), on=keys)

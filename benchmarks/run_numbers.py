@@ -151,7 +151,6 @@ def rewarding_regions(rows: pd.DataFrame) -> float:
 MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "best return": partial(_column, "best_return"),
     "coverage": partial(_column, "coverage.reachable"),
-    "seconds": partial(_column, "seconds"),
     "rewarding policies": partial(_column, "n_rewarding"),
     "first reward": partial(_column, "first_success_timesteps"),
     "late gain": partial(_of_curves, late_gain),

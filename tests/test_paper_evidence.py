@@ -74,6 +74,19 @@ def test_runs_of_a_variant_count_instead_of_the_algorithms_own(plan, collected):
         assert theirs.curves(Series("NSES"), env, "coverage") == []
     counts = theirs.final_states(Series("NSES"), US)
     np.testing.assert_array_equal(counts, ours.final_states(step, US))
+    of_states = Series("NSES", {"behavior": "state"})
+    assert ours.curves(of_states, US, "coverage")
+    assert theirs.curves(of_states, US, "coverage") == []  # which has the other step
+
+
+def test_what_differs_besides_stays_a_variant():
+    variants = ["", "step=canonical", "phi=0.0", "phi=0.0,step=canonical", "behavior=state"]
+    names = ["NSES"] * 4 + ["NSLC"]
+    runs = pd.DataFrame({"algorithm": names, "variant": variants, "n": range(5)})
+    chosen = paper._with_setting(runs, "step=canonical", {"NSES"})
+    assert chosen["variant"].tolist() == ["", "phi=0.0", "behavior=state"]
+    assert chosen["n"].tolist() == [1, 3, 4]
+    assert paper._with_setting(runs, "", set()).equals(runs)
 
 
 def test_between_two_times_the_mean_of_generations_counts(monkeypatch, tmp_path):

@@ -12,8 +12,11 @@ from curiosity_algos.algorithms.curiosity_es import CuriosityES
 from curiosity_algos.algorithms.nses import NSES
 from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.bonuses.apt import APT
+from curiosity_algos.bonuses.disagreement import Disagreement
 from curiosity_algos.bonuses.e3b import E3B
+from curiosity_algos.bonuses.encoders import SmallCNN
 from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.presets import load_preset
@@ -37,6 +40,7 @@ __all__ = [
     "CMAME",
     "E3B",
     "ICM",
+    "NGU",
     "NSES",
     "NSLC",
     "RND",
@@ -47,12 +51,14 @@ __all__ = [
     "CanonicalES",
     "CuriosityES",
     "CuriosityMAPElites",
+    "Disagreement",
     "ExplorationCallback",
     "GymnasiumVecEnv",
     "ICMVecEnvWrapper",
     "MAPElites",
     "NovelD",
     "Rollouts",
+    "SmallCNN",
     "load_preset",
     "make_evaluator",
 ]

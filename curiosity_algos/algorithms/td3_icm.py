@@ -58,10 +58,10 @@ class TD3ICM(ResumableTD3):
     Further keywords are those of TD3, see `ResumableTD3`.
 
     Args:
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the environment's spaces, which this then
-            trains.
-        bonus_kwargs: Keywords of a bonus that is named, see `APT`, `ICM` and `RND`; their
-            `learning_rate` is 6e-6 here.
+        bonus: "apt", "disagreement", "icm", "rnd", or a `Bonus` made for the environment's spaces,
+            which this then trains.
+        bonus_kwargs: Keywords of a bonus that is named, see its class; the `learning_rate` is 6e-6
+            here.
         weight: Factor of the bonus, above 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.

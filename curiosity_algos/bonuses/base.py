@@ -91,10 +91,10 @@ class NetworkBonus(th.nn.Module):
 
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
-            (uint8, channels first or last, 36 by 36 at least).
+            (uint8, channels first or last, 4 by 4 at least).
         learning_rate: Adam's, above 0.
         n_features: Length of the feature vector.
-        hidden: Widths of hidden layers. The encoder of images is SB3's NatureCNN.
+        hidden: Widths of hidden layers. The encoder of images is SB3's NatureCNN, or `SmallCNN`.
         normalize: Standardize observations, entry by entry, with running statistics of what was
             observed.
         seed: Of the initial weights and of all draws.

@@ -15,10 +15,9 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
-from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
 from curiosity_algos.bonuses.episodes import take_over
+from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.transitions import flat
-from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_positive
@@ -59,22 +58,21 @@ class E3B(NetworkBonus):
             raise ValueError(f"`ridge` must be at least {MIN_RIDGE:g}, got {ridge!r}.")
         super().__init__(observation_space, **kwargs)
         self.ridge = ridge
-        self.encode_actions = ActionEncoder(action_space)
-        n_features, hidden = self.n_features, self.hidden
-        made = {"generator": torch_generator(self.seed)}
-        self.encoder = make_encoder(observation_space, hidden, hidden, n_features, **made)
-        n_actions = self.encode_actions.size
-        self.inverse_model = mlp(2 * n_features, hidden, hidden, n_actions, **made)
+        self.encoder = InverseFeatures(
+            observation_space,
+            action_space,
+            hidden=self.hidden,
+            n_features=self.n_features,
+            generator=torch_generator(self.seed),
+        )
         self._begin()
 
     def losses(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, th.Tensor]:
         """Mean error of the inverse model on a batch."""
-        both = self.encoder(self.inputs(th.cat([observations, next_observations])))
-        predicted = self.inverse_model(th.cat(both.chunk(2), dim=1))
-        error = self.encode_actions.error(predicted, self.encode_actions(actions))
-        return {"loss": error.mean()}
+        both = self.inputs(th.cat([observations, next_observations]))
+        return {"loss": self.encoder.loss(both, actions)}
 
     def score(
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any

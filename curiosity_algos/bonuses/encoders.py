@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -11,14 +12,16 @@ import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import is_image_space, is_image_space_channels_first
-from stable_baselines3.common.torch_layers import NatureCNN
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, NatureCNN
 from stable_baselines3.common.vec_env import VecTransposeImage
 from torch.nn import functional
 
 from curiosity_algos.common.networks import initialize, mlp
 
-SMALLEST = 36
-"""Width and height that NatureCNN's three convolutions need."""
+SMALLEST = 4
+"""Width and height that the three convolutions of `SmallCNN` need."""
+SMALLEST_NATURE = 36
+"""Those that NatureCNN's need."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +53,18 @@ class ImageInputs:
                 f"255), got {space}."
             )
         assert isinstance(space, spaces.Box)
-        is_channels_last = not is_image_space_channels_first(space)
-        width_and_height = space.shape[:2] if is_channels_last else space.shape[1:]
-        if min(width_and_height) < SMALLEST:
+        images = cls(space.shape, not is_image_space_channels_first(space))
+        if min(images.width_and_height) < SMALLEST:
             raise ValueError(
                 f"`observation_space` must have images of {SMALLEST} by {SMALLEST} at least, "
                 f"got {space}."
             )
-        return cls(space.shape, is_channels_last)
+        return images
+
+    @property
+    def width_and_height(self) -> tuple[int, ...]:
+        """Pixels along both sides, in the order of the shape."""
+        return self.shape[:2] if self.is_channels_last else self.shape[1:]
 
     def unflatten(self, entries: th.Tensor) -> th.Tensor:
         """Entries (n, entries) as images, channels first."""
@@ -65,10 +72,37 @@ class ImageInputs:
         return images.permute(0, 3, 1, 2) if self.is_channels_last else images
 
 
+class SmallCNN(BaseFeaturesExtractor):
+    """Three convolutions of 2 by 2 for images of a few tiles, as those of MiniGrid.
+
+    As MiniGrid's documentation has it for Stable-Baselines3's policies; they take it as their
+    `features_extractor_class`.
+
+    Args:
+        observation_space: Box of images (channels, height, width), 4 by 4 at least.
+        features_dim: Number of features.
+    """
+
+    def __init__(self, observation_space: spaces.Space[Any], features_dim: int = 128) -> None:
+        super().__init__(observation_space, features_dim)
+        channels, *sizes = observation_space.shape or ()
+        layers: list[th.nn.Module] = []
+        for before, after in pairwise((channels, 16, 32, 64)):
+            layers += [th.nn.Conv2d(before, after, 2), th.nn.ReLU()]
+        n_entries = 64 * math.prod(size - 3 for size in sizes)
+        linear = th.nn.Linear(n_entries, features_dim)
+        self.layers = th.nn.Sequential(*layers, th.nn.Flatten(), linear, th.nn.ReLU())
+
+    def forward(self, observations: th.Tensor) -> th.Tensor:
+        """Features (n, features_dim) of images (n, channels, height, width)."""
+        features: th.Tensor = self.layers(observations)
+        return features
+
+
 def make_encoder(
     observation_space: spaces.Space[Any], *sizes: int, generator: th.Generator
 ) -> th.nn.Module:
-    """Features of observations: an MLP, or SB3's NatureCNN for images.
+    """Features of observations: an MLP, SB3's NatureCNN for images, `SmallCNN` for small ones.
 
     Args:
         observation_space: Box of 1-D observations or of images.
@@ -83,8 +117,9 @@ def make_encoder(
     space: spaces.Space[Any] = observation_space
     if images.is_channels_last:
         space = VecTransposeImage.transpose_space(observation_space)
+    is_small = min(images.width_and_height) < SMALLEST_NATURE
     with th.random.fork_rng(devices=[]):
-        network = NatureCNN(space, features_dim=sizes[-1])
+        network = (SmallCNN if is_small else NatureCNN)(space, features_dim=sizes[-1])
     for each in network.modules():
         if isinstance(each, th.nn.Conv2d | th.nn.Linear):
             initialize(each, generator)

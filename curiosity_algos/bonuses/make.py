@@ -13,10 +13,12 @@ from gymnasium import spaces
 
 from curiosity_algos.bonuses.apt import APT
 from curiosity_algos.bonuses.base import Bonus, NetworkKeywords
+from curiosity_algos.bonuses.disagreement import Disagreement
 from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
 from curiosity_algos.bonuses.episodes import Episodes, episodes_of
 from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.bonuses.spans import horizon_of
@@ -27,8 +29,10 @@ NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"}
 """Keywords of a bonus that is named; its seed and its device are those of the algorithm."""
 BONUSES: dict[str, Callable[..., Bonus]] = {
     "apt": APT,
+    "disagreement": Disagreement,
     "e3b": E3B,
     "icm": ICM,
+    "ngu": NGU,
     "noveld": NovelD,
     "rnd": RND,
 }

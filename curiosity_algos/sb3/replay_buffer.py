@@ -61,8 +61,9 @@ class BonusReplayBuffer(ReplayBuffer):
         n_envs: Environments side by side.
         optimize_memory_usage: As in SB3.
         handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`.
-        bonus: "apt", "icm", "rnd", or a `Bonus` made for the spaces, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see `APT`, `ICM` and `RND`.
+        bonus: "apt", "disagreement", "icm", "rnd", or a `Bonus` made for the spaces, which this
+            then trains.
+        bonus_kwargs: Of a bonus that is named, see its class.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
@@ -80,7 +81,8 @@ class BonusReplayBuffer(ReplayBuffer):
 
     Raises:
         ValueError: If an argument is out of its range, the spaces are of another kind, or the bonus
-            asks what an episode has seen, as `E3B` and `NovelD` do: `BonusVecEnvWrapper` knows it.
+            asks what an episode has seen, as `E3B`, `NGU` and `NovelD` do: `BonusVecEnvWrapper`
+            knows it.
     """
 
     _ahead: Iterator[tuple[IntArray, Array]] = iter(())
@@ -200,16 +202,12 @@ class BonusReplayBuffer(ReplayBuffer):
         n, self._n_untrained = self._n_untrained, 0
         with single_torch_thread():
             rows, envs = self._newest(n)
-            n_together = max(self._n_scored, self.batch_size)
-            parts = range(0, len(rows), n_together)
-            some = [slice(begin, begin + n_together) for begin in parts]
-            for each in some:
-                seen = self._seen(self.observations[rows[each], envs[each]])
+            for some in self._parts(len(rows)):
+                seen = self._seen(self.observations[rows[some], envs[some]])
                 self.bonus.observe(th.from_numpy(seen))
             draw = self.sample_transitions
             losses = train(self.bonus, draw, n_updates=self.n_updates, batch_size=self.batch_size)
-            scores = [self.bonus.score(*self._transitions(rows[i], envs[i])) for i in some]
-            bonus = self._checked(np.concatenate(scores))
+            bonus = self._score(rows, envs)
         self._has_trained = True
         if self._scale is not None:
             steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
@@ -268,13 +266,22 @@ class BonusReplayBuffer(ReplayBuffer):
         if not self._has_trained:
             return np.zeros(len(drawn), dtype=np.float32)
         with single_torch_thread():
-            bonus = self._checked(self.bonus.score(*self._transitions(*self._places(drawn))))
+            bonus = self._score(*self._places(drawn))
         return bonus if self._scale is None else self._scale.scaled(bonus, is_learning=False)
 
-    def _checked(self, bonus: Array) -> Array:
+    def _score(self, rows: IntArray, envs: IntArray) -> Array:
+        """Bonus (n,) of the transitions of these places, as the module gives it."""
+        parts = self._parts(len(rows))
+        scores = [self.bonus.score(*self._transitions(rows[i], envs[i])) for i in parts]
+        bonus = np.concatenate(scores)
         if not np.isfinite(bonus).all():
             raise ValueError("`bonus` must give finite scores, it gave others.")
         return bonus
+
+    def _parts(self, n: int) -> list[slice]:
+        """Parts of n transitions whose layers fit the cache, or the memory."""
+        size = max(self._n_scored, self.batch_size)
+        return [slice(begin, begin + size) for begin in range(0, n, size)]
 
     def sample_transitions(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions and next observations, as a bonus is trained on them."""

@@ -24,6 +24,9 @@ CASES = [
     *[(name, "flat-box") for name in BONUSES],
     ("icm", "flat-discrete"),
     ("e3b", "flat-discrete"),
+    ("ngu", "flat-discrete"),
+    ("disagreement", "flat-discrete"),
+    ("disagreement", "images-first"),
     ("noveld", "images-last"),
     ("apt", "images-last"),
     ("rnd", "images-first"),
@@ -98,8 +101,10 @@ def test_seeds_decide_and_torchs_own_draws_stay(name, kind):
     batch = make_batch(kind)
     for bonus in (one, same, other):
         bonus.observe(th.from_numpy(batch[0]))
-    np.testing.assert_array_equal(score(one, batch), score(same, batch))
-    assert not np.array_equal(score(one, batch), score(other, batch))
+    episode = np.concatenate([batch[0], batch[2][-1:]]), batch[1]
+    scores = [bonus.score_trajectory(*episode) for bonus in (one, same, other)]
+    np.testing.assert_array_equal(scores[0], scores[1])
+    assert not np.array_equal(scores[0], scores[2])
 
 
 def test_training_lowers_the_loss(name, kind):

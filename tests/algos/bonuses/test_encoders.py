@@ -6,7 +6,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import NatureCNN
 
-from curiosity_algos.bonuses.encoders import ActionEncoder, ImageInputs, make_encoder
+from curiosity_algos.bonuses.encoders import ActionEncoder, ImageInputs, SmallCNN, make_encoder
 from curiosity_algos.bonuses.rnd import RND
 
 
@@ -33,6 +33,18 @@ def test_images_are_sb3s_convolutions(shape):
     assert encoder(picture).shape == (3, 5)
 
 
+@pytest.mark.parametrize("shape", [(7, 7, 3), (3, 7, 9), (4, 4, 1), (3, 35, 84)])
+def test_small_images_have_small_convolutions(shape):
+    encoder = make_encoder(images(*shape), 64, 5, generator=generator())
+    assert isinstance(encoder, SmallCNN)
+    picture = ImageInputs.of(images(*shape)).unflatten(th.rand(3, math.prod(shape)))
+    features = encoder(picture)
+    assert features.shape == (3, 5)
+    # Each is seen whole: a pixel in the last corner counts, too.
+    picture[0, -1, -1, -1] += 10.0
+    assert not th.equal(encoder(picture)[0], features[0])
+
+
 @pytest.mark.parametrize(("shape", "order"), [((3, 36, 40), (0, 1, 2)), ((36, 40, 3), (2, 0, 1))])
 def test_colors_come_first_and_are_shares(shape, order):
     pixels = np.random.default_rng(0).integers(0, 256, (2, *shape), np.uint8)
@@ -57,8 +69,8 @@ def test_weights_are_the_generators():
         (spaces.Discrete(3), "one-dimensional Box, or one of images"),
         (spaces.Box(0, 1, (3, 84, 84), np.float32), "one-dimensional Box, or one of images"),
         (spaces.Box(-1, 1, (0,)), "at least one entry"),
-        (images(3, 35, 84), "images of 36 by 36 at least"),
-        (images(84, 35, 3), "images of 36 by 36 at least"),
+        (images(3, 3, 84), "images of 4 by 4 at least"),
+        (images(84, 3, 4), "images of 4 by 4 at least"),
     ],
 )
 def test_errors_say_what_observations_may_be(space, message):

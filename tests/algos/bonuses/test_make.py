@@ -160,5 +160,7 @@ def test_keywords_are_those_of_the_bonus(bonus_kwargs):
 
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
-    with pytest.raises(ValueError, match="`bonus` must be one of apt, e3b, icm, noveld, rnd"):
+    with pytest.raises(
+        ValueError, match="`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, rnd"
+    ):
         check_bonus_choice(bonus, {})

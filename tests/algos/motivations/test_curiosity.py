@@ -87,7 +87,7 @@ class TestScore:
             highest = values[-max(1, n_states // 4) :]
             assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
 
-    @pytest.mark.parametrize("bonus", ["e3b", "noveld"])
+    @pytest.mark.parametrize("bonus", ["e3b", "ngu", "noveld"])
     def test_a_bonus_with_a_memory_sees_every_state(self, bonus):
         rollouts = make_rollouts()
         motivation = make_motivation(bonus, n_states=8, gamma=1.0)
@@ -213,7 +213,11 @@ class TestMaking:
             ("gamma", 1.1, "`gamma` must be from 0 to 1"),
             ("n_states", 0, "`n_states` must be a whole number of at least 1"),
             ("n_states", 20, "`gamma` must be 1 unless `n_states` is None"),
-            ("bonus", "rdn", "`bonus` must be one of apt, e3b, icm, noveld, rnd, got 'rdn'"),
+            (
+                "bonus",
+                "rdn",
+                "`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, rnd, got 'rdn'",
+            ),
             ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
             ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),
             ("n_transitions", 0, "`n_transitions` must be a whole number of at least 1"),

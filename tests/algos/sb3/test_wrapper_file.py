@@ -102,7 +102,7 @@ def loads(path):
     return True
 
 
-BONUSES = pytest.mark.parametrize("bonus", ["icm", "e3b", "noveld"])
+BONUSES = pytest.mark.parametrize("bonus", ["icm", "e3b", "ngu", "noveld"])
 
 
 @BONUSES

@@ -1,0 +1,221 @@
+"""NGU: new in the episode, times how new in all of training.
+
+Badia et al. 2020, "Never Give Up: Learning Directed Exploration Strategies"
+(https://arxiv.org/abs/2002.06038).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Unpack
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.base import FloatArray, NetworkKeywords
+from curiosity_algos.bonuses.episodes import take_over
+from curiosity_algos.bonuses.inverse import InverseFeatures
+from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_algos.common.randomness import torch_generator
+from curiosity_gym.compiled import compiled
+from curiosity_gym.validation import check_at_least_one
+
+Float64 = npt.NDArray[np.float64]
+EPSILON, CLUSTER, CONSTANT = 1e-3, 8e-3, 1e-3
+"""Of the kernel, the distance below which two states are one, and the c of the paper's table 5."""
+LARGEST_RATIO = 5.0
+"""L, the most that novelty in all of training multiplies by."""
+
+
+class NGU(RND):
+    """`min(max(alpha, 1), 5) / (sqrt(sum of K(phi(s'), phi_i)) + c)` over the episode's nearest.
+
+    The kernel `K = eps / (d^2 / d_m^2 + eps)` is near 1 where the episode was, and small elsewhere;
+    `d_m^2` is the mean of squared distances to the nearest, over the episode so far. The features
+    `phi` are those of an inverse model. `alpha = 1 + (e - mean e) / deviation of e` with RND's
+    error `e`, the statistics of which are those of all training batches. The episode's first
+    observation is remembered, too. The paper's bound of `s_m = 8` on the root is left out: ten
+    neighbors cannot come to it.
+
+    Further keywords are those of `RND`.
+
+    Args:
+        observation_space: As of `NetworkBonus`.
+        action_space: As of `ICM`.
+        n_neighbors: Nearest states of the episode that are asked.
+    """
+
+    name = "ngu"
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        n_neighbors: int = 10,
+        **kwargs: Unpack[NetworkKeywords],
+    ) -> None:
+        check_at_least_one(n_neighbors=n_neighbors)
+        super().__init__(observation_space, action_space, **kwargs)
+        self.n_neighbors = n_neighbors
+        self.encoder = InverseFeatures(
+            observation_space,
+            action_space,
+            hidden=self.hidden,
+            n_features=self.n_features,
+            generator=torch_generator(self.seed),
+        )
+        self.error_statistics = RunningNormalizer(1)
+        self._begin()
+
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """Mean errors of a batch, of the predictor and of the inverse model, and their sum."""
+        errors = self.errors(next_observations)
+        self.error_statistics.observe(errors.detach()[:, None])
+        both = self.inputs(th.cat([observations, next_observations]))
+        inverse_loss, distillation = self.encoder.loss(both, actions), errors.mean()
+        loss = inverse_loss + distillation
+        return {"loss": loss, "inverse_loss": inverse_loss, "rnd_loss": distillation}
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Raise ValueError: a transition alone has no bonus, see `episodes`."""
+        raise ValueError("`bonus` must be asked for whole episodes: ngu remembers each of them.")
+
+    def score_trajectory(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
+    ) -> FloatArray:
+        """Bonus (T,) of the steps of an episode among T + 1 observations."""
+        features, scores = self.features(observations), np.empty(len(actions))
+        visit(features, 1, np.empty(self.n_neighbors), np.zeros(2), scores)
+        return np.asarray(scores * self.ratios(observations[1:]), dtype=np.float32)
+
+    def episodes(self, n: int) -> Neighbors:
+        """A memory for n episodes side by side."""
+        return Neighbors(self, n)
+
+    @th.no_grad()
+    def features(self, observations: npt.NDArray[Any]) -> Float64:
+        """`phi` of observations (n, ...), (n, F)."""
+        features = self.encoder(self.inputs(self.tensor(observations)))
+        numbers: Float64 = features.cpu().numpy().astype(np.float64)
+        return numbers
+
+    @th.no_grad()
+    def ratios(self, observations: npt.NDArray[Any]) -> Float64:
+        """`min(max(alpha, 1), 5)` of observations, (n,); 1 before any training."""
+        errors = self.errors(self.tensor(observations)).double()
+        statistics = self.error_statistics
+        if not statistics.count:
+            return np.ones(len(observations))
+        alpha = 1.0 + (errors - statistics.mean) / statistics.variance.sqrt().clamp_min(1e-12)
+        ratios: Float64 = alpha.clamp(1.0, LARGEST_RATIO).cpu().numpy()
+        return ratios
+
+
+class Neighbors:
+    """The features of what each of n episodes has come to so far; see `Episodes`."""
+
+    def __init__(self, bonus: NGU, n: int) -> None:
+        self._bonus = bonus
+        self._features = np.zeros((n, 1, bonus.n_features))  # grows with the longest episode
+        self._n_held = np.zeros(n, dtype=np.int64)
+        self._means = np.zeros((n, 2))  # of squared distances, and of how many
+
+    def score(
+        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
+    ) -> FloatArray:
+        """Bonus (n,) of a step of each episode, which is then remembered."""
+        every = np.arange(len(self._n_held))
+        begin = every[self._n_held == 0]
+        if len(begin):
+            self._remember(observations[begin], begin)
+        self._remember(next_observations, every)
+        scores, nearest = np.empty(len(every)), np.empty(self._bonus.n_neighbors)
+        for i, n in enumerate(self._n_held.tolist()):
+            visit(self._features[i, :n], n - 1, nearest, self._means[i], scores[i : i + 1])
+        return np.asarray(scores * self._bonus.ratios(next_observations), dtype=np.float32)
+
+    def _remember(self, observations: npt.NDArray[Any], episodes: npt.NDArray[np.int64]) -> None:
+        """Take an observation of each of some episodes."""
+        self._make_room(self._n_held.max() + 1)
+        self._features[episodes, self._n_held[episodes]] = self._bonus.features(observations)
+        self._n_held[episodes] += 1
+
+    def _make_room(self, n: int) -> None:
+        """See that n features of each episode have a place."""
+        n_more = max(n, 2 * self._features.shape[1]) - self._features.shape[1]
+        if n > self._features.shape[1]:
+            self._features = np.pad(self._features, ((0, 0), (0, n_more), (0, 0)))
+
+    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+        """Forget the episodes (n,) that have ended."""
+        self._n_held[dones] = 0
+        self._means[dones] = 0.0
+
+    def state_dict(self) -> dict[str, Any]:
+        """The features of each episode, and the mean of its squared distances."""
+        held = zip(self._features, self._n_held, strict=True)
+        return {
+            "features": [th.from_numpy(features[:n].copy()) for features, n in held],
+            "means": th.from_numpy(self._means.copy()),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
+        saved = {f"features {i}": each for i, each in enumerate(state["features"])}
+        if len(saved) != len(self._n_held):
+            raise ValueError(f"`features` must be of {len(self._n_held)} episodes.")
+        n_features = self._bonus.n_features
+        own = {name: np.zeros((len(each), n_features)) for name, each in saved.items()}
+        held = take_over(saved, own).values()
+        self._means = take_over(state, {"means": self._means})["means"]
+        self._n_held = np.array([len(each) for each in held])
+        self._make_room(self._n_held.max())
+        for features, each in zip(self._features, held, strict=True):
+            features[: len(each)] = each
+
+
+@compiled
+def visit(features: Float64, begin: int, nearest: Float64, mean: Float64, scores: Float64) -> None:
+    """Score features (T, F) from `begin` on, each by the nearest (K,) of those before it.
+
+    The mean (2,) of squared distances, and the number that it is of, go on.
+    """
+    for t in range(begin, len(features)):
+        n = find_nearest(features, t, nearest)
+        for i in range(n):
+            mean[1] += 1.0
+            mean[0] += (nearest[i] - mean[0]) / mean[1]
+        total = 0.0
+        for i in range(n):
+            # Where the episode never moved all are one place.
+            distance = nearest[i] / mean[0] if mean[0] > 0.0 else 0.0
+            total += EPSILON / (max(distance - CLUSTER, 0.0) + EPSILON)
+        scores[t - begin] = 1.0 / (np.sqrt(total) + CONSTANT)
+
+
+@compiled
+def find_nearest(features: Float64, t: int, nearest: Float64) -> int:
+    """Write the lowest squared distances of number t from those before it, and say how many."""
+    n = 0
+    for i in range(t):
+        distance = 0.0
+        for j in range(features.shape[1]):
+            distance += (features[t, j] - features[i, j]) ** 2
+        if n < len(nearest):
+            n += 1
+        elif distance >= nearest[n - 1]:
+            continue
+        place = n - 1
+        while place > 0 and nearest[place - 1] > distance:
+            nearest[place] = nearest[place - 1]
+            place -= 1
+        nearest[place] = distance
+    return n

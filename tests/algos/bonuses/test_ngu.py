@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+
+from curiosity_algos.bonuses.checks import check_episodes
+from curiosity_algos.bonuses.ngu import NGU, Neighbors, visit
+
+SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
+
+
+def make_ngu(*spaces, **changes):
+    return NGU(*(spaces or SPACE), **({"n_features": 4, "seed": 0, "device": "cpu"} | changes))
+
+
+def make_observations(n=20, seed=0):
+    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
+
+
+def by_definition(features, n_neighbors):
+    """1 / (sqrt(sum K) + c) of all but the first, by scipy's distances; eps, xi, c of table 5."""
+    squares = cdist(features, features, "sqeuclidean")
+    asked, scores = [], []
+    for t in range(1, len(features)):
+        nearest = np.sort(squares[t, :t])[:n_neighbors]
+        asked.extend(nearest)
+        kernel = 1e-3 / (np.maximum(nearest / np.mean(asked) - 8e-3, 0.0) + 1e-3)
+        scores.append(1.0 / (np.sqrt(kernel.sum()) + 1e-3))
+    return np.array(scores)
+
+
+@given(st.integers(0, 1000), st.integers(1, 40), st.integers(1, 12))
+def test_it_is_the_papers_formula(seed, n, n_neighbors):
+    ngu, observations = make_ngu(n_neighbors=n_neighbors), make_observations(n + 1, seed)
+    expected = by_definition(ngu.features(observations), n_neighbors)
+    scores = ngu.score_trajectory(observations, np.zeros(n, dtype=np.int64))
+    np.testing.assert_allclose(scores, expected, rtol=1e-4)
+
+
+def test_two_points_by_hand():
+    """The second is at 1 from the first, the third where the first is, and 1 from the second."""
+    features, scores = np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), np.empty(2)
+    visit(features, 1, np.empty(2), np.zeros(2), scores)
+    far = 1e-3 / (1.0 - 8e-3 + 1e-3)  # at the mean distance
+    assert scores[0] == pytest.approx(1.0 / (far**0.5 + 1e-3))
+    less_far = 1e-3 / (1.5 - 8e-3 + 1e-3)  # 1 of a mean of 2/3
+    assert scores[1] == pytest.approx(1.0 / ((1.0 + less_far) ** 0.5 + 1e-3))
+
+
+def test_who_stays_is_paid_less_and_less():
+    observations = np.repeat(make_observations(1), 8, axis=0)
+    scores = make_ngu().score_trajectory(observations, np.zeros(7, dtype=np.int64))
+    np.testing.assert_allclose(scores, 1.0 / (np.sqrt(np.arange(1, 8)) + 1e-3), rtol=1e-6)
+
+
+def test_what_is_new_in_training_is_worth_up_to_five_times_as_much():
+    ngu, observations = make_ngu(), make_observations()
+    assert ngu.ratios(observations).tolist() == [1.0] * 20
+    seen = th.from_numpy(observations)
+    errors = ngu.errors(seen).detach().double().numpy()
+    ngu.update(seen, th.zeros(20, 1), seen)
+    later = ngu.errors(th.from_numpy(observations)).detach().double().numpy()
+    alpha = 1.0 + (later - errors.mean()) / errors.std()
+    np.testing.assert_allclose(ngu.ratios(observations), np.clip(alpha, 1.0, 5.0), rtol=1e-5)
+    assert ngu.ratios(100.0 * observations).max() == 5.0
+
+
+def test_each_episode_has_its_own_memory():
+    check_episodes(make_ngu)
+
+
+class NeverForgets(Neighbors):
+    def end(self, dones):
+        pass
+
+
+class ReadsAnothers(Neighbors):
+    def _remember(self, observations, episodes):
+        super()._remember(observations, episodes)
+        self._features[:] = self._features[:1]
+
+
+@pytest.mark.parametrize("memory", [NeverForgets, ReadsAnothers])
+def test_a_memory_that_is_not_the_episodes_is_found_out(memory):
+    class Mutant(NGU):
+        def episodes(self, n):
+            return memory(self, n)
+
+    with pytest.raises(AssertionError, match="must be the same"):
+        check_episodes(lambda *spaces: Mutant(*spaces, seed=0, device="cpu"))
+
+
+def test_a_memory_goes_on_from_its_state():
+    ngu, observations = make_ngu(), make_observations(30).reshape(10, 3, 6)
+    actions = np.zeros(3, dtype=np.int64)
+    one, other = ngu.episodes(3), ngu.episodes(3)
+    for t in range(5):
+        one.score(observations[t], actions, observations[t + 1])
+    one.end(np.array([False, True, False]))
+    state = one.state_dict()
+    other.score(*observations[[7, 8]][[0]], actions, observations[8])
+    other.load_state_dict(state)
+    for t in range(5, 9):
+        step = observations[t], actions, observations[t + 1]
+        np.testing.assert_array_equal(one.score(*step), other.score(*step))
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_a_state_of_other_episodes_is_refused(n):
+    with pytest.raises(ValueError, match="`features` must be of 3 episodes"):
+        make_ngu().episodes(3).load_state_dict(make_ngu().episodes(n).state_dict())
+
+
+def test_it_scores_no_single_transition():
+    observations = make_observations()
+    with pytest.raises(ValueError, match="`bonus` must be asked for whole episodes: ngu"):
+        make_ngu().score(observations[:-1], np.zeros(19, dtype=np.int64), observations[1:])

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from stable_baselines3 import TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import VecMonitor
 
 from benchmarks.measure import (
     Figures,
@@ -16,6 +20,7 @@ from benchmarks.measure import (
     Row,
     Stopwatch,
     Table,
+    Task,
     interleave,
     ratios,
     seconds,
@@ -23,12 +28,19 @@ from benchmarks.measure import (
 )
 from benchmarks.products import products_of_errors
 from benchmarks.roofline import products_task
-from curiosity_algos import TD3ICM
+from curiosity_algos import TD3ICM, BonusReplayBuffer, GymnasiumVecEnv
 from curiosity_algos.algorithms import td3_icm
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_gym.compiled import ThreadPool
 
 MAZE = "CuriosityMaze-US-v0"
+EIGHT = "SBX's TD3 + ICM, 8 environments"
+N_STEPS = 200
+"""Steps of all environments between two trainings of SBX's."""
+SAME_STEP: dict[str, Any] = {
+    "vectorization_mode": "vector_entry_point",
+    "autoreset_mode": AutoresetMode.SAME_STEP,
+}
 STAGES = ("environment", "rewards of samples", "bonus updates", "actor and critic", "rest")
 
 
@@ -86,7 +98,66 @@ def run(plan: Plan) -> list[Table]:
     ]
     floor = products_of_errors(icm.trained_bonus, n_steps * icm.batch_size)
     floors = [floor / rate for rate in figures["products"]]
-    return [Table(f"td3: {MAZE}", rows, notes), _stages(runs, floors)]
+    tables = [Table(f"td3: {MAZE}", rows, notes), _stages(runs, floors)]
+    return [*tables, _compiled_learner(plan)]
+
+
+def _compiled_learner(plan: Plan) -> Table:
+    """Rates of SBX's TD3, whose learner is compiled, alone and with our replay buffer."""
+    n_steps = plan.size(4000, 400)
+
+    def task(make: Callable[[], BaseAlgorithm]) -> Task:
+        model = make()
+
+        def learn() -> float:
+            before = model.num_timesteps
+            with single_torch_thread():
+                elapsed = seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
+            return (model.num_timesteps - before) / elapsed
+
+        learn()  # what is compiled, is now
+        return learn
+
+    tasks = {"TD3ICM": task(lambda: TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0))}
+    notes = ["Networks of 32 and 32, batches of 128, and 200 gradient steps a call of SBX's."]
+    try:
+        tasks |= {
+            "SBX's TD3": task(lambda: make_sbx(n_envs=1, steps_per_update=1, bonus=None)),
+            "SBX's TD3 + ICM": task(lambda: make_sbx(n_envs=1, steps_per_update=1)),
+            EIGHT: task(lambda: make_sbx(n_envs=8, steps_per_update=1)),
+            f"{EIGHT}, an update every 4 steps": task(
+                lambda: make_sbx(n_envs=8, steps_per_update=4)
+            ),
+        }
+    except ImportError as error:
+        notes.append(f"SBX's is left out: the package {error.name} is not installed.")
+    figures = interleave(tasks, plan.repeats)
+    rows = [Row(name, figures[name], "steps/s") for name in tasks]
+    if EIGHT in figures:
+        times = ratios(figures[EIGHT], figures["TD3ICM"])
+        rows.append(Row(f"{EIGHT} over TD3ICM", times, "x", ">= 5"))
+    return Table("td3: a compiled learner", rows, notes)
+
+
+def make_sbx(*, n_envs: int, steps_per_update: int, bonus: str | None = "icm") -> BaseAlgorithm:
+    """SBX's TD3 with the paper's networks and batches, 200 steps or more a training."""
+    import sbx
+
+    with_bonus = {
+        "replay_buffer_class": BonusReplayBuffer,
+        "replay_buffer_kwargs": {"bonus": bonus},
+    }
+    return sbx.TD3(
+        "MlpPolicy",
+        VecMonitor(GymnasiumVecEnv(gym.make_vec(MAZE, num_envs=n_envs, **SAME_STEP))),
+        learning_starts=400,
+        batch_size=128,
+        train_freq=N_STEPS // n_envs,
+        gradient_steps=N_STEPS // steps_per_update,
+        policy_kwargs={"net_arch": td3_icm.NET_ARCH},
+        seed=0,
+        **({} if bonus is None else with_bonus),
+    )
 
 
 def _stages(runs: list[dict[str, float]], floors: Figures) -> Table:

@@ -31,7 +31,7 @@ SECTIONS = {
 }
 """The module of each section, imported late: spawned workers import this file again."""
 PACKAGES = ("numpy", "numba", "torch", "gymnasium", "stable-baselines3")
-PEERS = ("gymnasium-robotics", "mujoco", "dm-control", "shimmy", "kheperax", "jax")
+PEERS = ("gymnasium-robotics", "mujoco", "dm-control", "shimmy", "kheperax", "jax", "sbx-rl")
 
 
 def main(

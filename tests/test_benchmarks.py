@@ -46,7 +46,7 @@ TITLES = {
     "control": [f"control: CuriosityControl-{name}-v0" for name in CONTROL],
     "locomotion": ["locomotion: Ant-v5"],
     "learn": ["learn: CuriosityMaze-Hard-v0", "learn: where the time goes"],
-    "td3": ["td3: CuriosityMaze-US-v0", "td3: where TD3ICM's time goes"],
+    "td3": ["td3: CuriosityMaze-US-v0", "td3: where TD3ICM's time goes", "td3: a compiled learner"],
     "novelty": ["novelty: the archive"],
     "diversity": ["diversity: share of the time"],
     "cold_start": ["cold_start: fresh processes"],

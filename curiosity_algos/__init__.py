@@ -18,6 +18,7 @@ from curiosity_algos.bonuses.encoders import SmallCNN
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
+from curiosity_algos.bonuses.ramp import RAMP
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.evaluation.evaluator import make_evaluator
@@ -43,6 +44,7 @@ __all__ = [
     "NGU",
     "NSES",
     "NSLC",
+    "RAMP",
     "RND",
     "TD3ICM",
     "BonusCheckpointCallback",

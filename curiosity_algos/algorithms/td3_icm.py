@@ -58,8 +58,8 @@ class TD3ICM(ResumableTD3):
     Further keywords are those of TD3, see `ResumableTD3`.
 
     Args:
-        bonus: "apt", "disagreement", "icm", "rnd", or a `Bonus` made for the environment's spaces,
-            which this then trains.
+        bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the environment's
+            spaces, which this then trains.
         bonus_kwargs: Keywords of a bonus that is named, see its class; the `learning_rate` is 6e-6
             here.
         weight: Factor of the bonus, above 0: the paper's eta / 2.

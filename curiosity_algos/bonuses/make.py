@@ -20,6 +20,7 @@ from curiosity_algos.bonuses.episodes import Episodes, episodes_of
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
+from curiosity_algos.bonuses.ramp import RAMP
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain
@@ -34,6 +35,7 @@ BONUSES: dict[str, Callable[..., Bonus]] = {
     "icm": ICM,
     "ngu": NGU,
     "noveld": NovelD,
+    "ramp": RAMP,
     "rnd": RND,
 }
 

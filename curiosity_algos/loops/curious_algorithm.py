@@ -26,8 +26,8 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
     """Holds the curiosity of trajectories, beside whatever search a class after it has.
 
     Args:
-        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "rnd", or a `Bonus` made for
-            the environment's spaces, which this then trains.
+        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
+            made for the environment's spaces, which this then trains.
         bonus_kwargs: Keywords of a bonus that is named, see that (`learning_rate`, ...).
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.

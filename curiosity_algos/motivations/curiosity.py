@@ -117,8 +117,8 @@ class CuriosityMotivation:
         observation_space: One-dimensional Box.
         action_space: One-dimensional Box, or Discrete.
         bonus: Gives the curiosity `c_t` of each transition: "apt", "disagreement", "e3b", "icm",
-            "ngu", "noveld", "rnd", or a `Bonus` made for these spaces, which the motivation then
-            trains.
+            "ngu", "noveld", "ramp", "rnd", or a `Bonus` made for these spaces, which the
+            motivation then trains.
         bonus_kwargs: Keywords of a bonus that is named, see that.
         n_states: Transitions of an episode that its score looks at; None: all.
         gamma: In [0, 1]; 1 where `n_states` is a number.

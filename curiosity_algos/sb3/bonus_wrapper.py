@@ -63,8 +63,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     Args:
         venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
-        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "rnd", or a `Bonus` made for
-            the spaces of `venv`, which this then trains.
+        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
+            made for the spaces of `venv`, which this then trains.
         bonus_kwargs: Of a bonus that is named, see that. The `learning_rate` of an ICM is 1e-4
             here.
         weight: Of the bonus, above 0.

@@ -61,8 +61,8 @@ class BonusReplayBuffer(ReplayBuffer):
         n_envs: Environments side by side.
         optimize_memory_usage: As in SB3.
         handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`.
-        bonus: "apt", "disagreement", "icm", "rnd", or a `Bonus` made for the spaces, which this
-            then trains.
+        bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the spaces, which
+            this then trains.
         bonus_kwargs: Of a bonus that is named, see its class.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.

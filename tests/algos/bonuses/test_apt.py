@@ -161,3 +161,12 @@ def test_what_is_remembered_is_known_until_the_next_training():
 def test_errors_name_the_argument(name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):
         make_apt(**{name: value})
+
+
+def test_a_learning_rate_of_nearly_nothing_is_re3():
+    bonus = APT(spaces.Box(-1, 1, (6,)), None, learning_rate=1e-30, seed=0, device="cpu")
+    before = [each.clone() for each in bonus.encoder.parameters()]
+    batch = th.rand(3, 20, 6)
+    for _ in range(10):
+        bonus.update(batch[0], batch[1], batch[2])
+    assert all(map(th.equal, before, bonus.encoder.parameters()))

@@ -161,6 +161,7 @@ def test_keywords_are_those_of_the_bonus(bonus_kwargs):
 @pytest.mark.parametrize("bonus", ["count", None, 3, BONUSES["icm"], object()], ids=type)
 def test_anything_else_is_no_bonus(bonus):
     with pytest.raises(
-        ValueError, match="`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, rnd"
+        ValueError,
+        match="`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, ramp, rnd",
     ):
         check_bonus_choice(bonus, {})

@@ -437,7 +437,7 @@ class TestTraining:
     [
         (
             {"bonus": "curiosity"},
-            "`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, rnd",
+            "`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, ramp, rnd",
         ),
         ({"bonus": "icm", "bonus_kwargs": {"betta": 1}}, "`bonus_kwargs`"),
         ({"weight": 0.0}, "`weight` must be"),

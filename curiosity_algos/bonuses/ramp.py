@@ -1,0 +1,108 @@
+"""RAMP: away from where one was, by a potential that is steep in time.
+
+Le Tolguenec et al. 2024, "Exploration by Running Away from the Past"
+(https://arxiv.org/abs/2411.14085), in the form of the Wasserstein distance.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Unpack
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from gymnasium import spaces
+
+from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.encoders import make_encoder
+from curiosity_algos.common.networks import mlp
+from curiosity_algos.common.randomness import torch_generator
+from curiosity_gym.validation import check_at_least_one
+
+SLACK = 1e-3
+"""How far below its bound a step no longer counts for the multiplier, as in METRA."""
+
+
+class RAMP(NetworkBonus):
+    """`f(s') - f(s)`, with a potential `f` high where states come from now, and low before.
+
+    The potential maximizes the difference of its mean over the newest observations and its mean
+    over the batches that it is trained on, which come from all that is kept, such that it changes
+    by 1 a step at most: `|f(s') - f(s)| <= 1`, by dual descent. So that difference is the
+    Wasserstein distance of the two, in steps. Over an episode the bonus adds up to
+    `f(s_T) - f(s_0)`; a single one may be negative.
+
+    Further keywords are those of every bonus of networks, see `NetworkBonus`.
+
+    Args:
+        observation_space: As of `NetworkBonus`.
+        action_space: Any; taken so that bonuses are made alike.
+        n_newest: Observations that are now, those observed last.
+    """
+
+    name = "ramp"
+    newest: th.Tensor
+    n_observed: th.Tensor
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *,
+        n_newest: int = 2048,
+        **kwargs: Unpack[NetworkKeywords],
+    ) -> None:
+        check_at_least_one(n_newest=n_newest)
+        super().__init__(observation_space, **kwargs)
+        sizes = self.hidden, self.hidden, self.n_features
+        generator = torch_generator(self.seed)
+        encoder = make_encoder(observation_space, *sizes, generator=generator)
+        self.potential = th.nn.Sequential(
+            encoder, th.nn.ReLU(), mlp(self.n_features, 1, generator=generator)
+        )
+        self.log_multiplier = th.nn.Parameter(th.zeros(()))
+        dtype = th.float32 if self.images is None else th.uint8
+        self.register_buffer("newest", th.zeros((n_newest, *self.shape), dtype=dtype))
+        self.register_buffer("n_observed", th.zeros((), dtype=th.int64))
+        self._begin()
+
+    def observe(self, observations: th.Tensor) -> None:
+        """Take observations (n, ...) for what is now, and into the statistics."""
+        super().observe(observations)
+        size = len(self.newest)
+        kept = observations[-size:].to(self.device)
+        last = int(self.n_observed) + len(observations)
+        places = th.arange(last - len(kept), last, device=self.device) % size
+        self.newest[places] = kept.to(self.newest.dtype)
+        self.n_observed.fill_(last)
+
+    def losses(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, th.Tensor]:
+        """The distance of a batch from what is now, with what the bound of steps takes off."""
+        n_newest = min(int(self.n_observed), len(self.newest))
+        now = self.potentials(self.newest[:n_newest]) if n_newest else th.zeros(1)
+        before, after = self.potentials(th.cat([observations, next_observations])).chunk(2)
+        distance = now.mean() - before.mean()
+        slack = (1.0 - (after - before).square()).clamp_max(SLACK).mean()
+        multiplier = self.log_multiplier.exp()
+        loss = multiplier * slack.detach() - distance - multiplier.detach() * slack
+        return {"loss": loss, "distance": distance, "multiplier": multiplier}
+
+    def potentials(self, observations: th.Tensor) -> th.Tensor:
+        """`f` of observations (n, ...), (n,)."""
+        potentials: th.Tensor = self.potential(self.inputs(observations))[:, 0]
+        return potentials
+
+    @th.no_grad()
+    def score(
+        self,
+        observations: npt.NDArray[Any],
+        actions: npt.NDArray[Any],
+        next_observations: npt.NDArray[Any],
+    ) -> FloatArray:
+        """What each transition gains, shape (n,)."""
+        both = self.tensor(np.concatenate([observations, next_observations]))
+        before, after = self.potentials(both).chunk(2)
+        gains: FloatArray = (after - before).cpu().numpy()
+        return gains

@@ -59,7 +59,19 @@ class ImageInputs:
                 f"`observation_space` must have images of {SMALLEST} by {SMALLEST} at least, "
                 f"got {space}."
             )
+        if min(images.width_and_height) < SMALLEST_NATURE and images.has_many_colors:
+            raise ValueError(
+                "`observation_space` must have fewer colors than pixels along each side in images "
+                f"below {SMALLEST_NATURE} by {SMALLEST_NATURE}, or which is which cannot be told, "
+                f"got {space}."
+            )
         return images
+
+    @property
+    def has_many_colors(self) -> bool:
+        """Whether there are as many as pixels along a side: Stable-Baselines3 tells them so."""
+        n_colors = self.shape[-1] if self.is_channels_last else self.shape[0]
+        return n_colors >= min(self.width_and_height)
 
     @property
     def width_and_height(self) -> tuple[int, ...]:

@@ -19,33 +19,37 @@ from curiosity_algos.bonuses.episodes import take_over
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.networks import RunningNormalizer
-from curiosity_algos.common.randomness import torch_generator
+from curiosity_algos.common.randomness import integer_seed, torch_generator
 from curiosity_gym.compiled import compiled
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_whole
 
 Float64 = npt.NDArray[np.float64]
 EPSILON, CLUSTER, CONSTANT = 1e-3, 8e-3, 1e-3
 """Of the kernel, the distance below which two states are one, and the c of the paper's table 5."""
 LARGEST_RATIO = 5.0
 """L, the most that novelty in all of training multiplies by."""
+MEMORY = 100_000
+"""Values that statistics are of, about: what the untrained networks said is forgotten."""
 
 
 class NGU(RND):
     """`min(max(alpha, 1), 5) / (sqrt(sum of K(phi(s'), phi_i)) + c)` over the episode's nearest.
 
-    The kernel `K = eps / (d^2 / d_m^2 + eps)` is near 1 where the episode was, and small elsewhere;
-    `d_m^2` is the mean of squared distances to the nearest, over the episode so far. The features
-    `phi` are those of an inverse model. `alpha = 1 + (e - mean e) / deviation of e` with RND's
-    error `e`, the statistics of which are those of all training batches. The episode's first
-    observation is remembered, too. The paper's bound of `s_m = 8` on the root is left out: ten
-    neighbors cannot come to it.
+    The kernel `K = eps / (d^2 / d_m^2 + eps)` is near 1 where the episode was, and small elsewhere.
+    The features `phi` are those of an inverse model; `d_m^2` is the mean of squared distances to
+    the nearest in training batches, where the paper averages those of its episodes: so it is the
+    same for all that are scored, and who hardly moves is not paid as who goes far.
+    `alpha = 1 + (e - mean e) / deviation of e` with RND's error `e` in the batches of late. The
+    episode's first observation is remembered, too. The paper's bound of 8 on the root is left out,
+    which takes 63 neighbors at least. A step asks all that the episode has come to: an episode of T
+    steps takes T^2 / 2 distances.
 
     Further keywords are those of `RND`.
 
     Args:
         observation_space: As of `NetworkBonus`.
         action_space: As of `ICM`.
-        n_neighbors: Nearest states of the episode that are asked.
+        n_neighbors: Nearest states of the episode that are asked, 1 to 63.
     """
 
     name = "ngu"
@@ -58,29 +62,46 @@ class NGU(RND):
         n_neighbors: int = 10,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        check_at_least_one(n_neighbors=n_neighbors)
+        check_whole(1, 63, n_neighbors=n_neighbors)
         super().__init__(observation_space, action_space, **kwargs)
         self.n_neighbors = n_neighbors
+        # Not RND's numbers once more, which would make its target's features of these.
+        (seed,) = np.random.SeedSequence(self.seed).spawn(1)
         self.encoder = InverseFeatures(
             observation_space,
             action_space,
             hidden=self.hidden,
             n_features=self.n_features,
-            generator=torch_generator(self.seed),
+            generator=torch_generator(integer_seed(seed)),
         )
         self.error_statistics = RunningNormalizer(1)
+        self.distance_statistics = RunningNormalizer(1)
         self._begin()
 
     def losses(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
     ) -> dict[str, th.Tensor]:
         """Mean errors of a batch, of the predictor and of the inverse model, and their sum."""
-        errors = self.errors(next_observations)
-        self.error_statistics.observe(errors.detach()[:, None])
         both = self.inputs(th.cat([observations, next_observations]))
-        inverse_loss, distillation = self.encoder.loss(both, actions), errors.mean()
+        inverse_loss = self.encoder.loss(both, actions)
+        distillation = self.errors(next_observations).mean()
         loss = inverse_loss + distillation
         return {"loss": loss, "inverse_loss": inverse_loss, "rnd_loss": distillation}
+
+    def update(
+        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+    ) -> dict[str, float]:
+        """One step of Adam on a batch, which enters the statistics; the losses before it."""
+        losses = super().update(observations, actions, next_observations)
+        with th.no_grad():
+            led_to = next_observations.to(self.device)
+            _take(self.errors(led_to), self.error_statistics)
+            features = self.encoder(self.inputs(led_to))
+            squares = th.cdist(features, features).square().fill_diagonal_(th.inf)
+            n_nearest = min(self.n_neighbors, len(features) - 1)
+            nearest = squares.topk(n_nearest, dim=1, largest=False).values
+            _take(nearest.flatten(), self.distance_statistics)
+        return losses
 
     def score(
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
@@ -92,9 +113,16 @@ class NGU(RND):
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
     ) -> FloatArray:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""
-        features, scores = self.features(observations), np.empty(len(actions))
-        visit(features, 1, np.empty(self.n_neighbors), np.zeros(2), scores)
+        features = self.features(observations)
+        scores = np.empty(len(features) - 1)
+        visit(features, 1, np.empty(self.n_neighbors), self.mean_distance, scores)
         return np.asarray(scores * self.ratios(observations[1:]), dtype=np.float32)
+
+    @property
+    def mean_distance(self) -> float:
+        """`d_m^2`; 1 before any training."""
+        statistics = self.distance_statistics
+        return statistics.mean.item() if statistics.count else 1.0
 
     def episodes(self, n: int) -> Neighbors:
         """A memory for n episodes side by side."""
@@ -119,6 +147,12 @@ class NGU(RND):
         return ratios
 
 
+def _take(values: th.Tensor, statistics: RunningNormalizer) -> None:
+    """Take values (n,) into statistics that forget what is long past."""
+    statistics.observe(values[:, None])
+    statistics.count.clamp_(max=MEMORY)
+
+
 class Neighbors:
     """The features of what each of n episodes has come to so far; see `Episodes`."""
 
@@ -126,7 +160,6 @@ class Neighbors:
         self._bonus = bonus
         self._features = np.zeros((n, 1, bonus.n_features))  # grows with the longest episode
         self._n_held = np.zeros(n, dtype=np.int64)
-        self._means = np.zeros((n, 2))  # of squared distances, and of how many
 
     def score(
         self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
@@ -138,8 +171,9 @@ class Neighbors:
             self._remember(observations[begin], begin)
         self._remember(next_observations, every)
         scores, nearest = np.empty(len(every)), np.empty(self._bonus.n_neighbors)
+        mean = self._bonus.mean_distance
         for i, n in enumerate(self._n_held.tolist()):
-            visit(self._features[i, :n], n - 1, nearest, self._means[i], scores[i : i + 1])
+            visit(self._features[i, :n], n - 1, nearest, mean, scores[i : i + 1])
         return np.asarray(scores * self._bonus.ratios(next_observations), dtype=np.float32)
 
     def _remember(self, observations: npt.NDArray[Any], episodes: npt.NDArray[np.int64]) -> None:
@@ -157,15 +191,11 @@ class Neighbors:
     def end(self, dones: npt.NDArray[np.bool_]) -> None:
         """Forget the episodes (n,) that have ended."""
         self._n_held[dones] = 0
-        self._means[dones] = 0.0
 
     def state_dict(self) -> dict[str, Any]:
-        """The features of each episode, and the mean of its squared distances."""
+        """The features of what each episode has come to."""
         held = zip(self._features, self._n_held, strict=True)
-        return {
-            "features": [th.from_numpy(features[:n].copy()) for features, n in held],
-            "means": th.from_numpy(self._means.copy()),
-        }
+        return {"features": [th.from_numpy(features[:n].copy()) for features, n in held]}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
@@ -175,7 +205,6 @@ class Neighbors:
         n_features = self._bonus.n_features
         own = {name: np.zeros((len(each), n_features)) for name, each in saved.items()}
         held = take_over(saved, own).values()
-        self._means = take_over(state, {"means": self._means})["means"]
         self._n_held = np.array([len(each) for each in held])
         self._make_room(self._n_held.max())
         for features, each in zip(self._features, held, strict=True):
@@ -183,20 +212,16 @@ class Neighbors:
 
 
 @compiled
-def visit(features: Float64, begin: int, nearest: Float64, mean: Float64, scores: Float64) -> None:
+def visit(features: Float64, begin: int, nearest: Float64, mean: float, scores: Float64) -> None:
     """Score features (T, F) from `begin` on, each by the nearest (K,) of those before it.
 
-    The mean (2,) of squared distances, and the number that it is of, go on.
+    Squared distances are divided by their mean; one of 0 is that of features which are all alike.
     """
     for t in range(begin, len(features)):
         n = find_nearest(features, t, nearest)
-        for i in range(n):
-            mean[1] += 1.0
-            mean[0] += (nearest[i] - mean[0]) / mean[1]
         total = 0.0
         for i in range(n):
-            # Where the episode never moved all are one place.
-            distance = nearest[i] / mean[0] if mean[0] > 0.0 else 0.0
+            distance = nearest[i] / mean if mean > 0.0 else 0.0
             total += EPSILON / (max(distance - CLUSTER, 0.0) + EPSILON)
         scores[t - begin] = 1.0 / (np.sqrt(total) + CONSTANT)
 

@@ -19,6 +19,8 @@ from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_at_least_one
 
+N_NEWEST, N_IMAGES = 2048, 256
+"""Observations that are now, unless users say how many; images are costlier to encode."""
 SLACK = 1e-3
 """How far below its bound a step no longer counts for the multiplier, as in METRA."""
 
@@ -37,7 +39,9 @@ class RAMP(NetworkBonus):
     Args:
         observation_space: As of `NetworkBonus`.
         action_space: Any; taken so that bonuses are made alike.
-        n_newest: Observations that are now, those observed last.
+        n_newest: Observations that are now, those observed last (of more at once, some of all),
+            all of which each gradient step
+            looks at; None: 2,048, or 256 images.
     """
 
     name = "ramp"
@@ -49,11 +53,13 @@ class RAMP(NetworkBonus):
         observation_space: spaces.Space[Any],
         action_space: spaces.Space[Any],
         *,
-        n_newest: int = 2048,
+        n_newest: int | None = None,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        check_at_least_one(n_newest=n_newest)
         super().__init__(observation_space, **kwargs)
+        if n_newest is None:
+            n_newest = N_NEWEST if self.images is None else N_IMAGES
+        check_at_least_one(n_newest=n_newest)
         sizes = self.hidden, self.hidden, self.n_features
         generator = torch_generator(self.seed)
         encoder = make_encoder(observation_space, *sizes, generator=generator)
@@ -69,12 +75,12 @@ class RAMP(NetworkBonus):
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) for what is now, and into the statistics."""
         super().observe(observations)
-        size = len(self.newest)
-        kept = observations[-size:].to(self.device)
-        last = int(self.n_observed) + len(observations)
-        places = th.arange(last - len(kept), last, device=self.device) % size
-        self.newest[places] = kept.to(self.newest.dtype)
-        self.n_observed.fill_(last)
+        size, n = len(self.newest), len(observations)
+        # Of more than there is room for some of all: they may be those of many individuals.
+        kept = observations[th.arange(min(n, size)) * n // min(n, size)] if n else observations
+        places = (self.n_observed + th.arange(len(kept), device=self.device)) % size
+        self.newest[places] = kept.to(self.device, self.newest.dtype)
+        self.n_observed += len(kept)
 
     def losses(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor

@@ -51,7 +51,7 @@ class BonusScale:
             self._statistics.update(self._sums)
             self._statistics.count = min(self._statistics.count, MEMORY)
         scaled = bonus / np.sqrt(self._statistics.var + EPSILON)
-        return np.minimum(scaled, LARGEST)
+        return np.clip(scaled, -LARGEST, LARGEST)
 
     def state_dict(self) -> dict[str, Any]:
         """Sums and statistics."""

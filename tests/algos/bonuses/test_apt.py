@@ -163,7 +163,7 @@ def test_errors_name_the_argument(name, value):
         make_apt(**{name: value})
 
 
-def test_a_learning_rate_of_nearly_nothing_is_re3():
+def test_a_learning_rate_of_nearly_nothing_keeps_a_random_encoder_as_re3_does():
     bonus = APT(spaces.Box(-1, 1, (6,)), None, learning_rate=1e-30, seed=0, device="cpu")
     before = [each.clone() for each in bonus.encoder.parameters()]
     batch = th.rand(3, 20, 6)

@@ -69,6 +69,8 @@ def test_weights_are_the_generators():
         (spaces.Discrete(3), "one-dimensional Box, or one of images"),
         (spaces.Box(0, 1, (3, 84, 84), np.float32), "one-dimensional Box, or one of images"),
         (spaces.Box(-1, 1, (0,)), "at least one entry"),
+        (images(7, 7, 12), "fewer colors than pixels along each side in images below 36"),
+        (images(4, 4, 4), "fewer colors than pixels along each side in images below 36"),
         (images(3, 3, 84), "images of 4 by 4 at least"),
         (images(84, 3, 4), "images of 4 by 4 at least"),
     ],

@@ -20,22 +20,30 @@ def make_observations(n=20, seed=0):
     return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
 
 
-def by_definition(features, n_neighbors):
-    """1 / (sqrt(sum K) + c) of all but the first, by scipy's distances; eps, xi, c of table 5."""
+def by_definition(features, n_neighbors, mean):
+    """1 / (sqrt(sum K) + c) of all but the first, by scipy's distances; eps, xi, c of the paper."""
     squares = cdist(features, features, "sqeuclidean")
-    asked, scores = [], []
+    scores = []
     for t in range(1, len(features)):
         nearest = np.sort(squares[t, :t])[:n_neighbors]
-        asked.extend(nearest)
-        kernel = 1e-3 / (np.maximum(nearest / np.mean(asked) - 8e-3, 0.0) + 1e-3)
+        kernel = 1e-3 / (np.maximum(nearest / mean - 8e-3, 0.0) + 1e-3)
         scores.append(1.0 / (np.sqrt(kernel.sum()) + 1e-3))
     return np.array(scores)
+
+
+def train_on(ngu, observations):
+    return ngu.update(
+        *map(
+            th.from_numpy,
+            (observations[:-1], np.zeros((len(observations) - 1, 1)), observations[1:]),
+        )
+    )
 
 
 @given(st.integers(0, 1000), st.integers(1, 40), st.integers(1, 12))
 def test_it_is_the_papers_formula(seed, n, n_neighbors):
     ngu, observations = make_ngu(n_neighbors=n_neighbors), make_observations(n + 1, seed)
-    expected = by_definition(ngu.features(observations), n_neighbors)
+    expected = by_definition(ngu.features(observations), n_neighbors, 1.0)
     scores = ngu.score_trajectory(observations, np.zeros(n, dtype=np.int64))
     np.testing.assert_allclose(scores, expected, rtol=1e-4)
 
@@ -43,11 +51,46 @@ def test_it_is_the_papers_formula(seed, n, n_neighbors):
 def test_two_points_by_hand():
     """The second is at 1 from the first, the third where the first is, and 1 from the second."""
     features, scores = np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), np.empty(2)
-    visit(features, 1, np.empty(2), np.zeros(2), scores)
-    far = 1e-3 / (1.0 - 8e-3 + 1e-3)  # at the mean distance
+    visit(features, 1, np.empty(2), 0.5, scores)
+    far = 1e-3 / (2.0 - 8e-3 + 1e-3)  # twice the mean distance
     assert scores[0] == pytest.approx(1.0 / (far**0.5 + 1e-3))
-    less_far = 1e-3 / (1.5 - 8e-3 + 1e-3)  # 1 of a mean of 2/3
-    assert scores[1] == pytest.approx(1.0 / ((1.0 + less_far) ** 0.5 + 1e-3))
+    assert scores[1] == pytest.approx(1.0 / ((1.0 + far) ** 0.5 + 1e-3))
+
+
+def test_distances_are_measured_by_those_to_the_nearest_in_training():
+    ngu = make_ngu(n_neighbors=3)
+    led_to, actions = make_observations(), th.zeros(20, 1)
+    assert ngu.mean_distance == 1.0
+    ngu.update(th.from_numpy(led_to), actions, th.from_numpy(led_to))
+    squares = np.sort(cdist(*[ngu.features(led_to)] * 2, "sqeuclidean"), axis=1)
+    assert ngu.mean_distance == pytest.approx(squares[:, 1:4].mean(), rel=1e-4)
+    ngu.update(th.zeros(1, 6), th.zeros(1, 1), th.zeros(1, 6))  # which has no other: nothing to learn
+    assert np.isfinite(ngu.mean_distance)
+
+
+def test_who_trembles_is_not_paid_as_who_goes_far():
+    ngu, steps = make_ngu(), np.cumsum(make_observations(60), axis=0)
+    train_on(ngu, steps)
+    far, near = (
+        ngu.score_trajectory(scale * steps, np.zeros(59, dtype=np.int64)).mean()
+        for scale in (1.0, 1e-4)
+    )
+    assert near < 0.2 * far
+
+
+def test_who_begins_anew_and_stays_is_paid_nothing_for_rounding():
+    """One of n is encoded alone at its beginning, and with the others from there on."""
+    ngu, observations = make_ngu(), make_observations(8)
+    actions, episodes = np.zeros(8, dtype=np.int64), ngu.episodes(8)
+    episodes.score(observations, actions, observations)
+    episodes.end(np.arange(8) == 3)
+    assert episodes.score(observations, actions, observations)[3] < 1.01
+
+
+def test_the_two_factors_do_not_begin_with_the_same_features():
+    ngu = make_ngu()
+    pairs = zip(ngu.encoder.encoder.parameters(), ngu.target.parameters(), strict=True)
+    assert not any(th.equal(one, other) for one, other in pairs)
 
 
 def test_who_stays_is_paid_less_and_less():
@@ -60,10 +103,9 @@ def test_what_is_new_in_training_is_worth_up_to_five_times_as_much():
     ngu, observations = make_ngu(), make_observations()
     assert ngu.ratios(observations).tolist() == [1.0] * 20
     seen = th.from_numpy(observations)
-    errors = ngu.errors(seen).detach().double().numpy()
     ngu.update(seen, th.zeros(20, 1), seen)
-    later = ngu.errors(th.from_numpy(observations)).detach().double().numpy()
-    alpha = 1.0 + (later - errors.mean()) / errors.std()
+    errors = ngu.errors(seen).detach().double().numpy()
+    alpha = 1.0 + (errors - errors.mean()) / errors.std()
     np.testing.assert_allclose(ngu.ratios(observations), np.clip(alpha, 1.0, 5.0), rtol=1e-5)
     assert ngu.ratios(100.0 * observations).max() == 5.0
 

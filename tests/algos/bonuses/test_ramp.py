@@ -51,8 +51,15 @@ def test_what_is_now_are_the_newest_and_no_others():
     assert bonus.newest[:3, 0].tolist() == [0.0, 1.0, 2.0]
     bonus.observe(th.arange(3.0, 6.0)[:, None])
     assert sorted(bonus.newest[:, 0].tolist()) == [2.0, 3.0, 4.0, 5.0]
-    bonus.observe(th.arange(6.0, 20.0)[:, None])
-    assert sorted(bonus.newest[:, 0].tolist()) == [16.0, 17.0, 18.0, 19.0]
+
+
+def test_of_more_at_once_than_it_holds_it_keeps_some_of_all():
+    """In CuriosityES they come individual by individual: the last would be a few of them."""
+    bonus = make(n_newest=4)
+    bonus.observe(th.arange(14.0)[:, None])
+    assert sorted(bonus.newest[:, 0].tolist()) == [0.0, 3.0, 7.0, 10.0]
+    bonus.observe(th.zeros(0, 1))
+    assert sorted(bonus.newest[:, 0].tolist()) == [0.0, 3.0, 7.0, 10.0]
 
 
 def test_a_steep_step_raises_the_multiplier_and_a_flat_one_lowers_it():

@@ -21,6 +21,7 @@ def test_it_is_bounded():
     for _ in range(50):
         scale.scaled(np.ones(1), is_learning=True)
     assert scale.scaled(np.full(1, 1e9), is_learning=False) == [LARGEST]
+    assert scale.scaled(np.full(1, -1e9), is_learning=False) == [-LARGEST]
 
 
 def test_it_may_only_look(assert_same):

@@ -64,7 +64,7 @@ def test_distances_are_measured_by_those_to_the_nearest_in_training():
     ngu.update(th.from_numpy(led_to), actions, th.from_numpy(led_to))
     squares = np.sort(cdist(*[ngu.features(led_to)] * 2, "sqeuclidean"), axis=1)
     assert ngu.mean_distance == pytest.approx(squares[:, 1:4].mean(), rel=1e-4)
-    ngu.update(th.zeros(1, 6), th.zeros(1, 1), th.zeros(1, 6))  # which has no other: nothing to learn
+    ngu.update(th.zeros(1, 6), th.zeros(1, 1), th.zeros(1, 6))  # which has no other
     assert np.isfinite(ngu.mean_distance)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +20,7 @@ from benchmarks.measure import (
     Stopwatch,
     Table,
     Task,
+    add_peer,
     interleave,
     ratios,
     seconds,
@@ -72,14 +72,11 @@ def run(plan: Plan) -> list[Table]:
     watch = watched(icm)
 
     def rate(model: TD3) -> float:
-        before = model.num_timesteps
-        # As TD3ICM does: on busy cores torch's default makes small batches tens of times slower.
-        with single_torch_thread():
-            elapsed = seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
+        steps_per_second, elapsed = learn(model, n_steps)
         if model is icm:
             runs.append({**watch.seconds, "rest": elapsed - sum(watch.seconds.values())})
         watch.seconds.clear()
-        return (model.num_timesteps - before) / elapsed
+        return steps_per_second
 
     for model in (icm, td3):
         rate(model)
@@ -106,31 +103,20 @@ def _compiled_learner(plan: Plan) -> Table:
     """Rates of SBX's TD3, whose learner is compiled, alone and with our replay buffer."""
     n_steps = plan.size(4000, 400)
 
-    def task(make: Callable[[], BaseAlgorithm]) -> Task:
-        model = make()
+    def task(model: BaseAlgorithm) -> Task:
+        learn(model, n_steps)  # what is compiled, is now
+        return lambda: learn(model, n_steps)[0]
 
-        def learn() -> float:
-            before = model.num_timesteps
-            with single_torch_thread():
-                elapsed = seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
-            return (model.num_timesteps - before) / elapsed
-
-        learn()  # what is compiled, is now
-        return learn
-
-    tasks = {"TD3ICM": task(lambda: TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0))}
+    tasks = {"TD3ICM": task(TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0))}
     notes = ["Networks of 32 and 32, batches of 128, and 200 gradient steps a call of SBX's."]
-    try:
+    alone = "SBX's TD3"
+    add_peer(tasks, notes, alone, lambda: task(make_sbx(n_envs=1, has_bonus=False)))
+    if alone in tasks:
         tasks |= {
-            "SBX's TD3": task(lambda: make_sbx(n_envs=1, steps_per_update=1, bonus=None)),
-            "SBX's TD3 + ICM": task(lambda: make_sbx(n_envs=1, steps_per_update=1)),
-            EIGHT: task(lambda: make_sbx(n_envs=8, steps_per_update=1)),
-            f"{EIGHT}, an update every 4 steps": task(
-                lambda: make_sbx(n_envs=8, steps_per_update=4)
-            ),
+            f"{alone} + ICM": task(make_sbx(n_envs=1)),
+            EIGHT: task(make_sbx(n_envs=8)),
+            f"{EIGHT}, an update every 4 steps": task(make_sbx(n_envs=8, steps_per_update=4)),
         }
-    except ImportError as error:
-        notes.append(f"SBX's is left out: the package {error.name} is not installed.")
     figures = interleave(tasks, plan.repeats)
     rows = [Row(name, figures[name], "steps/s") for name in tasks]
     if EIGHT in figures:
@@ -139,14 +125,19 @@ def _compiled_learner(plan: Plan) -> Table:
     return Table("td3: a compiled learner", rows, notes)
 
 
-def make_sbx(*, n_envs: int, steps_per_update: int, bonus: str | None = "icm") -> BaseAlgorithm:
-    """SBX's TD3 with the paper's networks and batches, 200 steps or more a training."""
+def learn(model: BaseAlgorithm, n_steps: int) -> tuple[float, float]:
+    """Steps a second of so many more steps, or the rest of their episode, and seconds."""
+    before = model.num_timesteps
+    # As TD3ICM does: on busy cores torch's default makes small batches tens of times slower.
+    with single_torch_thread():
+        elapsed = seconds(lambda: model.learn(n_steps, reset_num_timesteps=False))
+    return (model.num_timesteps - before) / elapsed, elapsed
+
+
+def make_sbx(*, n_envs: int, steps_per_update: int = 1, has_bonus: bool = True) -> BaseAlgorithm:
+    """SBX's TD3 with the paper's networks and batches, `N_STEPS` a training."""
     import sbx
 
-    with_bonus = {
-        "replay_buffer_class": BonusReplayBuffer,
-        "replay_buffer_kwargs": {"bonus": bonus},
-    }
     return sbx.TD3(
         "MlpPolicy",
         VecMonitor(GymnasiumVecEnv(gym.make_vec(MAZE, num_envs=n_envs, **SAME_STEP))),
@@ -156,7 +147,8 @@ def make_sbx(*, n_envs: int, steps_per_update: int, bonus: str | None = "icm") -
         gradient_steps=N_STEPS // steps_per_update,
         policy_kwargs={"net_arch": td3_icm.NET_ARCH},
         seed=0,
-        **({} if bonus is None else with_bonus),
+        replay_buffer_class=BonusReplayBuffer if has_bonus else None,
+        replay_buffer_kwargs={"bonus": "icm"} if has_bonus else None,
     )
 
 

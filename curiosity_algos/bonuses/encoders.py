@@ -59,13 +59,18 @@ class ImageInputs:
                 f"`observation_space` must have images of {SMALLEST} by {SMALLEST} at least, "
                 f"got {space}."
             )
-        if min(images.width_and_height) < SMALLEST_NATURE and images.has_many_colors:
+        if images.is_small and images.has_many_colors:
             raise ValueError(
                 "`observation_space` must have fewer colors than pixels along each side in images "
                 f"below {SMALLEST_NATURE} by {SMALLEST_NATURE}, or which is which cannot be told, "
                 f"got {space}."
             )
         return images
+
+    @property
+    def is_small(self) -> bool:
+        """Whether a side is too short for NatureCNN."""
+        return min(self.width_and_height) < SMALLEST_NATURE
 
     @property
     def has_many_colors(self) -> bool:
@@ -129,9 +134,8 @@ def make_encoder(
     space: spaces.Space[Any] = observation_space
     if images.is_channels_last:
         space = VecTransposeImage.transpose_space(observation_space)
-    is_small = min(images.width_and_height) < SMALLEST_NATURE
     with th.random.fork_rng(devices=[]):
-        network = (SmallCNN if is_small else NatureCNN)(space, features_dim=sizes[-1])
+        network = (SmallCNN if images.is_small else NatureCNN)(space, features_dim=sizes[-1])
     for each in network.modules():
         if isinstance(each, th.nn.Conv2d | th.nn.Linear):
             initialize(each, generator)

@@ -39,9 +39,8 @@ class RAMP(NetworkBonus):
     Args:
         observation_space: As of `NetworkBonus`.
         action_space: Any; taken so that bonuses are made alike.
-        n_newest: Observations that are now, those observed last (of more at once, some of all),
-            all of which each gradient step
-            looks at; None: 2,048, or 256 images.
+        n_newest: Observations that are now, the last ones (of more at once, some of all). Each
+            gradient step looks at all of them; None: 2,048, or 256 images.
     """
 
     name = "ramp"

@@ -32,12 +32,8 @@ def by_definition(features, n_neighbors, mean):
 
 
 def train_on(ngu, observations):
-    return ngu.update(
-        *map(
-            th.from_numpy,
-            (observations[:-1], np.zeros((len(observations) - 1, 1)), observations[1:]),
-        )
-    )
+    before, after = th.from_numpy(observations[:-1]), th.from_numpy(observations[1:])
+    return ngu.update(before, th.zeros(len(before), 1), after)
 
 
 @given(st.integers(0, 1000), st.integers(1, 40), st.integers(1, 12))
@@ -143,7 +139,7 @@ def test_a_memory_goes_on_from_its_state():
         one.score(observations[t], actions, observations[t + 1])
     one.end(np.array([False, True, False]))
     state = one.state_dict()
-    other.score(*observations[[7, 8]][[0]], actions, observations[8])
+    other.score(observations[7], actions, observations[8])
     other.load_state_dict(state)
     for t in range(5, 9):
         step = observations[t], actions, observations[t + 1]

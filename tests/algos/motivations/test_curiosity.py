@@ -216,7 +216,8 @@ class TestMaking:
             (
                 "bonus",
                 "rdn",
-                "`bonus` must be one of apt, .*, noveld, ramp, rnd, got 'rdn'",
+                "`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, ramp, rnd, "
+                "got 'rdn'",
             ),
             ("bonus_kwargs", {"bta": 1}, "`bonus_kwargs` must be one of beta, .* got 'bta'"),
             ("bonus_kwargs", {"seed": 1}, "`bonus_kwargs` must be one of beta, .* got 'seed'"),

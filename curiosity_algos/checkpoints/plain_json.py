@@ -122,6 +122,11 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
         lambda space: {"n": int(space.n), "start": int(space.start)},
         lambda n, start: spaces.Discrete(n, start=start),
     ),
+    ":dict:": (
+        spaces.Dict,
+        lambda space: {"items": list(space.spaces.items())},
+        lambda items: spaces.Dict(dict(items)),
+    ),
     ":tuple:": (tuple, lambda items: {"items": list(items)}, lambda items: (*items,)),
     ":dictionary:": (
         dict,

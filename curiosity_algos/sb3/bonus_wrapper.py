@@ -22,6 +22,7 @@ from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
+from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
@@ -95,6 +96,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         *,
         bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
+        observation_key: str | None = None,
         weight: float = 1.0,
         extrinsic: bool = True,
         gamma: float = 0.99,
@@ -113,7 +115,9 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
         check_seed(seed)
         check_bool(extrinsic=extrinsic)
+        self._view = View(venv.observation_space, observation_key)
         super().__init__(venv)
+        self.observation_key = observation_key
         self.weight = float(weight)
         self.extrinsic = bool(extrinsic)
         self.gamma = float(gamma)
@@ -140,7 +144,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         device: th.device | str,
     ) -> None:
         networks_seed, buffer_seed, steps_seed = seed.spawn(3)
-        space, action_space = self.observation_space, self.action_space
+        space, action_space = self._view.space, self.action_space
         self.bonus = make_bonus(
             bonus,
             for_one_policy(bonus, self.bonus_kwargs),
@@ -211,7 +215,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     def _stored(self, observations: VecEnvObs) -> npt.NDArray[Any]:
         """A copy, as the networks take them: images stay bytes."""
-        stored = np.array(observations, dtype=np.uint8 if self._has_images else np.float32)
+        seen = self._view(observations)
+        stored = np.array(seen, dtype=np.uint8 if self._has_images else np.float32)
         check_observations(stored)
         return stored
 
@@ -223,7 +228,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             return observations
         led_to = observations.copy()
         for i in np.flatnonzero(dones):
-            led_to[i] = infos[i]["terminal_observation"]
+            led_to[i] = self._view.one(infos[i]["terminal_observation"])
         check_observations(led_to)
         return led_to
 
@@ -287,7 +292,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
         check_counters(state)
         check_actions(state["buffer"]["actions"], self.action_space)
-        shape = (self.num_envs, *(self.observation_space.shape or ()))
+        shape = (self.num_envs, *(self._view.space.shape or ()))
         dtype = np.uint8 if self._has_images else np.float32
         observations = last_observations(state["observations"], shape, dtype)
         self._recent.check(state["recent"])

@@ -23,9 +23,9 @@ from curiosity_algos.checkpoints.environment_state import (
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
 
-FORMAT = "curiosity bonus wrapper 4"
+FORMAT = "curiosity bonus wrapper 5"
 WHAT = "BonusVecEnvWrapper"
-SETTINGS = ["bonus_kwargs", "weight", "extrinsic", "gamma"]
+SETTINGS = ["observation_key", "bonus_kwargs", "weight", "extrinsic", "gamma"]
 SETTINGS += ["train_interval", "n_updates", "batch_size", "buffer_size"]
 """Keywords of the constructor that a file holds, beside the name of the bonus."""
 

@@ -104,6 +104,7 @@ def test_what_would_change_its_type_has_no_description():
         spaces.Box(0, 255, (2, 2, 1), np.uint8),
         spaces.Discrete(4),
         spaces.Discrete(3, start=2),
+        spaces.Dict({"z": spaces.Discrete(4), "a": spaces.Box(-1.0, 1.0, (2,))}),
     ],
     ids=str,
 )

@@ -39,6 +39,17 @@ class Pictures(gym.ObservationWrapper):
         return np.full((36, 36, 1), observation[0], dtype=np.uint8)
 
 
+class Entries(gym.ObservationWrapper):
+    """Count's number in a Dict, beside a picture that shows it."""
+
+    observation_space = spaces.Dict(
+        {"number": Count.observation_space, "picture": Pictures.observation_space}
+    )
+
+    def observation(self, observation):
+        return {"number": observation, "picture": Pictures.observation(self, observation)}
+
+
 class Recorder:
     """A bonus that is where a step of 1 leads to, and remembers what it was asked and taught."""
 
@@ -104,6 +115,20 @@ class TestRewards:
         np.testing.assert_array_equal(afters[:, 0, 0], [1, 2, 3, 4, 1, 2, 3, 4, 1])
         seen = [observations[0, 0] for observations, *_ in steps]
         assert seen == [1, 2, 3, 0, 1, 2, 3, 0, 1]
+
+    def test_of_a_dict_a_bonus_sees_the_entry_that_it_is_told(self):
+        venv = make_venv(env=lambda: Entries(Count()))
+        wrapper = wrap_trained(venv, bonus := Recorder(), observation_key="number")
+        play(wrapper, 5)
+        afters = np.array([each[2] for each in bonus.asked])
+        np.testing.assert_array_equal(afters[:, 0, 0], [1, 2, 3, 4, 1])
+
+    def test_of_a_dict_a_bonus_sees_all_entries_unless_told(self):
+        venv = make_venv(env=lambda: Entries(Count()))
+        wrapper = wrap_trained(venv, bonus := Recorder())
+        play(wrapper, 4)
+        last = bonus.asked[-1][2][0]
+        np.testing.assert_array_equal(last, [4.0] * (1 + 36 * 36))
 
     def test_a_venv_may_use_its_arrays_again(self):
         venv = make_venv()
@@ -386,6 +411,21 @@ class TestAlgorithms:
         PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(32)
         assert venv.buffer.state_dict()["actions"].unique().tolist() == [0.0, 1.0]
 
+    @pytest.mark.parametrize("key", [None, "number", "picture"])
+    def test_dictionaries(self, tmp_path, key, assert_same):
+        def make_env():
+            return make_venv(env=lambda: Entries(Count()))
+
+        venv = wrap(make_env(), train_interval=16, observation_key=key)
+        settings = {"n_steps": 8, "batch_size": 8, "n_epochs": 1, "device": "cpu"}
+        PPO("MultiInputPolicy", venv, seed=0, **settings).learn(32)
+        shape = {None: (1297,), "number": (1,), "picture": (36, 36, 1)}[key]
+        assert venv.buffer.state_dict()["observations"].shape[1:] == shape
+        venv.save(tmp_path / "wrapper.pt")
+        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_env(), device="cpu")
+        assert other.observation_key == key
+        assert_same(venv.state_dict(), other.state_dict())
+
 
 class TestFiles:
     @pytest.mark.parametrize("bonus", BONUSES)
@@ -598,8 +638,8 @@ def test_an_object_takes_no_keywords():
 
 
 def test_other_envs_are_refused():
-    class Dictionary(Count):
-        observation_space = spaces.Dict({"n": spaces.Box(-1, 1, (1,))})
+    class Number(Count):
+        observation_space = spaces.Discrete(5)
 
     class Several(Count):
         action_space = spaces.MultiDiscrete([2, 2])
@@ -611,7 +651,7 @@ def test_other_envs_are_refused():
         wrap(Count())
     for bonus in ("icm", Recorder()):
         with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
-            wrap(make_venv(env=Dictionary), bonus=bonus)
+            wrap(make_venv(env=Number), bonus=bonus)
         for env in (Several, FromOne):
             with pytest.raises(ValueError, match="`action_space` must be a one-dimensional Box"):
                 wrap(make_venv(env=env), bonus=bonus)

@@ -28,9 +28,13 @@ CURVE = {
 }
 
 
-def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
-    """Write the two files `name` of all runs in a folder."""
+def collect(runs: Path, name: str, folder: Path = FOLDER, *, n_held: int = 1) -> None:
+    """Write the two files `name` of all runs in a folder.
+
+    Each of their timesteps is `n_held` of the environment's, at most: an episode may end sooner.
+    """
     table = load_runs(runs)
+    table[["timesteps", "first_success_timesteps"]] *= n_held
     table["algorithm"] = _label(table, runs)
     table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
     shares = sorted(column for column in table if column.startswith("coverage."))
@@ -38,6 +42,7 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     _write(kept, folder / f"{name}.csv")
     labels = table.set_index("run")["algorithm"]
     curves = load_progress(runs)
+    curves[TIMESTEPS] *= n_held
     curves["algorithm"] = curves["run"].map(labels)
     parts = [_thin(curve) for _, curve in curves.groupby(KEYS)]
     _write(pd.concat(parts), folder / f"{name}_curves.csv")

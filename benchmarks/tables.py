@@ -50,6 +50,16 @@ def summary(runs: pd.DataFrame) -> str:
     return markdown(["Algorithm", *map(short_name, envs)], rows)
 
 
+def visits(runs: pd.DataFrame) -> str:
+    """As `summary`, of the cells that any step has ended in, not episodes alone."""
+    return summary(runs.assign(**{"coverage.reachable": runs["coverage.visited"]}))
+
+
+def with_and_without(runs: pd.DataFrame) -> str:
+    """As `visits`, of PPO with APT and alone."""
+    return visits(runs[runs["algorithm"].isin(["PPO + APT", "PPO"])])
+
+
 def _cell(group: pd.DataFrame) -> str:
     firsts = group["first_success_timesteps"]
     budget = group["timesteps"]
@@ -209,7 +219,8 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "control-strict-seeds": ("control_strict", every_seed),
     "locomotion-summary": ("locomotion", summary),
     "locomotion-seeds": ("locomotion", every_seed),
-    "ppo-summary": ("ppo", summary),
+    "ppo-summary": ("ppo", visits),
+    "ppo-with-and-without": ("ppo", with_and_without),
     "ppo-seeds": ("ppo", every_seed),
     "td3-summary": ("td3", summary),
     "td3-seeds": ("td3", every_seed),

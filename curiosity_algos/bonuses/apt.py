@@ -23,7 +23,7 @@ from curiosity_algos.bonuses.contrast import InfoNCE
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.memory import FeatureMemory
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_positive
 
 N_QUERIES = 64
 """Observations whose distances to the whole memory are computed at once: more leave the cache."""
@@ -54,6 +54,8 @@ class APT(NetworkBonus):
             who calls `update` that draws such pairs, as the algorithms and the wrapper do: given
             single steps, it learns as with a horizon of 1.
         n_neighbors: Nearest states whose distances are averaged.
+        power: Exponent of that mean, above 0. Where states lie in d dimensions their density falls
+            with the distance's power d: with more than 1 what is rare stands out more.
         memory_size: Observations kept; None: 20,000, or 2,000 images.
     """
 
@@ -66,6 +68,7 @@ class APT(NetworkBonus):
         *,
         horizon: int = 100,
         n_neighbors: int = 10,
+        power: float = 1.0,
         memory_size: int | None = None,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
@@ -73,8 +76,10 @@ class APT(NetworkBonus):
         if memory_size is None:
             memory_size = MEMORY_SIZE if self.images is None else N_IMAGES
         check_at_least_one(horizon=horizon, n_neighbors=n_neighbors, memory_size=memory_size)
+        check_positive(power=power)
         self.horizon = horizon
         self.n_neighbors = n_neighbors
+        self.power = power
         sizes = self.hidden, self.hidden, self.n_features
         self.encoder = make_encoder(observation_space, *sizes, generator=torch_generator(self.seed))
         self.statistics = copy.deepcopy(self.normalizer)
@@ -123,18 +128,18 @@ class APT(NetworkBonus):
             return np.zeros(len(features), dtype=np.float32)
         known, squares = self.memory.features(self._features)
         parts = th.split(features, N_QUERIES)
-        return th.cat([self._distance(part, known, squares) for part in parts]).cpu().numpy()
+        return th.cat([self._novelty(part, known, squares) for part in parts]).cpu().numpy()
 
     def _features(self, observations: npt.NDArray[Any]) -> th.Tensor:
         parts = th.split(th.from_numpy(observations), N_ENCODED)
         return th.cat([self.encoder(self.inputs(part.to(self.device))) for part in parts])
 
-    def _distance(self, features: th.Tensor, known: th.Tensor, squares: th.Tensor) -> th.Tensor:
-        """Mean distance (n,) of features (n, F) to the nearest of those known (m, F)."""
+    def _novelty(self, features: th.Tensor, known: th.Tensor, squares: th.Tensor) -> th.Tensor:
+        """Power (n,) of the mean distance of features (n, F) to the nearest known (m, F)."""
         # A feature's own square is the same for all that are known: the nearest are so without it.
         compared = th.addmm(squares, features, known.T, alpha=-2.0)
         nearest = lowest(compared, self.n_neighbors) + features.square().sum(dim=1, keepdim=True)
-        return nearest.clamp_min(0.0).sqrt().mean(dim=1)
+        return nearest.clamp_min(0.0).sqrt().mean(dim=1).pow(self.power)
 
     # Torch's hints are of its overloads, as in `NetworkBonus`.
     def state_dict(self, *args: Any, **kwargs: Any) -> dict[str, Any]:  # type: ignore[override]

@@ -38,6 +38,12 @@ BONUSES: dict[str, Callable[..., Bonus]] = {
     "ramp": RAMP,
     "rnd": RND,
 }
+FOR_ONE_POLICY: dict[str, dict[str, Any]] = {
+    "apt": {"horizon": 10, "power": 3.0},
+    "icm": {"learning_rate": 1e-4},
+}
+"""Keywords where a single policy learns from a bonus: a faster ICM would outrun it, and what is
+rare must stand out for a gradient to lead there."""
 
 
 def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> None:
@@ -63,8 +69,9 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
 
 
 def for_one_policy(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Keywords of a bonus that a single policy learns from: a faster ICM would outrun it."""
-    return {**({"learning_rate": 1e-4} if bonus == "icm" else {}), **bonus_kwargs}
+    """Keywords of a bonus that a single policy learns from."""
+    own = FOR_ONE_POLICY.get(bonus, {}) if isinstance(bonus, str) else {}
+    return {**own, **bonus_kwargs}
 
 
 def make_bonus(

@@ -63,11 +63,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     VecNormalize above it.
 
     Args:
-        venv: A VecEnv of one-dimensional observations or images, with Box or Discrete actions.
+        venv: A VecEnv of one-dimensional observations, images, or a Dict of such, with Box or
+            Discrete actions.
         bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
             made for the spaces of `venv`, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see that. The `learning_rate` of an ICM is 1e-4
-            here.
+        bonus_kwargs: Of a bonus that is named, see that. Here the `learning_rate` of an ICM is
+            1e-4, and APT's `power` is 3 and its `horizon` 10.
+        observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.

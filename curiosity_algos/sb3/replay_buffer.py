@@ -63,7 +63,7 @@ class BonusReplayBuffer(ReplayBuffer):
         handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`.
         bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the spaces, which
             this then trains.
-        bonus_kwargs: Of a bonus that is named, see its class.
+        bonus_kwargs: Of a bonus that is named, as `BonusVecEnvWrapper` has them.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus

@@ -38,6 +38,14 @@ def test_novelty_equals_scipy(n_seen, numpy_network):
     np.testing.assert_allclose(trajectory, scores[1:], rtol=1e-3)
 
 
+def test_a_power_is_that_of_the_distance():
+    apt, sharp = make_apt(), make_apt(power=2.5)
+    for each in (apt, sharp):
+        each.observe(th.from_numpy(make_observations()))
+    distances, powers = (each.score(None, None, make_observations(seed=1)) for each in (apt, sharp))
+    np.testing.assert_allclose(powers, distances**2.5, rtol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("n", "n_columns"),
     [
@@ -156,7 +164,14 @@ def test_what_is_remembered_is_known_until_the_next_training():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("learning_rate", 0.0), ("n_features", 0), ("hidden", 0), ("n_neighbors", 0), ("horizon", 0)],
+    [
+        ("learning_rate", 0.0),
+        ("n_features", 0),
+        ("hidden", 0),
+        ("n_neighbors", 0),
+        ("horizon", 0),
+        ("power", 0.0),
+    ],
 )
 def test_errors_name_the_argument(name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be"):

@@ -602,6 +602,15 @@ def test_an_icm_learns_slower_than_a_populations_unless_told():
     assert rate(bonus="rnd") == 1e-3
 
 
+def test_what_is_rare_stands_out_to_one_policy_unless_told():
+    def settings(**told):
+        bonus = wrap(bonus="apt", bonus_kwargs=told).bonus
+        return bonus.power, bonus.horizon
+
+    assert settings() == (3.0, 10)
+    assert settings(power=1.0, horizon=100) == (1.0, 100)
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -20,6 +20,7 @@ from curiosity_algos.sb3 import replay_buffer as module
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.scale import BonusScale
 
+BONUSES = ["apt", "disagreement", "icm", "ramp", "rnd"]
 OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
 
 
@@ -536,7 +537,7 @@ def test_any_algorithm_learns_with_it(name):
     assert not th.equal(weights(model), weights(without))
 
 
-@pytest.mark.parametrize("bonus", ["apt", "icm", "rnd"])
+@pytest.mark.parametrize("bonus", BONUSES)
 @pytest.mark.parametrize("name", ["SAC", "DQN"])
 def test_sb3_saves_and_loads_it(name, bonus, tmp_path):
     model = make_model(name, bonus=bonus).learn(100)
@@ -551,7 +552,7 @@ def test_sb3_saves_and_loads_it(name, bonus, tmp_path):
 
 
 @pytest.mark.parametrize("n_envs", [1, 4])
-@pytest.mark.parametrize("bonus", ["apt", "icm", "rnd"])
+@pytest.mark.parametrize("bonus", BONUSES)
 @pytest.mark.parametrize("name", ["SAC", "TD3", "DQN"])
 def test_a_loaded_model_goes_on_bit_for_bit(name, bonus, n_envs, tmp_path):
     """With its environments and generators as they stood, which SB3's files leave out."""
@@ -574,7 +575,7 @@ def test_a_loaded_model_goes_on_bit_for_bit(name, bonus, n_envs, tmp_path):
 
 
 @pytest.mark.parametrize("optimize", [False, True])
-@pytest.mark.parametrize("bonus", ["apt", "icm", "rnd"])
+@pytest.mark.parametrize("bonus", BONUSES)
 @pytest.mark.parametrize("n_steps", [20, 200])
 def test_its_own_file_goes_on(bonus, optimize, n_steps, tmp_path):
     """Whether it has been filled or not."""

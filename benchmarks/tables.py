@@ -231,6 +231,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "tries": partial(make_table, read_rows, "tries", tries),
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
+    "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", roaming),
     "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),

@@ -124,10 +124,16 @@ COMPARED: dict[str, tuple[Callable[..., Any], Compare, str]] = {
     "PseudoCounts": (
         NGU,
         ngu,
-        "the episodic part; theirs scores where a step begins, has an epsilon of 1e-4, and pays "
-        "nothing where the root is above 8",
+        "the episodic part; theirs scores where a step begins, has an epsilon of 1e-4, pays "
+        "nothing where the root is above 8, and divides by the mean of the distances that it has "
+        "asked for, ours by that in training batches",
     ),
-    "RE3": (APT, re3, "theirs is the logarithm of 1 + the distance, here to the nearest"),
+    "RE3": (
+        APT,
+        re3,
+        "theirs is the logarithm of 1 + the distance, here to the nearest, scores where a step "
+        "begins, and remembers the last 1,000 of each environment",
+    ),
 }
 """Their class: ours, how both are asked, and what differs but for that."""
 

@@ -19,7 +19,7 @@ import typer
 from benchmarks import paper_tables
 from benchmarks.markdown import markdown
 from benchmarks.record import read_sections
-from benchmarks.results import read_rows, read_runs
+from benchmarks.results import in_order, read_rows, read_runs
 from benchmarks.speed_tables import HEADLINES, SPEED_FILE, section, summary_of
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
@@ -52,7 +52,7 @@ def summary(runs: pd.DataFrame) -> str:
 
 def visits(runs: pd.DataFrame) -> str:
     """As `summary`, of the cells that any step has ended in, not episodes alone."""
-    return summary(runs.assign(**{"coverage.reachable": runs["coverage.visited"]}))
+    return summary(in_order(runs.assign(**{"coverage.reachable": runs["coverage.visited"]})))
 
 
 def with_and_without(runs: pd.DataFrame) -> str:

@@ -19,12 +19,14 @@ from torch.profiler import profile
 
 from benchmarks import (
     baselines,
+    bonuses,
     cluster,
     figures,
     gallery,
     learning,
     pretrained,
     products,
+    results,
     roaming,
     run,
 )
@@ -315,3 +317,13 @@ class TestPoliciesAndPortraits:
     def test_the_pages_have_theirs(self):
         for name in learning.ALGORITHMS:
             assert (figures.IMAGES / f"portrait_{name}.png").is_file()
+
+
+def test_steps_of_held_actions_are_counted(tmp_path):
+    bonuses.train("ppo", f"None {bonuses.US}", 0, 1e4, tmp_path)
+    counted = []
+    for n_held in (1, bonuses.HELD["ppo"]):
+        results.collect(tmp_path, "ppo", tmp_path, n_held=n_held)
+        runs, curves = (pd.read_csv(tmp_path / f"ppo{kind}.csv") for kind in ("", "_curves"))
+        counted.append([runs["timesteps"].item(), curves["timesteps"].iloc[-1]])
+    assert counted == [[1024, 1024], [10240, 10240]]

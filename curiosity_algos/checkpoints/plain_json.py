@@ -8,7 +8,7 @@ of them names a class or a module, so that a file cannot choose what is called.
 from __future__ import annotations
 
 import base64
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -122,10 +122,16 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
         lambda space: {"n": int(space.n), "start": int(space.start)},
         lambda n, start: spaces.Discrete(n, start=start),
     ),
+    ":multi_binary:": (spaces.MultiBinary, lambda space: {"n": space.n}, spaces.MultiBinary),
+    ":multi_discrete:": (
+        spaces.MultiDiscrete,
+        lambda space: {"nvec": space.nvec, "start": space.start},
+        lambda nvec, start: spaces.MultiDiscrete(nvec, start=start),
+    ),
     ":dict:": (
         spaces.Dict,
         lambda space: {"items": list(space.spaces.items())},
-        lambda items: spaces.Dict(dict(items)),
+        lambda items: spaces.Dict(OrderedDict(items)),
     ),
     ":tuple:": (tuple, lambda items: {"items": list(items)}, lambda items: (*items,)),
     ":dictionary:": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import gymnasium as gym
 import typer
@@ -14,16 +15,32 @@ from curiosity_algos.cli.report import report
 from curiosity_algos.cli.reproduce import reproduce
 from curiosity_algos.cli.sweep import sweep
 from curiosity_algos.cli.train import train
+from curiosity_gym import __version__
 
 app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Curiosity-driven policy search.",
 )
 for command in (train, enjoy, sweep, plot, report, reproduce):
     app.command()(command)
 app.command("list")(list_names)
+
+
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print it."),
+    ] = False,
+) -> None:
+    """Curiosity-driven policy search."""
 
 
 def main() -> None:

@@ -14,7 +14,9 @@ def train(
     algo: Annotated[
         str, typer.Option(help="An algorithm, in any spelling: curiosity_es, NSES, map-elites.")
     ] = "curiosity_es",
-    env: Annotated[str, typer.Option(help="Id of an environment.")] = "CuriosityMaze-Hard-v0",
+    env: Annotated[
+        str, typer.Option(help="Id of an environment; MODULE:ID of one that a module registers.")
+    ] = "CuriosityMaze-Hard-v0",
     timesteps: options.Timesteps = 1e7,
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
     log_folder: options.LogFolder = Path("runs"),

@@ -49,6 +49,10 @@ class TestTraining:
         make(make_maze(), n_updates=5, batch_size=9).learn(100)
         assert calls == [{"n_updates": 5, "batch_size": 9}] * 2
 
+    def test_an_unscaled_bonus_is_as_populations_have_it(self, make, make_maze):
+        bonus = make(make_maze(), bonus="apt").trained_bonus
+        assert (bonus.power, bonus.horizon) == (1.0, 100)
+
     def test_the_reward_is_the_bonus_of_now(self, make, make_easy_maze):
         model = make(make_easy_maze(), bonus_kwargs={"learning_rate": 0.1}).learn(64)
         rows = model.replay_buffer.newest(64)

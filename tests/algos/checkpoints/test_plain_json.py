@@ -104,6 +104,9 @@ def test_what_would_change_its_type_has_no_description():
         spaces.Box(0, 255, (2, 2, 1), np.uint8),
         spaces.Discrete(4),
         spaces.Discrete(3, start=2),
+        spaces.MultiBinary(3),
+        spaces.MultiBinary([2, 3]),
+        spaces.MultiDiscrete([2, 3], start=[1, 0]),
         spaces.Dict({"z": spaces.Discrete(4), "a": spaces.Box(-1.0, 1.0, (2,))}),
     ],
     ids=str,
@@ -111,6 +114,11 @@ def test_what_would_change_its_type_has_no_description():
 def test_spaces_stay_equal(space):
     assert round_trip(space) == space
     assert round_trip(space).dtype == space.dtype
+
+
+def test_entries_keep_their_order():
+    space = spaces.Dict(OrderedDict(z=spaces.Discrete(4), a=spaces.Discrete(2)))
+    assert list(round_trip(space)) == ["z", "a"]
 
 
 def test_queues_keep_their_length():

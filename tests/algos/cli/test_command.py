@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+import curiosity_gym
 from curiosity_algos.experiments import film, load_final_states, load_runs
 
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
@@ -92,6 +93,10 @@ def test_help_says_what_there_is(run_here):
     assert all(command in printed for command in ("train", "enjoy", "sweep", "list"))
     for command in ("train", "enjoy", "sweep"):
         assert f"Example: curiosity {command}" in run_here(command, "--help")[1]
+
+
+def test_version(run_here):
+    assert run_here("--version")[:2] == (0, f"{curiosity_gym.__version__}\n")
 
 
 @pytest.mark.parametrize(

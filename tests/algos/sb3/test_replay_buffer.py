@@ -468,6 +468,15 @@ def test_nothing_is_drawn_from_nothing():
         make_buffer().sample(2)
 
 
+def test_what_is_rare_stands_out_unless_told():
+    def settings(**told):
+        bonus = make_buffer(bonus="apt", bonus_kwargs=told).bonus
+        return bonus.power, bonus.horizon
+
+    assert settings() == (3.0, 10)
+    assert settings(power=1.0, horizon=100) == (1.0, 100)
+
+
 def test_a_seed_is_the_same_bonus_again():
     seed = np.random.SeedSequence(3)
     one, other = (make_buffer(bonus="rnd", seed=seed) for _ in range(2))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import torch as th
 import typer
@@ -29,16 +29,31 @@ from curiosity_algos.experiments import RunFolder, SaveRun
 MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
 US = MAZES[1]
 ANTS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
-N_REPEATS = 10
-"""Steps that PPO holds an action in mazes."""
+PARTS: dict[str, dict[str, Any]] = {
+    "power=1": {"power": 1.0},
+    "horizon=100": {"horizon": 100},
+    "n_steps=2048": {"n_steps": 2048},
+    "num_repeats=1": {"num_repeats": 1},
+}
+"""Other settings of `ppo`, one at a time, by the names of their folders."""
 
 
-def ppo(seed: int, bonus: str | None, env: str) -> PPO:
+def ppo(
+    seed: int,
+    bonus: str | None,
+    env: str,
+    *,
+    num_repeats: int = 10,
+    n_steps: int = 64,
+    **bonus_kwargs: Any,
+) -> PPO:
     """SB3's PPO with or without a bonus, as docs/bonuses.md has it for sparse rewards."""
-    venv = make_vec_env(env, 16, seed, wrapper_class=lambda each: RepeatAction(each, N_REPEATS))
+    venv = make_vec_env(env, 16, seed, wrapper_class=lambda each: RepeatAction(each, num_repeats))
     if bonus is not None:
-        venv = BonusVecEnvWrapper(venv, bonus=bonus, seed=seed, device="cpu")
-    return PPO("MlpPolicy", venv, n_steps=64, seed=seed, device="cpu")
+        venv = BonusVecEnvWrapper(
+            venv, bonus=bonus, bonus_kwargs=bonus_kwargs, seed=seed, device="cpu"
+        )
+    return PPO("MlpPolicy", venv, n_steps=n_steps, seed=seed, device="cpu")
 
 
 def ant_ppo(seed: int, bonus: str | None, env: str) -> PPO:
@@ -60,6 +75,10 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
         f"{bonus} {env}": partial(ppo, bonus=bonus, env=env)
         for bonus, env in product((None, *BONUSES), MAZES)
     },
+    **{
+        f"ppo_parts/{part}": {f"apt/{US}": partial(ppo, bonus="apt", env=US, **changes)}
+        for part, changes in PARTS.items()
+    },
     "locomotion/ppo": {
         f"{bonus} {env}": partial(ant_ppo, bonus=bonus, env=env)
         for env, bonus in product(ANTS, (None, "apt"))
@@ -70,21 +89,27 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
     },
 }
 """What makes the model of each row, by the name of the table, which ends at a "/"."""
-TIMESTEPS = {"ppo": 1e6, "locomotion/ppo": 1e6, "td3": 4e5}
-HELD = {"ppo": N_REPEATS}
-"""Steps of the environment in one of the algorithm's, where they are not the same."""
+TIMESTEPS = {"ppo": 1e6, "ppo_parts": 1e6, "locomotion": 1e6, "td3": 4e5}
+"""Steps of the environment, by table."""
 
 
 def train(name: str, variant: str, seed: int, timesteps: float, runs: Path) -> None:
     """Train one variant, from the beginning: Stable-Baselines3 does not resume bit for bit."""
     th.set_num_threads(1)
     folder = RunFolder(runs / name / variant / str(seed))
-    n_steps = int(timesteps) // HELD.get(name, 1)
+    model = VARIANTS[name][variant](seed)
+    n_steps = int(timesteps) // n_held(model)
     if folder.result().get("timesteps", 0) >= n_steps:
         return
     shutil.rmtree(folder.path, ignore_errors=True)
-    model = VARIANTS[name][variant](seed)
     model.learn(n_steps, callback=SaveRun(folder.path, interval=600.0))
+
+
+def n_held(model: BaseAlgorithm) -> int:
+    """Steps of the environment in one of the algorithm's."""
+    envs = model.get_env()
+    assert envs is not None
+    return int(envs.get_attr("num_repeats")[0]) if envs.env_is_wrapped(RepeatAction)[0] else 1
 
 
 def main(
@@ -98,11 +123,11 @@ def main(
     """Train every variant with every seed, and write the CSV files."""
     if name not in VARIANTS:
         raise typer.BadParameter(f"The name is one of {', '.join(VARIANTS)}, not {name}.")
-    budget = TIMESTEPS[name] if timesteps is None else timesteps
+    table = name.partition("/")[0]
+    budget = TIMESTEPS[table] if timesteps is None else timesteps
     tasks = product([name], VARIANTS[name], map(int, seeds.split(",")), [budget], [runs])
     run_all(train, tasks, jobs)
-    table = name.partition("/")[0]
-    collect(runs / table, table, out, n_held=HELD.get(table, 1))
+    collect(runs / table, table, out)
 
 
 if __name__ == "__main__":

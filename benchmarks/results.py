@@ -28,13 +28,16 @@ CURVE = {
 }
 
 
-def collect(runs: Path, name: str, folder: Path = FOLDER, *, n_held: int = 1) -> None:
-    """Write the two files `name` of all runs in a folder.
+HELD = "wrappers.RepeatAction.num_repeats"
+"""Column of how many steps of the environment, at most, are one of the algorithm's."""
 
-    Each of their timesteps is `n_held` of the environment's, at most: an episode may end sooner.
-    """
+
+def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
+    """Write the two files `name` of all runs in a folder; timesteps are the environment's."""
     table = load_runs(runs)
-    table[["timesteps", "first_success_timesteps"]] *= n_held
+    n_held = table[HELD].fillna(1) if HELD in table else pd.Series(1, table.index)
+    for column in ("timesteps", "first_success_timesteps"):
+        table[column] *= n_held
     table["algorithm"] = _label(table, runs)
     table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
     shares = sorted(column for column in table if column.startswith("coverage."))
@@ -42,7 +45,7 @@ def collect(runs: Path, name: str, folder: Path = FOLDER, *, n_held: int = 1) ->
     _write(kept, folder / f"{name}.csv")
     labels = table.set_index("run")["algorithm"]
     curves = load_progress(runs)
-    curves[TIMESTEPS] *= n_held
+    curves[TIMESTEPS] *= curves["run"].map(n_held.set_axis(table["run"]))
     curves["algorithm"] = curves["run"].map(labels)
     parts = [_thin(curve) for _, curve in curves.groupby(KEYS)]
     _write(pd.concat(parts), folder / f"{name}_curves.csv")

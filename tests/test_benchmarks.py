@@ -320,10 +320,11 @@ class TestPoliciesAndPortraits:
 
 
 def test_steps_of_held_actions_are_counted(tmp_path):
-    bonuses.train("ppo", f"None {bonuses.US}", 0, 1e4, tmp_path)
-    counted = []
-    for n_held in (1, bonuses.HELD["ppo"]):
-        results.collect(tmp_path, "ppo", tmp_path, n_held=n_held)
-        runs, curves = (pd.read_csv(tmp_path / f"ppo{kind}.csv") for kind in ("", "_curves"))
-        counted.append([runs["timesteps"].item(), curves["timesteps"].iloc[-1]])
-    assert counted == [[1024, 1024], [10240, 10240]]
+    for name in ("ppo_parts/power=1", "ppo_parts/num_repeats=1"):
+        bonuses.train(name, f"apt/{bonuses.US}", 0, 2e3, tmp_path)
+    results.collect(tmp_path / "ppo_parts", "parts", tmp_path)
+    runs, curves = (pd.read_csv(tmp_path / f"parts{kind}.csv") for kind in ("", "_curves"))
+    labels = ["PPO + APT, num_repeats=1", "PPO + APT, power=1"]
+    assert runs["algorithm"].tolist() == labels
+    assert runs["timesteps"].tolist() == [2048, 10240]
+    assert curves.groupby("algorithm")["timesteps"].max().tolist() == [2048, 10240]

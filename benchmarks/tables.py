@@ -60,6 +60,13 @@ def with_and_without(runs: pd.DataFrame) -> str:
     return visits(runs[runs["algorithm"].isin(["PPO + APT", "PPO"])])
 
 
+def parts() -> str:
+    """As `visits`, of PPO with APT, and with one of the recipe's settings at another value."""
+    runs = pd.concat([read_runs("ppo"), read_runs("ppo_parts")], ignore_index=True)
+    has_apt = runs["algorithm"].str.startswith("PPO + APT")
+    return visits(runs[has_apt & runs["env"].isin(read_runs("ppo_parts")["env"])])
+
+
 def _cell(group: pd.DataFrame) -> str:
     firsts = group["first_success_timesteps"]
     budget = group["timesteps"]
@@ -231,6 +238,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "tries": partial(make_table, read_rows, "tries", tries),
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
+    "ppo-parts": parts,
     "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", roaming),
     "ramp": partial(make_table, read_rows, "ramp", ramp),

@@ -1,0 +1,19 @@
+"""The benchmark of bonuses, whose actions are held by a wrapper of Gymnasium 1.3."""
+
+import pandas as pd
+import pytest
+
+pytest.importorskip("gymnasium", minversion="1.3")
+
+from benchmarks import bonuses, results
+
+
+def test_steps_of_held_actions_are_counted(tmp_path):
+    for name in ("ppo_parts/power=1", "ppo_parts/num_repeats=1"):
+        bonuses.train(name, f"apt/{bonuses.US}", 0, 2e3, tmp_path)
+    results.collect(tmp_path / "ppo_parts", "parts", tmp_path)
+    runs, curves = (pd.read_csv(tmp_path / f"parts{kind}.csv") for kind in ("", "_curves"))
+    labels = ["PPO + APT, num_repeats=1", "PPO + APT, power=1"]
+    assert runs["algorithm"].tolist() == labels
+    assert runs["timesteps"].tolist() == [2048, 10240]
+    assert curves.groupby("algorithm")["timesteps"].max().tolist() == [2048, 10240]

@@ -62,9 +62,9 @@ def with_and_without(runs: pd.DataFrame) -> str:
 
 def parts() -> str:
     """As `visits`, of PPO with APT, and with one of the recipe's settings at another value."""
-    runs = pd.concat([read_runs("ppo"), read_runs("ppo_parts")], ignore_index=True)
-    has_apt = runs["algorithm"].str.startswith("PPO + APT")
-    return visits(runs[has_apt & runs["env"].isin(read_runs("ppo_parts")["env"])])
+    runs, tried = read_runs("ppo"), read_runs("ppo_parts")
+    recipe = runs[(runs["algorithm"] == "PPO + APT") & runs["env"].isin(tried["env"])]
+    return visits(pd.concat([recipe, tried], ignore_index=True))
 
 
 def _cell(group: pd.DataFrame) -> str:

@@ -21,7 +21,7 @@ from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import draw_steps, horizon_of
-from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
+from curiosity_algos.checkpoints.plain_files import check_plain, plain, read_plain, write_plain
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, integer_seed, load_generator_state
 from curiosity_algos.evaluation.rollouts import check_observations
@@ -33,7 +33,7 @@ N_SCORED = 2048
 COLUMNS = ("observations", "actions", "rewards", "dones", "timeouts")
 COUNTERS = ("metrics", "_n_untrained", "_has_trained")
 """What else a file holds, by the name of its attribute."""
-FORMAT = "curiosity replay buffer 1"
+FORMAT = "curiosity replay buffer 2"
 Array = npt.NDArray[Any]
 IntArray = npt.NDArray[np.int64]
 
@@ -110,30 +110,18 @@ class BonusReplayBuffer(ReplayBuffer):
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
         check_positive(weight=weight)
         check_bool(extrinsic=extrinsic)
-        if gamma is not None:
-            check_discount(gamma)
-        if train_interval is not None:
-            check_at_least_one(train_interval=train_interval)
-        elif gamma is not None:
-            raise ValueError("`gamma` must be None where `train_interval` is: nothing is scaled.")
-        check_at_least_one(buffer_size=buffer_size, n_envs=n_envs)
-        if optimize_memory_usage and buffer_size < 2 * n_envs:
-            raise ValueError(
-                f"`buffer_size` must be at least {2 * n_envs} with `optimize_memory_usage`, two of "
-                f"each environment, got {buffer_size}."
-            )
-        check_at_least_one(n_updates=n_updates, batch_size=batch_size)
+        _check_schedule(gamma, train_interval, n_updates, batch_size)
+        _check_size(buffer_size, n_envs, optimize_memory_usage)
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
-        if not isinstance(seed, np.random.SeedSequence):
-            check_seed(seed)
-            # The global generator is what SB3's algorithms seed.
-            seed = np.random.randint(2**31) if seed is None else seed  # noqa: NPY002
-            seed = np.random.SeedSequence(seed)
+        seed = _sequence(seed)
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
+        bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
+        named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
+        self._made = {name: plain(value) for name, value in named.items()}
         self.bonus = make_bonus(
             bonus,
-            for_one_policy(bonus, bonus_kwargs or {}),
+            bonus_kwargs,
             observation_space,
             action_space,
             seed=integer_seed(networks_seed),
@@ -411,17 +399,23 @@ class BonusReplayBuffer(ReplayBuffer):
         check_plain(state, "bonus")
         scale = None if self._scale is None else self._scale.state_dict()
         counters = {name: getattr(self, name) for name in COUNTERS}
-        content = {**self.state_dict(), "bonus": state, "scale": scale, "counters": counters}
-        write_plain(path, content, FORMAT)
+        parts = {"made": self._made, "bonus": state, "scale": scale, "counters": counters}
+        write_plain(path, {**self.state_dict(), **parts}, FORMAT)
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If it is damaged, or another's; this buffer is then as it was.
+            ValueError: If it is damaged, or another's, or its bonus was made with other keywords;
+                this buffer is then as it was.
         """
         saved = read_plain(path, FORMAT, what=type(self).__name__)
+        if saved.get("made") != self._made:
+            raise ValueError(
+                f"`path` must be saved of a buffer with the bonus {self._made}, {path} has "
+                f"{saved.get('made')}."
+            )
         before = self.bonus.state_dict()
         try:
             self._check(saved)
@@ -450,3 +444,32 @@ class BonusReplayBuffer(ReplayBuffer):
         types = {name: type(getattr(self, name)) for name in COUNTERS}
         if {name: type(value) for name, value in saved["counters"].items()} != types:
             raise ValueError(f"`counters` must be {types}.")
+
+
+def _check_schedule(
+    gamma: float | None, train_interval: int | None, n_updates: int, batch_size: int
+) -> None:
+    if gamma is not None:
+        check_discount(gamma)
+    if train_interval is not None:
+        check_at_least_one(train_interval=train_interval)
+    elif gamma is not None:
+        raise ValueError("`gamma` must be None where `train_interval` is: nothing is scaled.")
+    check_at_least_one(n_updates=n_updates, batch_size=batch_size)
+
+
+def _check_size(buffer_size: int, n_envs: int, optimize_memory_usage: bool) -> None:
+    check_at_least_one(buffer_size=buffer_size, n_envs=n_envs)
+    if optimize_memory_usage and buffer_size < 2 * n_envs:
+        raise ValueError(
+            f"`buffer_size` must be at least {2 * n_envs} with `optimize_memory_usage`, two of "
+            f"each environment, got {buffer_size}."
+        )
+
+
+def _sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    check_seed(seed)
+    # The global generator is what SB3's algorithms seed.
+    return np.random.SeedSequence(np.random.randint(2**31) if seed is None else seed)  # noqa: NPY002

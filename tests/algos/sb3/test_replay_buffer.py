@@ -611,10 +611,16 @@ def test_a_file_of_other_settings_changes_nothing(tmp_path):
     buffer.save(tmp_path / "buffer.pt")
     torn = tmp_path / "torn.pt"
     torn.write_bytes((tmp_path / "buffer.pt").read_bytes()[:-100])
-    for other in ({"bonus": "icm"}, {"bonus": "rnd", "n_envs": 2}):
+    sentences = {
+        "with the bonus {'bonus': 'icm', 'learning_rate': 0.0001}, .* has {'bonus': 'rnd'}": {
+            "bonus": "icm"
+        },
+        "a BonusReplayBuffer": {"bonus": "rnd", "n_envs": 2},
+    }
+    for sentence, other in sentences.items():
         twin = make_buffer(20, **{"gamma": 0.9, "train_interval": 8, **other})
         before = copy.deepcopy(twin.bonus.state_dict())
-        with pytest.raises(ValueError, match="`path` must be saved of a BonusReplayBuffer"):
+        with pytest.raises(ValueError, match=f"`path` must be saved of .*{sentence}"):
             twin.restore(tmp_path / "buffer.pt")
         assert twin.size() == 0
         assert str(twin.bonus.state_dict()) == str(before)
@@ -622,6 +628,17 @@ def test_a_file_of_other_settings_changes_nothing(tmp_path):
         buffer.restore(torn)
     with pytest.raises(FileNotFoundError, match="there is no file"):
         buffer.restore(tmp_path / "none.pt")
+
+
+def test_a_file_of_a_bonus_with_other_keywords_changes_nothing(tmp_path):
+    """Those of them, too, that change no shape."""
+    settings = {"bonus": "apt", "gamma": 0.9, "train_interval": 8}
+    buffer, twin = (make_buffer(20, **settings, bonus_kwargs={"power": p}) for p in (1.0, 3.0))
+    walk(buffer, 10)
+    buffer.save(tmp_path / "buffer.pt")
+    with pytest.raises(ValueError, match=r"'power': 3.0}, .* has .*'power': 1.0}"):
+        twin.restore(tmp_path / "buffer.pt")
+    assert twin.size() == 0
 
 
 def test_the_log_has_its_losses(tmp_path):

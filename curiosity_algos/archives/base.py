@@ -16,6 +16,7 @@ from ribs.archives import ArchiveBase, ArchiveStats
 from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
+    behaviors_of,
     check_batch,
     check_elites,
     check_finite,
@@ -25,6 +26,7 @@ from curiosity_algos.archives.fields import (
     describe_elites,
     describe_extra,
     described_by,
+    described_fields,
 )
 from curiosity_algos.archives.store import EliteStore
 from curiosity_algos.archives.verify import Verification, verify
@@ -263,10 +265,9 @@ class EliteArchive(ArchiveBase):
         common = {k: v for k, v in self._description.items() if k in COMMON}
         is_same = self._description == common | fields
         if not (self._own_fields <= fields.keys() if self.empty else is_same):
-            described = ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
             raise ValueError(
-                f"`archive` must keep the extra fields {described} of each elite; an empty one "
-                "without extra fields is given them."
+                f"`archive` must keep the extra fields {described_fields(fields)} of each elite; "
+                "an empty one without extra fields is given them."
             )
         if self.empty:
             self._description = common | fields
@@ -290,9 +291,7 @@ class EliteArchive(ArchiveBase):
     @property
     def behaviors(self) -> Float64Array:
         """(n, B): the elites' behaviors, the measures unless a field "behavior" is kept."""
-        name = "behavior" if "behavior" in self._description else "measures"
-        behaviors: Float64Array = self.data(name)
-        return behaviors
+        return behaviors_of(self)
 
     def nearest(self, behavior: npt.ArrayLike) -> npt.NDArray[Any]:
         """The solution whose behavior is nearest to `behavior` (B,), in Euclidean distance.

@@ -156,6 +156,18 @@ def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDA
     return wanted
 
 
+def behaviors_of(archive: Any) -> npt.NDArray[np.float64]:
+    """(n, B): the behaviors of an archive's elites, the measures unless "behavior" is kept."""
+    name = "behavior" if "behavior" in archive.field_list else "measures"
+    behaviors: npt.NDArray[np.float64] = archive.data(name)
+    return behaviors
+
+
+def described_fields(fields: Description) -> str:
+    """The fields in a text."""
+    return ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
+
+
 def check_widths(net_arch: Sequence[int]) -> list[int]:
     """Hidden layers as plain integers, as a file's JSON knows no others; ValueError for others."""
     widths: list[int] = np.atleast_1d(np.asarray(net_arch)).tolist()

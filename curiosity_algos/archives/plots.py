@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
+from ribs.archives import GridArchive
 
+from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.plots import draw_layout
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from curiosity_algos.archives.base import EliteArchive
+    from curiosity_algos.archives.pyribs import PyribsArchive
 
 Float64 = npt.NDArray[np.float64]
 Cells = tuple[Float64, Float64, Float64]
@@ -29,7 +32,7 @@ LABELS = {"objective": "best objective", "elites": "elites in a cell"}
 
 
 def plot_archive(
-    archive: EliteArchive,
+    archive: EliteArchive | PyribsArchive,
     layout: MazeLayout | None = None,
     *,
     by: str = "objective",
@@ -40,7 +43,7 @@ def plot_archive(
     """Plot a heat map of an archive's elites over two of the behavior's dimensions.
 
     Args:
-        archive: Holds the elites; it may be empty.
+        archive: Holds the elites, one of pyribs' too; it may be empty.
         layout: The maze whose walls are drawn. Cells that are not the archive's own span its width
             and height, and elites outside are left out; without it they span the elites' range.
         by: "objective": the best objective of the elites in a cell, whatever their other
@@ -58,7 +61,7 @@ def plot_archive(
     """
     check_choice(tuple(STATISTICS), by=by)
     check_at_least_one(n_cells=DEFAULT_CELLS if n_cells is None else n_cells)
-    behaviors = archive.behaviors
+    behaviors = behaviors_of(archive)
     _check_dimensions(dimensions, behaviors.shape[1])
     if ax is None:
         from matplotlib import pyplot as plt
@@ -93,7 +96,7 @@ def _draw_frame(ax: Axes, layout: MazeLayout | None, dimensions: tuple[int, int]
 
 
 def _count_cells(
-    archive: EliteArchive,
+    archive: EliteArchive | PyribsArchive,
     dimensions: Sequence[int],
     by: str,
     n_cells: int | None,
@@ -101,7 +104,7 @@ def _count_cells(
 ) -> Cells:
     from scipy.stats import binned_statistic_2d
 
-    positions, objective = archive.behaviors[:, list(dimensions)], archive.data("objective")
+    positions, objective = behaviors_of(archive)[:, list(dimensions)], archive.data("objective")
     bins: Any = n_cells or DEFAULT_CELLS
     spans = np.column_stack([positions.min(axis=0), positions.max(axis=0)])
     if n_cells is None and _is_grid(archive):
@@ -113,9 +116,12 @@ def _count_cells(
     return cells.statistic, cells.x_edge, cells.y_edge
 
 
-def _is_grid(archive: EliteArchive) -> TypeGuard[SparseGridArchive]:
+def _is_grid(
+    archive: EliteArchive | PyribsArchive,
+) -> TypeGuard[SparseGridArchive | GridArchive]:
     """Whether the archive's own cells are of behaviors."""
-    return isinstance(archive, SparseGridArchive) and "behavior" not in archive.field_list
+    is_grid = isinstance(archive, SparseGridArchive | GridArchive)
+    return is_grid and "behavior" not in archive.field_list
 
 
 def _draw_cells(ax: Axes, cells: Float64, x_edges: Float64, y_edges: Float64, *, by: str) -> None:

@@ -6,12 +6,14 @@ Stored elites that do not do again what they were kept for are a known trouble o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.evaluation.evaluator import make_evaluator
 
 if TYPE_CHECKING:
@@ -40,18 +42,27 @@ class Verification:
     behaviors: npt.NDArray[np.float64]
 
 
-def verify(archive: Any, env: AnyEnv, n_threads: int | None = None) -> Verification:
+def verify(
+    archive: Any,
+    env: AnyEnv,
+    n_threads: int | None = None,
+    *,
+    net_arch: Sequence[int] | None = None,
+) -> Verification:
     """Play every elite of `archive` again, with the seed of its episode where one is kept.
 
     Args:
-        archive: An `EliteArchive` of policies.
+        archive: An `EliteArchive` of policies, or one of pyribs'.
         env: As in the algorithms' constructor.
         n_threads: None: as many as there are processors.
+        net_arch: Hidden layers of the policies; None: those that the archive knows of, else the
+            default ones.
 
     Raises:
         ValueError: If the elites are no policies for `env`, or its behaviors are of another length.
     """
-    kwargs = None if archive.net_arch is None else {"net_arch": archive.net_arch}
+    net_arch = getattr(archive, "net_arch", None) if net_arch is None else net_arch
+    kwargs = None if net_arch is None else {"net_arch": net_arch}
     evaluator = make_evaluator(env, kwargs, n_threads)
     if evaluator.n_parameters != archive.solution_dim:
         raise ValueError(
@@ -60,12 +71,13 @@ def verify(archive: Any, env: AnyEnv, n_threads: int | None = None) -> Verificat
         )
     elites = archive.data()
     n = len(archive)
-    objective, behaviors = np.empty(n), np.empty_like(archive.behaviors)
+    kept = behaviors_of(archive)
+    objective, behaviors = np.empty_like(elites["objective"]), np.empty_like(kept)
     seeds = elites.get("seed", np.zeros(n)) if getattr(evaluator, "draws", True) else np.zeros(n)
     for chunk in _chunks(seeds):
         rollouts = _play(evaluator, elites, chunk)
         objective[chunk], behaviors[chunk] = rollouts.returns, rollouts.behaviors
-    is_same = (objective == elites["objective"]) & (behaviors == archive.behaviors).all(axis=1)
+    is_same = (objective == elites["objective"]) & (behaviors == kept).all(axis=1)
     share = float(is_same.mean()) if n else 1.0
     return Verification(share, np.flatnonzero(~is_same), objective, behaviors)
 

@@ -17,6 +17,7 @@ from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
+from curiosity_algos.archives.pyribs import PyribsArchive, PyribsPart, archive_part
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -41,7 +42,7 @@ class ArchiveKeywords(AlgorithmKeywords, total=False):
     """Keywords of algorithms with an archive but the mutations' size, see `QualityDiversity`."""
 
     population_size: int
-    archive: EliteArchive | None
+    archive: EliteArchive | PyribsArchive | None
     emitters: MakeEmitters | None
 
 
@@ -65,7 +66,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             and may be left out; the default counts as left out there.
         sigma: Standard deviation of mutations, above 0; `emitters` have their own.
         archive: Keeps the elites, instead of the algorithm's own archive: one of
-            `curiosity_algos.archives` whose `solution_dim` and `measure_dim` are the algorithm's.
+            `curiosity_algos.archives`, or, but for NSLC and AURORA, a `GridArchive` or `CVTArchive`
+            of pyribs, whose `solution_dim` and `measure_dim` are the algorithm's.
             Elites that it holds are where the search begins. An empty one is made to keep what the
             algorithm keeps of each elite. Its draws follow the `seed` of the last model that took
             it. `set_env` empties it where behaviors are others, as in another maze: `save` it
@@ -84,9 +86,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
         ValueError: If an argument is out of its range, or `archive` or `emitters` do not fit.
     """
 
-    archive: EliteArchive
-    archive_class: ClassVar[type[Any]] = EliteArchive
+    archive: Any
+    archive_class: ClassVar[Any] = EliteArchive | PyribsArchive
     """Archives that the algorithm can work on."""
+    _pyribs: PyribsPart | None = None
+    """The archive as a part of the model's file, where it is pyribs' own."""
 
     def __init__(
         self,
@@ -95,7 +99,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         *,
         population_size: int = POPULATION_SIZE,
         sigma: float = 0.3,
-        archive: EliteArchive | None = None,
+        archive: EliteArchive | PyribsArchive | None = None,
         emitters: MakeEmitters | None = None,
         **kwargs: Unpack[AlgorithmKeywords],
     ) -> None:
@@ -164,9 +168,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
         check_at_least_one(population_size=self.population_size)
         check_positive(sigma=self.sigma)
         if not isinstance(self._own_archive, self.archive_class | None):
+            kinds = getattr(self.archive_class, "__args__", (self.archive_class,))
             raise ValueError(
-                f"`archive` must be of the class {self.archive_class.__name__} in "
-                f"curiosity_algos.archives, got {type(self._own_archive).__name__}."
+                f"`archive` must be of the class {' or '.join(kind.__name__ for kind in kinds)}, "
+                f"got {type(self._own_archive).__name__}."
             )
         if not (self.emitters is None or callable(self.emitters)):
             raise ValueError(
@@ -205,20 +210,24 @@ class QualityDiversity(EvolutionaryAlgorithm):
         if self._own_archive is None:
             self.archive = self._make_archive(archive_seed)
         else:
-            self.archive = self._prepared(self._own_archive, archive_seed)
+            self.archive = self._own_archive
+            self._prepare_own(self._own_archive, archive_seed)
         self.history = ArchiveHistory()
         self._emitters = self._make_emitters(x0.astype(np.float32), integer_seed(emitter_seed))
 
-    def _prepared(self, archive: EliteArchive, seed: np.random.SeedSequence) -> EliteArchive:
-        """The user's archive, made to keep policies of this search."""
+    def _prepare_own(
+        self, archive: EliteArchive | PyribsArchive, seed: np.random.SeedSequence
+    ) -> None:
+        """Make the user's archive keep policies of this search."""
         n_parameters, net_arch = self.policy.mlp.n_parameters, self.policy.net_arch
-        if archive.solution_dim != n_parameters or archive.net_arch not in (None, net_arch):
+        part = archive_part(archive)
+        if archive.solution_dim != n_parameters or part.net_arch not in (None, net_arch):
             raise ValueError(
                 f"`archive` must hold policies of {n_parameters} parameters with the hidden layers "
-                f"{net_arch}, got {archive.solution_dim} and {archive.net_arch}."
+                f"{net_arch}, got {archive.solution_dim} and {part.net_arch}."
             )
-        archive.prepare(self._field_types(), net_arch, seed)
-        return archive
+        part.prepare(self._field_types(), net_arch, seed)
+        self._pyribs = part if isinstance(part, PyribsPart) else None
 
     def _make_emitters(self, x0: Float32Array, seed: int) -> Emitters:
         """The algorithm's own emitter, or those of the user's function."""
@@ -255,7 +264,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self._scheduler.tell(rollouts.returns, measures, **fields)
         stats = self.archive.stats
         self.history.record(rollouts.timesteps, stats)
-        assert stats.obj_max is not None
         if isinstance(self.archive, UnstructuredArchive):
             own = {"archive/threshold": self.archive.threshold}
         else:
@@ -265,7 +273,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return {
             "archive/size": len(self.archive),
             "archive/qd_score": float(stats.qd_score),
-            "archive/best": float(stats.obj_max),
+            "archive/best": float(np.float64(stats.obj_max)),  # NaN where no policy was kept
             **own,
         }
 
@@ -285,18 +293,20 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         names, variables = super()._get_torch_save_params()
-        # The archive at work has the name of an argument.
-        return ["archive", *(name for name in names if name != "_own_archive")], variables
+        if self._pyribs is None:  # then the archive at work has the name of an argument
+            names = ["archive", *(name for name in names if name != "_own_archive")]
+        return names, variables
 
     def _excluded_save_params(self) -> list[str]:
-        passed_again = ["emitters", "_own_archive"]
+        passed_again = ["emitters", "_own_archive", "archive", "_pyribs"]
         return [*super()._excluded_save_params(), "_scheduler", *passed_again]
 
     @classmethod
     def _unchanged_on_error(cls, data: Mapping[str, Any]) -> AbstractContextManager[None]:
         archive = data.get("_own_archive")
-        # What is no archive is refused in there.
-        return archive.unchanged_on_error() if isinstance(archive, EliteArchive) else nullcontext()
+        if not isinstance(archive, cls.archive_class):  # it is refused in there
+            return nullcontext()
+        return archive_part(archive).unchanged_on_error()
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:
@@ -329,7 +339,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """
         if niche is None:
             return super().predict(observation, state, episode_start, deterministic)
-        elite = self.archive.nearest(niche)
+        elite = archive_part(self.archive).nearest(niche)
         acting = self.policy.vector.copy()
         self.policy.vector[:] = elite
         try:
@@ -346,7 +356,10 @@ def _kinds(*parts: object) -> list[str]:
 def _kind(part: object) -> str:
     """The part's class; of an archive, what it was made with, too."""
     name = type(part).__name__
-    if not isinstance(part, EliteArchive):
+    if isinstance(part, EliteArchive):
+        settings = {**part.settings, "qd_score_offset": part.qd_score_offset}
+    elif isinstance(part, PyribsArchive):
+        settings = PyribsPart(part).settings
+    else:
         return name
-    settings = {**part.settings, "qd_score_offset": part.qd_score_offset}
     return f"{name} {json.dumps(settings)}"

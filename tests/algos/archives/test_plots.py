@@ -2,6 +2,8 @@ import matplotlib
 
 matplotlib.use("Agg")
 
+import importlib
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.collections import PatchCollection, QuadMesh
 from matplotlib.colors import LogNorm, to_rgba
+from ribs.archives import CVTArchive, GridArchive
 
 from curiosity_algos.archives.plots import plot_archive
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -28,8 +31,9 @@ def close_figures():
 
 
 def make_archive(behaviors, objective):
-    fields = {"objective": np.asarray(objective, dtype=np.float64)}
-    return SimpleNamespace(behaviors=np.asarray(behaviors, dtype=np.float64), data=fields.get)
+    fields = {"objective": objective, "measures": behaviors}
+    fields = {name: np.asarray(values, dtype=np.float64) for name, values in fields.items()}
+    return SimpleNamespace(field_list=[*fields], data=fields.get)
 
 
 def random_archive(n=400, low=-10.0, high=60.0):
@@ -68,7 +72,7 @@ def looks(color, expected):
 @pytest.mark.parametrize(("layout", "dimensions"), [(None, (2, 0)), (WIDE, (0, 1))])
 def test_cells_show_how_many_elites_they_hold(layout, dimensions):
     archive = random_archive()
-    x, y = archive.behaviors[:, dimensions].T
+    x, y = archive.data("measures")[:, dimensions].T
     spans = [[x.min(), x.max()], [y.min(), y.max()]] if layout is None else [[0, 40], [0, 20]]
     ax = plot_archive(archive, layout, by="elites", dimensions=dimensions, n_cells=7)
     counts, *edges = np.histogram2d(x, y, bins=7, range=spans)
@@ -83,7 +87,8 @@ def test_cells_show_their_best_objective(layout):
     ax = plot_archive(archive, layout, n_cells=6)
     x_edges, y_edges = edges_of(ax)
     expected = np.full((6, 6), np.nan)
-    for (x, y, _), objective in zip(archive.behaviors, archive.data("objective"), strict=True):
+    elites = zip(archive.data("measures"), archive.data("objective"), strict=True)
+    for (x, y, _), objective in elites:
         if x_edges[0] <= x <= x_edges[-1] and y_edges[0] <= y <= y_edges[-1]:
             # The last cell holds its upper edge too.
             ix = min(np.searchsorted(x_edges, x, side="right") - 1, 5)
@@ -96,9 +101,9 @@ def test_cells_show_their_best_objective(layout):
 GRID = {"dims": [5, 3, 4, 7], "ranges": [(0, 40), (0, 20), (-1.0, 1.0), (2.0, 3.0)]}
 
 
-def make_grid(n=300):
+def make_grid(n=300, kind=SparseGridArchive):
     """Elites in four dimensions, some of them beyond the bounds."""
-    archive = SparseGridArchive(solution_dim=1, **GRID)
+    archive = kind(solution_dim=1, **GRID)
     rng, (low, high) = np.random.default_rng(0), np.transpose(GRID["ranges"])
     measures = rng.uniform(1.1 * low - 0.1 * high, 1.1 * high - 0.1 * low, (n, 4))
     archive.add(np.zeros((n, 1)), rng.normal(size=n), measures)
@@ -134,6 +139,36 @@ def test_a_grid_is_shown_in_its_own_cells(dimensions, by, layout):
     np.testing.assert_array_equal(shown(ax), expected)
     for edges, dimension in zip(edges_of(ax), dimensions, strict=True):
         np.testing.assert_allclose(edges, archive.boundaries[dimension])
+
+
+@pytest.mark.parametrize("kind", [SparseGridArchive, GridArchive])
+@pytest.mark.parametrize("dimensions", [(0, 1), (3, 1)])
+def test_two_dimensions_look_as_pyribs_draws_a_grid_of_these(kind, dimensions, monkeypatch):
+    # Another picture of pyribs' draws with seaborn, which need not be installed.
+    monkeypatch.setitem(sys.modules, "seaborn", SimpleNamespace(ecdfplot=None))
+    grid_archive_heatmap = importlib.import_module("ribs.visualize").grid_archive_heatmap
+    archive = make_grid(kind=kind)
+    elites = archive.data()
+    settings = {name: [each[i] for i in dimensions] for name, each in GRID.items()}
+    flat = GridArchive(solution_dim=1, **settings)
+    flat.add(elites["solution"], elites["objective"], elites["measures"][:, dimensions])
+    theirs, (low, high) = plt.figure().add_subplot(), (-2.0, 2.0)
+    grid_archive_heatmap(flat, ax=theirs, vmin=low, vmax=high, cmap="viridis")
+    ours = plot_archive(archive, dimensions=dimensions)
+    mesh_of(ours).set_clim(low, high)
+    np.testing.assert_array_equal(shown(ours), shown(theirs))
+    for found, expected in zip(edges_of(ours), edges_of(theirs), strict=True):
+        np.testing.assert_allclose(found, expected)
+    for ax in (ours, theirs):
+        ax.figure.canvas.draw()
+    np.testing.assert_array_equal(mesh_of(ours).get_facecolors(), mesh_of(theirs).get_facecolors())
+
+
+def test_pyribs_cells_without_a_grid_are_squares():
+    archive = CVTArchive(solution_dim=1, ranges=[(0, 1)] * 4, centroids=np.eye(4))
+    archive.add(np.zeros((3, 1)), [1.0, 2.0, 3.0], np.eye(4)[:3])
+    ax = plot_archive(archive, by="elites", n_cells=2)
+    np.testing.assert_array_equal(shown(ax), [[1.0, 1.0], [1.0, np.nan]])
 
 
 def test_a_grid_is_shown_in_other_cells_on_request():

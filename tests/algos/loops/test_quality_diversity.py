@@ -6,7 +6,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
-from ribs.archives import GridArchive
 from ribs.emitters import (
     EvolutionStrategyEmitter,
     GaussianEmitter,
@@ -586,10 +585,6 @@ class TestArchive:
         )
         with pytest.raises(ValueError, match=r"^`archive` must hold policies of .* \[4\], got"):
             make_model(MAPElites, make_maze(), archive=own)
-
-    def test_pyribs_own_is_refused(self, make_model, make_maze):
-        dense = GridArchive(solution_dim=5, dims=[2] * 4, ranges=[(0.0, 1.0)] * 4)
-        self.refuse("be of the class EliteArchive", make_model, make_maze, dense)
 
     @pytest.mark.parametrize("algorithm", [NSLC, AURORA])
     def test_of_some_algorithms_it_has_no_cells(self, algorithm, make_model, make_maze):

@@ -1,0 +1,168 @@
+"""pyribs' own grids as parts of a model: their elites in its file, their draws by its seed.
+
+`GridArchive` and `CVTArchive` have no `state_dict`, and keep the fields that they were made with.
+What is read and set here beside pyribs' interface are the attributes that both have in ribs 0.12.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from ribs.archives import ArrayStore, CVTArchive, GridArchive
+
+from curiosity_algos.archives.base import EliteArchive
+from curiosity_algos.archives.fields import (
+    COMMON,
+    Batch,
+    Description,
+    behaviors_of,
+    check_elites,
+    check_niche,
+    describe_elites,
+    describe_extra,
+    described_fields,
+)
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+
+PyribsArchive = GridArchive | CVTArchive
+
+
+class PyribsPart:
+    """What a model asks of an archive of pyribs' beside pyribs' interface.
+
+    Args:
+        archive: Keeps the elites; nothing is copied.
+    """
+
+    net_arch: Sequence[int] | None = None
+    """pyribs' archives do not know what their solutions are."""
+
+    def __init__(self, archive: PyribsArchive) -> None:
+        self.archive: Any = archive  # whose private attributes are read and set here
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What decides who is kept, as JSON can hold it; centroids by their hash."""
+        archive = self.archive
+        if isinstance(archive, CVTArchive):
+            centroids = np.ascontiguousarray(archive.centroids).tobytes()
+            cells: dict[str, Any] = {"centroids": hashlib.sha256(centroids).hexdigest()[:16]}
+        else:
+            bounds = np.stack([archive.lower_bounds, archive.upper_bounds], axis=1)
+            cells = {"dims": archive.dims.tolist(), "ranges": bounds.tolist()}
+            cells["epsilon"] = float(archive.epsilon)
+        names = ("learning_rate", "threshold_min", "qd_score_offset")
+        types = {name: str(archive.dtypes[name]) for name in sorted(COMMON)}
+        return {**cells, **{name: float(getattr(archive, name)) for name in names}, "dtypes": types}
+
+    def prepare(
+        self,
+        extra_fields: Mapping[str, tuple[Any, Any]],
+        net_arch: Sequence[int],
+        seed: np.random.SeedSequence,
+    ) -> None:
+        """Serve a search that keeps these fields, as `EliteArchive.prepare` does.
+
+        Raises:
+            ValueError: If the archive was made with fields that the search does not keep, or holds
+                elites with others than it keeps.
+        """
+        fields, found = describe_extra(extra_fields), self._description
+        own = {k: v for k, v in found.items() if k not in COMMON | {"threshold"}}
+        if not (own.keys() <= fields.keys() if self.archive.empty else own == fields):
+            raise ValueError(
+                f"`archive` must keep the extra fields {described_fields(fields)} of each elite; "
+                "an empty one without extra fields is given them."
+            )
+        if self.archive.empty:
+            common = {k: v for k, v in found.items() if k not in own}
+            self.archive._store = ArrayStore({**common, **fields}, self.archive.cells)
+        self.archive._rng = np.random.default_rng(seed)
+
+    @property
+    def _description(self) -> Description:
+        return dict(self.archive._store.field_desc)
+
+    @contextmanager
+    def unchanged_on_error(self) -> Iterator[None]:
+        """Undo what a block that raises did by `prepare` and `load_state_dict`."""
+        before, drawn = dict(vars(self.archive)), generator_state(self.archive._rng)
+        try:
+            yield
+        except BaseException:
+            vars(self.archive).update(before)
+            load_generator_state(self.archive._rng, drawn)
+            raise
+
+    def nearest(self, behavior: npt.ArrayLike) -> npt.NDArray[Any]:
+        """The solution whose behavior is nearest to `behavior`, as `EliteArchive.nearest`."""
+        behaviors = behaviors_of(self.archive)
+        wanted = check_niche(behavior, behaviors)
+        nearest = np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))
+        index = self.archive.data("index")[nearest]
+        return self.archive._store.retrieve([index], "solution")[1][0]  # type: ignore[no-any-return]
+
+    # -- checkpoints ----------------------------------------------------------------------------
+
+    def state_dict(self) -> dict[str, Any]:
+        """Elites in the order of their draws, their thresholds, the best, and the draws' state."""
+        archive = self.archive
+        return {
+            "elites": _tensors({**archive.data(), "index": archive.data("index").astype(np.int64)}),
+            "objective_sum": th.from_numpy(np.array(archive._objective_sum)),
+            "best_elite": _tensors(archive.best_elite or {}),
+            "rng": generator_state(archive._rng),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If that was of another archive; nothing has changed then.
+        """
+        elites, best = (_arrays(state[name]) for name in ("elites", "best_elite"))
+        with self.unchanged_on_error():
+            description = describe_elites(elites, self._description)
+            check_elites(elites, description)
+            if not np.array_equal(self.archive.index_of(elites["measures"]), elites["index"]):
+                raise ValueError("The elites must be of the same archive, they lie in other cells.")
+            self._hold(elites, description)
+            self._sum_up(state["objective_sum"].cpu().numpy()[()], best)
+            load_generator_state(self.archive._rng, state["rng"])
+
+    def _hold(self, elites: Batch, description: Description) -> None:
+        """Hold these elites, "index" among their fields, in their order."""
+        index = elites["index"]
+        store: Any = ArrayStore({**description}, self.archive.cells)
+        store.add(index, {name: elites[name] for name in description})
+        store._props["occupied_list"][: len(index)] = index  # `add` sorts, draws count in order
+        self.archive._store = store
+
+    def _sum_up(self, objective_sum: Any, best: Batch) -> None:
+        """Bring the statistics to a sum, whose last bits follow from the order of adding up."""
+        archive = self.archive
+        archive._stats_reset()
+        if best:
+            archive._best_elite = {name: value[()] for name, value in best.items()}
+            archive._stats = replace(archive._stats, obj_max=archive._best_elite["objective"])
+            archive._stats_update(objective_sum, archive._store.occupied_list[0])
+
+
+def archive_part(archive: EliteArchive | PyribsArchive) -> EliteArchive | PyribsPart:
+    """What a model asks of an archive beside pyribs' interface; those of this package have it."""
+    return archive if isinstance(archive, EliteArchive) else PyribsPart(archive)
+
+
+def _tensors(fields: Mapping[str, Any]) -> dict[str, th.Tensor]:
+    return {name: th.from_numpy(np.array(value)) for name, value in fields.items()}
+
+
+def _arrays(state: Mapping[str, th.Tensor]) -> Batch:
+    return {name: tensor.cpu().numpy() for name, tensor in state.items()}

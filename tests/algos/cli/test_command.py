@@ -7,11 +7,13 @@ import subprocess
 import sys
 import time
 
+import gymnasium as gym
 import pytest
 
 import curiosity_gym
 from curiosity_algos.experiments import film, load_final_states, load_runs
 
+ROOT = pathlib.Path(__file__).parents[3]
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
 
 
@@ -169,6 +171,56 @@ class TestSweep:
         assert status == 1
         assert "Error: 1 of 2 runs failed" in errors.splitlines()[-1]
         assert load_runs(tmp_path)["seed"].tolist() == [1]
+
+
+REGISTERS = """
+import gymnasium as gym
+from curiosity_gym.maze.maze_env import MazeEnv
+
+class Mine(MazeEnv):
+    pass
+
+for layout in ("us", "hard"):
+    gym.register(f"mine/{layout}-v0", Mine, kwargs={"layout": layout, "horizon": 20})
+"""
+
+
+@pytest.fixture
+def my_worlds(tmp_path, monkeypatch):
+    """A package that nobody has imported, with two environments."""
+    (tmp_path / "site" / "my_worlds").mkdir(parents=True)
+    (tmp_path / "site" / "my_worlds" / "__init__.py").write_text(REGISTERS)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "site"), str(ROOT)]))
+
+    def forget():
+        sys.modules.pop("my_worlds", None)
+        for layout in ("us", "hard"):
+            gym.registry.pop(f"mine/{layout}-v0", None)
+
+    yield forget
+    forget()
+
+
+@pytest.mark.extra("report")
+def test_environments_of_another_package_need_nothing_but_their_ids(run_here, tmp_path, my_worlds):
+    """In every command, in processes that have not imported the package, and when played again."""
+    envs = "my_worlds:mine/us-v0,my_worlds:mine/hard-v0"
+    words = ["sweep", "--algos", "map_elites", "--envs", envs, "--seeds", "0", *SMALL[2:]]
+    for command in (
+        [*words, "-n", "300", "--jobs", "2"],
+        [*words, "-n", "600", "--jobs", "1"],  # goes on
+        ["enjoy", "runs/MAPElites/mine-us-v0/0", "--no-render", "--trust"],
+        ["plot", "runs"],
+        ["report", "runs", "--out", "report.html"],
+    ):
+        my_worlds()
+        status, _, errors = run_here(*command)
+        assert status == 0, errors
+    runs = load_runs(tmp_path)
+    assert sorted(runs["env"]) == ["mine/hard-v0", "mine/us-v0"]
+    assert (runs["timesteps"] >= 600).all()
+    assert "mine/hard-v0" in (tmp_path / "report.html").read_text()
 
 
 def is_anyone_left(group):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Iterable
+from difflib import get_close_matches
 from numbers import Real
 from typing import Any
 
@@ -15,6 +17,15 @@ import curiosity_gym  # noqa: F401  registers the ids, so that users need no imp
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import torch_device
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
+
+
+def check_keywords_known(algorithm: BaseAlgorithm, unknown: Iterable[str]) -> None:
+    """Raise TypeError, as Python does, if keywords are left that no constructor took."""
+    cls = type(algorithm)
+    for name in unknown:
+        near = get_close_matches(name, inspect.signature(cls).parameters, n=1)
+        meant = f": did you mean {near[0]}?" if near else "."
+        raise TypeError(f"{cls.__name__} got an unexpected keyword argument {name!r}{meant}")
 
 
 def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:

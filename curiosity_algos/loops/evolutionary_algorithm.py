@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Self, TypedDict
+from typing import Any, ClassVar, Never, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import EpisodeSeeds
 from curiosity_algos.evaluation.arguments import (
     check_common,
+    check_keywords_known,
     check_learning,
     check_order,
     use_python_numbers,
@@ -109,7 +110,9 @@ class EvolutionaryAlgorithm(PopulationModel):
         tensorboard_log: str | None = None,
         _learning_rate: float = 0.0,  # what SB3 keeps under that name
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
+        **unknown: Never,
     ) -> None:
+        check_keywords_known(self, unknown)
         check_order(self, env, policy)
         check_common(seed, device, verbose)
         net_arch = check_policy_kwargs(policy_kwargs)

@@ -343,7 +343,7 @@ def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str,
 def _all_parameters(cls: type) -> list[inspect.Parameter]:
     """Parameters of the constructor, and of those that it passes keywords on to."""
     found: dict[str, inspect.Parameter] = {}
-    for each in cls.__mro__:
+    for each in cls.__mro__[: cls.__mro__.index(Resumable)]:
         if "__init__" not in vars(each):
             continue
         _, *own = inspect.signature(vars(each)["__init__"]).parameters.values()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Set
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Never, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,7 @@ from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators, SpaceGenerator
 from curiosity_algos.evaluation.arguments import (
     check_common,
+    check_keywords_known,
     check_learning,
     check_order,
     use_python_numbers,
@@ -124,7 +125,9 @@ class ResumableTD3(Resumable, TD3):
         tensorboard_log: str | None = None,
         stats_window_size: int = 100,
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
+        **unknown: Never,
     ) -> None:
+        check_keywords_known(self, unknown)
         check_order(self, env, policy)
         check_common(seed, device, verbose)
         env = open_env(env)

@@ -1,4 +1,5 @@
 import inspect
+import re
 
 import gymnasium as gym
 import pytest
@@ -31,8 +32,22 @@ class TestSignatures:
         assert inspect.signature(CMAME).parameters["sigma"].default == 0.1
 
     def test_an_unknown_keyword_is_refused(self, any_algorithm, make_easy_maze):
-        with pytest.raises(TypeError, match="sigmma"):
-            any_algorithm(make_easy_maze(), sigmma=0.1)
+        name = any_algorithm.__name__
+        for keyword, end in [("policy_kwarg", ": did you mean policy_kwargs?"), ("qqq", ".")]:
+            message = f"{name} got an unexpected keyword argument '{keyword}'{end}"
+            with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
+                any_algorithm(make_easy_maze(), **{keyword: {}})
+
+    def test_ones_own_keywords_are_suggested_and_taken(self):
+        class Own(CuriosityES):
+            def __init__(self, env, *, wind=0.0, **kwargs):
+                self.wind, self.rain = wind, kwargs.pop("rain", 0.0)
+                super().__init__(env, **kwargs)
+
+        assert Own(HARD, rain=2.0).rain == 2.0
+        for keyword, near in [("winds", "wind"), ("populaton_size", "population_size")]:
+            with pytest.raises(TypeError, match=rf"Own got .* did you mean {near}\?"):
+                Own(HARD, **{keyword: 3})
 
     def test_a_mixin_may_come_first(self):
         class Logged:

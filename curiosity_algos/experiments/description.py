@@ -31,8 +31,6 @@ PACKAGES = (
     *("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3"),
     *("ribs", "mujoco", "dm-control", "gymnasium-robotics"),
 )
-MAY_DIFFER = {"device", "n_threads", "tensorboard_log", "verbose"}
-"""Settings that results do not depend on."""
 
 
 def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
@@ -58,16 +56,6 @@ def algorithm_name(model: BaseAlgorithm) -> str:
     wrapper = bonus_wrapper(model)
     added = "" if wrapper is None else f" + {type(wrapper.bonus).__name__}"
     return f"{type(model).__name__}{added}"
-
-
-def is_same_run(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether two descriptions are of one run, wherever and with whatever versions it went on."""
-    names = ("algorithm", "env", "env_class", "env_kwargs", "wrappers", "vec_env", "seed")
-    first, second = (
-        {name: value for name, value in each.get("settings", {}).items() if name not in MAY_DIFFER}
-        for each in (one, other)
-    )
-    return first == second and all(one.get(name) == other.get(name) for name in names)
 
 
 def describe_env(env: VecEnv | None) -> dict[str, Any]:

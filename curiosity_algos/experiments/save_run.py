@@ -14,7 +14,8 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import describe_run, is_same_run
+from curiosity_algos.experiments.description import describe_run
+from curiosity_algos.experiments.differences import differences
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
 from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
@@ -111,13 +112,15 @@ class SaveRun(BaseCallback):
     def _check_folder(self, description: dict[str, Any]) -> None:
         if self.folder.is_empty():
             return
-        there, checkpoint = self.folder.describe(), self.folder.checkpoint
-        same = is_same_run(there, description)
+        others = differences(self.folder.describe(), description)
+        checkpoint = self.folder.checkpoint
         timesteps = 0 if checkpoint is None else int(checkpoint.name)
-        if not same or timesteps != self.model.num_timesteps:
+        if timesteps != self.model.num_timesteps:
+            others.append(f"num_timesteps is {timesteps}, not {self.model.num_timesteps}")
+        if others:
             raise ValueError(
-                f"`folder` must be empty, or that of the run that goes on: {self.folder.path} "
-                f"holds {there['algorithm']} on {there['env']} after {timesteps} timesteps."
+                "`folder` must be empty, or that of the run that goes on: in "
+                f"{self.folder.path} {', '.join(others)}."
             )
 
     def _begin_or_go_on(self, description: dict[str, Any]) -> None:

@@ -18,7 +18,8 @@ from stable_baselines3.common.vec_env import VecEnv
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.evaluation.environments import open_env
-from curiosity_algos.experiments.description import MAY_DIFFER, describe_run, is_same_run
+from curiosity_algos.experiments.description import describe_run
+from curiosity_algos.experiments.differences import MAY_DIFFER, differences
 from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
@@ -108,8 +109,10 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
     stored = RunFolder(folder)
     if stored.is_empty():
         return False
-    if not is_same_run(stored.describe(), describe_run(run.make())):
-        raise ValueError(f"`folder` must be empty or that of this run, {folder} holds another.")
+    if others := differences(stored.describe(), describe_run(run.make())):
+        raise ValueError(
+            f"`folder` must be empty or that of this run: in {folder} {', '.join(others)}."
+        )
     result = stored.result()
     return bool(result) and result["timesteps"] >= run.timesteps and result.get("ended", True)
 

@@ -19,9 +19,9 @@ from curiosity_algos.experiments.description import (
     describe_env,
     describe_run,
     git_revision,
-    is_same_run,
     settings_of,
 )
+from curiosity_algos.experiments.differences import differences
 
 
 class OwnPolicy(MlpPolicy):
@@ -77,8 +77,8 @@ def test_another_environment_is_another_run(other):
         {**describe_env(TD3ICM._wrap_env(env)), "algorithm": "NSES", "seed": 0, "settings": {}}
         for env in (gym.make("Pendulum-v1"), other())
     )
-    assert is_same_run(one, dict(one))
-    assert not is_same_run(one, twin)
+    assert not differences(one, dict(one))
+    assert differences(one, twin)
 
 
 def test_a_vector_environment_is_told_by_its_id():

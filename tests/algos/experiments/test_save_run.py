@@ -1,5 +1,6 @@
 import gc
 import json
+import re
 import subprocess
 import sys
 import warnings
@@ -168,12 +169,16 @@ class TestFolder:
     def test_another_run_is_refused(self, make_model, make_easy_maze, folder):
         make_model(CuriosityES, make_easy_maze()).learn(600, SaveRun(folder))
         before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-        for other in [
-            make_model(CanonicalES, make_easy_maze()),
-            make_model(CuriosityES, make_easy_maze()),
-            make_model(CuriosityES, make_easy_maze(), sigma=1.0),
+        found = load_runs(folder).iloc[0]
+        steps = f"num_timesteps is {found['timesteps']}, not 0"
+        for algorithm, changes, what in [
+            (CanonicalES, {}, f'algorithm is "CuriosityES", not "CanonicalES", {steps}'),
+            (CuriosityES, {}, steps),
+            (CuriosityES, {"sigma": 9.0}, f"sigma is {found['settings.sigma']}, not 9.0, {steps}"),
         ]:
-            with pytest.raises(ValueError, match=r"^`folder` must be empty, or that of the run"):
+            other = make_model(algorithm, make_easy_maze(), **changes)
+            message = f"`folder` must be empty, or that of the run that goes on: in {folder} "
+            with pytest.raises(ValueError, match=rf"^{re.escape(message)}.*{re.escape(what)}\.$"):
                 other.learn(600, SaveRun(folder))
         assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
@@ -288,19 +293,22 @@ class TestStableBaselines:
         assert run["coverage.visited"] > run["coverage.reachable"]
 
     @pytest.mark.parametrize(
-        "other",
+        ("other", "what"),
         [
-            lambda: make_ppo(make_mazes(bonus="icm")),
-            lambda: make_ppo(make_mazes(3)),
-            lambda: make_ppo(VecNormalize(make_mazes())),
-            lambda: make_ppo(make_mazes(), clip_range=0.1),
+            (lambda: make_ppo(make_mazes(bonus="icm")), 'algorithm is "PPO", not "PPO + ICM"'),
+            (lambda: make_ppo(make_mazes(3)), "vec_env.n_envs is 2, not 3"),
+            (
+                lambda: make_ppo(VecNormalize(make_mazes())),
+                "VecNormalize.clip_obs is left out, not",
+            ),
+            (lambda: make_ppo(make_mazes(), clip_range=0.1), "settings.clip_range is 0.2, not 0.1"),
         ],
     )
-    def test_another_run_is_refused(self, folder, other):
+    def test_another_run_is_refused(self, folder, other, what):
         make_ppo(make_mazes()).learn(120, SaveRun(folder))
         model = other()
         model.num_timesteps = 120
-        with pytest.raises(ValueError, match=r"^`folder` must be empty, or that of the run"):
+        with pytest.raises(ValueError, match=f"^`folder` must be empty, or .*{re.escape(what)}"):
             model.learn(120, SaveRun(folder), reset_num_timesteps=False)
 
     def test_those_that_step_no_vec_env_are_refused(self, folder):

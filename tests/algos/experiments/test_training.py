@@ -1,3 +1,5 @@
+import re
+
 import pytest
 from ribs.emitters import GaussianEmitter
 
@@ -38,8 +40,15 @@ def test_more_timesteps_go_on(parts, tmp_path, assert_same):
 
 def test_another_run_is_refused(tmp_path):
     train(small(), tmp_path)
-    for other in (small(seed=1), small(sigma=1.0), small("cma_me")):
-        with pytest.raises(ValueError, match="`folder` must be empty or that of this run"):
+    sigma = "settings.sigma is 0.3, not 1.0"
+    for other, what in [
+        (small(seed=1), "seed is 0, not 1"),
+        (small(sigma=1.0), sigma),
+        (small(sigma=1.0, n_cells=3), f"settings.n_cells is 50, not 3, {sigma}"),
+        (small("cma_me"), 'algorithm is "MAPElites", not "CMAME"'),
+    ]:
+        message = f"`folder` must be empty or that of this run: in {tmp_path} {what}."
+        with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
             train(other, tmp_path)
 
 

@@ -7,6 +7,7 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
+from torch_threads import heavy_threads
 
 import curiosity_algos
 from curiosity_algos.bonuses.icm import ICM
@@ -364,10 +365,13 @@ class TestTraining:
             play(venv, 9)
             assert venv.buffer.state_dict()["observations"].dtype == th.float32
 
-    def test_torchs_threads_come_back(self):
-        th.set_num_threads(2)
-        play(wrap(), 5)
-        assert th.get_num_threads() == 2
+    @pytest.mark.parametrize("bonus", BONUSES)
+    def test_a_bonus_has_one_of_torchs_threads(self, bonus):
+        wrapper = wrap(bonus=bonus)
+        with heavy_threads() as threads:
+            play(wrapper, 10)
+        assert wrapper.metrics
+        assert threads == {1}
 
     @pytest.mark.parametrize("bonus", BONUSES)
     def test_seeds_decide(self, bonus):

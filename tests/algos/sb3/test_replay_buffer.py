@@ -14,6 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from torch_threads import heavy_threads
 
 from curiosity_algos import ICM, ExplorationCallback
 from curiosity_algos.sb3 import replay_buffer as module
@@ -321,6 +322,17 @@ def walk(buffer, n_steps, ends=lambda env, step: False):
         rows = places.astype(np.float32)[:, None]
         buffer.add(rows, rows + 1, rows / 1000, places / 10, dones, [{}] * buffer.n_envs)
         places = np.where(dones, 100.0 * np.arange(buffer.n_envs), places + 1)
+
+
+@pytest.mark.parametrize("bonus", BONUSES)
+def test_a_bonus_has_one_of_torchs_threads(bonus):
+    buffer = make_buffer(bonus=bonus, gamma=0.9, train_interval=4, n_updates=2, batch_size=4)
+    with heavy_threads() as threads:
+        for x in range(8):
+            add(buffer, x)
+        buffer.sample(4)
+    assert buffer.metrics
+    assert threads == {1}
 
 
 @pytest.mark.parametrize("optimize", [False, True])

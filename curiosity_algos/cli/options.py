@@ -23,6 +23,12 @@ Keywords = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME:VALUE", help="A keyword and its value; may be given many times."),
 ]
+Alternatives = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME:VALUE", help="A keyword and its value; with several values all are tried."
+    ),
+]
 Preset = Annotated[str | None, typer.Option(help="Settings to begin with: paper or tuned.")]
 Device = Annotated[str | None, typer.Option(help="Where networks are: auto, cpu, cuda.")]
 
@@ -37,7 +43,7 @@ def make_runs(
     hyperparams: list[str] | None,
     **others: Any,
 ) -> list[RunSpec]:
-    """A run of each algorithm, environment and seed, all of which can begin.
+    """A run of each algorithm, environment, seed and setting, all of which can begin.
 
     Keywords of the algorithms that other options give count more than `hyperparams`.
     """
@@ -45,8 +51,11 @@ def make_runs(
 
     made_with = keywords("env-kwargs", env_kwargs)
     given = {name: value for name, value in others.items() if value is not None}
-    settings = keywords("hyperparams", hyperparams) | given
-    runs = grid(algos, envs, seeds, timesteps=timesteps, settings=settings, env_kwargs=made_with)
+    found = alternatives("hyperparams", hyperparams)
+    swept = {n: values for n, values in found.items() if len(values) > 1 and n not in given}
+    settings = {name: values[0] for name, values in found.items() if name not in swept} | given
+    common = {"timesteps": timesteps, "env_kwargs": made_with}
+    runs = grid(algos, envs, seeds, swept, settings=settings, **common)
     check_all(runs)
     return runs
 
@@ -58,13 +67,23 @@ def check_all(runs: Sequence[RunSpec]) -> None:
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:
-    """Keywords of `NAME:VALUE`, values as Python writes them, or text."""
-    found = {}
+    """Keywords of `NAME:VALUE`, each of one value."""
+    found = alternatives(option, pairs)
+    for name, values in found.items():
+        if len(values) > 1:
+            raise ValueError(f"--{option} must give {name} one value, got {values}.")
+    return {name: value for name, (value,) in found.items()}
+
+
+def alternatives(option: str, pairs: list[str] | None) -> dict[str, list[Any]]:
+    """The different values of each keyword of `NAME:VALUE`, as Python writes them, or text."""
+    found: dict[str, list[Any]] = {}
     for pair in pairs or []:
-        name, colon, value = pair.partition(":")
+        name, colon, text = pair.partition(":")
         if not colon or not name.isidentifier():
             raise ValueError(f"--{option} must be NAME:VALUE, got {pair}.")
-        found[name] = _value(value)
+        value, values = _value(text), found.setdefault(name, [])
+        values += [] if value in values else [value]
     return found
 
 

@@ -21,7 +21,7 @@ def sweep(
     timesteps: options.Timesteps = 1e7,
     log_folder: options.LogFolder = Path("runs"),
     env_kwargs: options.Keywords = None,
-    hyperparams: options.Keywords = None,
+    hyperparams: options.Alternatives = None,
     preset: options.Preset = None,
     device: options.Device = None,
     jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
@@ -37,6 +37,8 @@ def sweep(
     """Train each algorithm on each environment with each seed; what is finished is left alone.
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
+
+    Example: curiosity sweep --algos nses --hyperparams sigma:0.1 --hyperparams sigma:0.3
     """
     from curiosity_algos.experiments import sweep as sweeps
 

@@ -33,6 +33,7 @@ def train(
     """
     from curiosity_algos.experiments import training
 
+    options.keywords("hyperparams", hyperparams)  # a sweep's may have several values
     (run,) = options.make_runs(
         [algo],
         [env],

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from functools import partial
@@ -31,12 +32,40 @@ Backend: TypeAlias = Callable[[Sequence[RunSpec], Train], Iterator[tuple[RunSpec
 
 
 def grid(
-    algorithms: Sequence[str], envs: Sequence[str], seeds: Sequence[int], **common: Any
+    algorithms: Sequence[str],
+    envs: Sequence[str],
+    seeds: Sequence[int],
+    swept: Mapping[str, Sequence[Any]] | None = None,
+    *,
+    settings: Mapping[str, Any] | None = None,
+    **common: Any,
 ) -> list[RunSpec]:
-    """A run for each algorithm, environment and seed, none twice; keywords are `RunSpec`'s."""
+    """A run for each algorithm, environment, seed and combination of settings, none twice.
+
+    Args:
+        algorithms: Names of algorithms.
+        envs: Ids of environments.
+        seeds: Seeds.
+        swept: The values of each setting that is to be varied. They name the run's `variant`:
+            `k=5,sigma=0.1`.
+        settings: Those that all runs have.
+        **common: Further arguments of each `RunSpec`.
+    """
     names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
-    places = product(names, dict.fromkeys(envs), dict.fromkeys(seeds))
-    return [RunSpec(algorithm, env, seed, **common) for algorithm, env, seed in places]
+    swept, settings = swept or {}, settings or {}
+    varied = [dict(zip(swept, values, strict=True)) for values in product(*swept.values())]
+    variants = {_variant(each): {**settings, **each} for each in varied}
+    places = product(variants, names, dict.fromkeys(envs), dict.fromkeys(seeds))
+    return [
+        RunSpec(name, env, seed, settings=variants[variant], variant=variant, **common)
+        for variant, name, env, seed in places
+    ]
+
+
+def _variant(settings: Mapping[str, Any]) -> str:
+    """The name of a folder for runs of these settings."""
+    text = ",".join(f"{name}={value}" for name, value in sorted(settings.items()))
+    return re.sub(r"[^\w.,=+-]+", "-", text)
 
 
 def sweep(

@@ -12,6 +12,7 @@ import pytest
 
 import curiosity_gym
 from curiosity_algos.experiments import film, load_final_states, load_runs
+from curiosity_algos.experiments.labels import label_runs
 
 ROOT = pathlib.Path(__file__).parents[3]
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
@@ -115,6 +116,18 @@ def test_version(run_here):
         (["sweep", "--backend", "ray", "--jobs", "2"], "`jobs` must be left out with ray"),
         (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),
         (["trian"], "trian"),
+        (
+            ["train", "--hyperparams", "sigma:0.1", "--hyperparams", "sigma:0.2"],
+            "--hyperparams must give sigma one value, got [0.1, 0.2]",
+        ),
+        (
+            ["sweep", "--env-kwargs", "horizon:1", "--env-kwargs", "horizon:2"],
+            "--env-kwargs must give horizon one value, got [1, 2]",
+        ),
+        (
+            ["sweep", "--hyperparams", "sigmma:0.1", "--hyperparams", "sigmma:0.2"],
+            "`hyperparams` sigmma is unknown: did you mean sigma?",
+        ),
     ],
 )
 def test_a_mistake_is_one_line(words, message, refused, tmp_path):
@@ -161,6 +174,20 @@ class TestSweep:
         status, _, errors = run_here("sweep", *words)
         assert status == 0, errors
         assert load_runs(tmp_path)["timesteps"].item() >= 100
+
+    def test_a_keyword_of_several_values_is_a_dimension(self, run_here, tmp_path):
+        words = ["--algos", "map_elites,nslc", "--seeds", "0", "-n", "900", "--jobs", "1", *SMALL]
+        given = ("sigma:0.1", "sigma:0.5", "sigma:0.1")
+        sigmas = [word for value in given for word in ("--hyperparams", value)]
+        status, _, errors = run_here("sweep", *words, *sigmas)
+        assert status == 0, errors
+        assert run_here("sweep", *words, *sigmas)[:2] == (0, "")
+        runs = load_runs(tmp_path / "runs")
+        for run, sigma in zip(runs["run"], runs["settings.sigma"], strict=True):
+            assert pathlib.Path(run).parts[-4] == f"sigma={sigma}"
+        assert sorted(label_runs(runs)) == [
+            f"{name}, sigma {sigma}" for name in ("MAPElites", "NSLC") for sigma in (0.1, 0.5)
+        ]
 
     def test_one_that_fails_leaves_the_others(self, run_here, tmp_path):
         (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)

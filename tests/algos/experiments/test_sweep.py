@@ -18,6 +18,24 @@ def test_a_sweep_has_no_run_twice():
     assert [(run.algorithm, run.seed) for run in runs] == [("NSES", 0), ("NSES", 1)]
 
 
+def test_settings_are_varied_in_folders_of_their_own(tmp_path):
+    swept = {"sigma": [0.1, 0.5], "policy_kwargs": [{"net_arch": [4]}, {"net_arch": [4, 4]}]}
+    runs = grid(["nses"], ["a-v0"], [0, 1], swept, settings={"k": 5}, timesteps=1)
+    assert len(runs) == len({run.folder(tmp_path) for run in runs}) == 8
+    assert {
+        (run.settings["sigma"], *run.settings["policy_kwargs"]["net_arch"]) for run in runs
+    } == {(sigma, *widths) for sigma in (0.1, 0.5) for widths in ([4], [4, 4])}
+    assert all(run.settings["k"] == 5 for run in runs)
+    folder = "policy_kwargs=-net_arch-4-,sigma=0.1"
+    assert runs[0].folder(tmp_path) == tmp_path / folder / "NSES" / "a-v0" / "0"
+
+
+def test_a_setting_cannot_leave_the_folder(tmp_path):
+    runs = grid(["nses"], ["a-v0"], [0], {"policy": ["../../x", "/y"]}, timesteps=1)
+    assert all(run.folder(tmp_path).parents[3] == tmp_path for run in runs)
+    assert {".."}.isdisjoint(part for run in runs for part in run.folder(tmp_path).parts)
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_it_tells_how_runs_ended(jobs, tmp_path, capsys):
     runs = grid(

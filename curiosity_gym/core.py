@@ -2,6 +2,8 @@
 
 - `env.unwrapped.behavior_space`: a `Box`, the bounds of the behavior (of a wrapper that adds one:
   `env.get_wrapper_attr("behavior_space")`);
+- `env.unwrapped.behavior_names`: a tuple with the name of each entry of the behavior and its unit,
+  such as "x (m)"; axes and tables show them. An environment of one's own need not have it;
 - `env.unwrapped.coverage_grid`: a `CoverageGrid`, which part of the behavior coverage counts;
 - `info["behavior"]`: the behavior, a short description of the episode so far, (B,) float64;
 - `info["is_success"]`: whether the goal is reached.
@@ -9,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +27,23 @@ Frame = npt.NDArray[np.uint8]
 
 class SimulationError(RuntimeError):
     """A simulation became unstable: its state is no longer one that physics led to."""
+
+
+def entry_names(behavior_names: Sequence[str] | None, n: int) -> tuple[str, ...]:
+    """The names of the n entries of a behavior; without any, `behavior 1` and so on.
+
+    Raises:
+        ValueError: If they are not n strings.
+    """
+    if behavior_names is None:
+        return tuple(f"behavior {i + 1}" for i in range(n))
+    is_list = isinstance(behavior_names, list | tuple) and len(behavior_names) == n
+    if not is_list or not all(isinstance(name, str) for name in behavior_names):
+        raise ValueError(
+            f"`behavior_names` must be a tuple of {n} strings, one for each entry of the behavior, "
+            f"got {behavior_names!r:.60}."
+        )
+    return tuple(behavior_names)
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,6 +52,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         self.observation_space = simulation.observation_space
         self.action_space = simulation.action_space
         self.behavior_space = simulation.behavior_space
+        self.behavior_names = simulation.behavior_names
         self.coverage_grid = simulation.coverage_grid
         self.horizon = int(horizon)
         self.sparse = bool(sparse)

@@ -28,6 +28,9 @@ from curiosity_gym.episode_state import (
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.validation import check_at_least_one, check_render_mode
 
+CONTRACT = ("behavior_space", "behavior_names", "coverage_grid", "horizon", "sparse")
+"""Attributes that single and vector environments have alike."""
+
 
 class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     """`num_envs` episodes; step for step what a `SyncVectorEnv` of the single envs gives.
@@ -60,6 +63,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     """
 
     behavior_space: spaces.Box[np.float64]
+    behavior_names: tuple[str, ...]
     coverage_grid: CoverageGrid
     horizon: int
     sparse: bool
@@ -91,7 +95,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         self.single_action_space = single.action_space
         self.observation_space = batch_space(single.observation_space, num_envs)
         self.action_space = batch_space(single.action_space, num_envs)
-        for name in ("behavior_space", "coverage_grid", "horizon", "sparse", *self.taken_over):
+        for name in (*CONTRACT, *self.taken_over):
             setattr(self, name, getattr(single, name))
         self.max_episode_steps = max_episode_steps
         self.metadata = {**single.metadata, "autoreset_mode": self.autoreset_mode}

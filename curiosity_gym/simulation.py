@@ -22,6 +22,7 @@ class BaseSimulation:
 
     Attributes:
         observation_space: Of a single environment, like the other spaces.
+        behavior_names: A name for each entry of the behavior, with its unit.
         coverage_grid: The cells of the behavior that coverage counts.
         fps: Steps a second.
         draws: Whether episodes begin at random.
@@ -34,6 +35,7 @@ class BaseSimulation:
     observation_space: spaces.Box[Any]
     action_space: spaces.Box[np.float32]
     behavior_space: spaces.Box[np.float64]
+    behavior_names: tuple[str, ...]
     coverage_grid: CoverageGrid
     fps: int
     draws: bool
@@ -129,6 +131,7 @@ class MujocoSimulation(BaseSimulation):
         self.n_threads = n_threads
         self.observation_space, self.action_space = task.observation_space, task.action_space
         self.behavior_space = spaces.Box(task.behavior_low, task.behavior_high, dtype=np.float64)
+        self.behavior_names = task.behavior_names
         self.coverage_grid = task.coverage_grid
         self.fps = round(1.0 / task.dt)
         self.draws = task.draws

@@ -65,7 +65,7 @@ def main() -> None:
     out = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     env = gym.make(arguments.env)
-    layout = env.unwrapped.layout
+    layout, names = env.unwrapped.layout, env.unwrapped.behavior_names
 
     model = ALGORITHMS[arguments.algorithm](arguments.env, seed=arguments.seed)
     final = FinalPositions()
@@ -78,7 +78,7 @@ def main() -> None:
 
     model.archive.save(out / "archive.npz")
     pictures = {
-        "elites.png": plot_archive(model.archive, layout),
+        "elites.png": plot_archive(model.archive, layout, behavior_names=names),
         "final_positions.png": plot_density(np.concatenate(final.positions), layout),
     }
     for name, ax in pictures.items():

@@ -12,6 +12,7 @@ from ribs.archives import GridArchive
 
 from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.plots import draw_layout
 from curiosity_gym.validation import check_at_least_one, check_choice
@@ -37,6 +38,7 @@ def plot_archive(
     *,
     by: str = "objective",
     dimensions: tuple[int, int] = (0, 1),
+    behavior_names: Sequence[str] | None = None,
     n_cells: int | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -49,6 +51,8 @@ def plot_archive(
         by: "objective": the best objective of the elites in a cell, whatever their other
             dimensions; "elites": how many they are.
         dimensions: Which entries of the behavior are x and y.
+        behavior_names: A name for each entry of the behavior, such as the environment's
+            `behavior_names`. None: "x" and "y" in a maze, else "behavior 1" and so on.
         n_cells: Cells along each of the two. None: those of the archive, with its own bounds, where
             it is a grid; else 50.
         ax: Axes to draw on; new ones by default.
@@ -57,17 +61,23 @@ def plot_archive(
         The axes; cells without elites are transparent.
 
     Raises:
-        ValueError: If `by`, `dimensions` or `n_cells` is out of its range.
+        ValueError: If `by`, `dimensions` or `n_cells` is out of its range, or there are not as many
+            names as entries.
     """
     check_choice(tuple(STATISTICS), by=by)
     check_at_least_one(n_cells=DEFAULT_CELLS if n_cells is None else n_cells)
     behaviors = behaviors_of(archive)
     _check_dimensions(dimensions, behaviors.shape[1])
+    names = entry_names(behavior_names, behaviors.shape[1])
     if ax is None:
         from matplotlib import pyplot as plt
 
         ax = plt.figure(figsize=(7, 6), layout="constrained").add_subplot()
-    _draw_frame(ax, layout, dimensions)
+    if layout is not None:
+        draw_layout(ax, layout)
+    if layout is None or behavior_names is not None:
+        x, y = dimensions
+        ax.set(xlabel=names[x], ylabel=names[y])
     if len(behaviors):
         cells = _count_cells(archive, dimensions, by, n_cells, layout)
         _draw_cells(ax, *cells, by=by)
@@ -85,14 +95,6 @@ def _check_dimensions(dimensions: Sequence[int], n_dimensions: int) -> None:
             f"`dimensions` must be two different whole numbers from 0 to {n_dimensions - 1}, "
             f"got {dimensions!r}."
         )
-
-
-def _draw_frame(ax: Axes, layout: MazeLayout | None, dimensions: tuple[int, int]) -> None:
-    if layout is None:
-        x, y = dimensions
-        ax.set(xlabel=f"behavior {x}", ylabel=f"behavior {y}")
-    else:
-        draw_layout(ax, layout)
 
 
 def _count_cells(

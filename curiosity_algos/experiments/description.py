@@ -20,11 +20,17 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView
+from curiosity_algos.evaluation.coverage import behavior_space
+from curiosity_algos.evaluation.environments import (
+    VECTOR_KEYWORDS,
+    GymnasiumView,
+    env_attribute,
+)
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.resumable import Resumable
+from curiosity_gym.core import entry_names
 from curiosity_gym.processors import available_cpus
 
 PACKAGES = (
@@ -38,6 +44,7 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
     return {
         "algorithm": algorithm_name(model),
         **describe_env(model.get_env()),
+        "behavior_names": behavior_names(model.get_env()),
         **describe_vec_env(model),
         "seed": model.seed,
         "settings": settings_of(model),
@@ -65,7 +72,7 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
         inner = None if env is None else env.get_attr("unwrapped", indices=0)[0]
         unknown = {"env": None, "env_class": type(inner).__name__, "env_spec": None}
         return {**unknown, "env_kwargs": {}, "wrappers": {}}
-    wrappers = {each.name: _as_json(each.kwargs) for each in spec.additional_wrappers}
+    wrappers = {each.name: _as_json(_telling(each.kwargs)) for each in spec.additional_wrappers}
     kwargs = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
     kwargs |= {"max_episode_steps": spec.max_episode_steps}
     return {
@@ -75,6 +82,24 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
         "wrappers": wrappers,
         "env_spec": encode_spec(spec),
     }
+
+
+def _telling(kwargs: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """The keywords of a wrapper but for names, which make no other environment."""
+    return kwargs and {name: value for name, value in kwargs.items() if name != "behavior_names"}
+
+
+def behavior_names(env: VecEnv | None) -> list[str] | None:
+    """The name of each entry of an environment's behavior; None where it names none.
+
+    Raises:
+        ValueError: If there are other names than entries.
+    """
+    names = None if env is None else env_attribute(env, "behavior_names")
+    space = None if env is None else behavior_space(env)
+    if names is None or space is None:
+        return None
+    return list(entry_names(names, space.shape[0]))
 
 
 def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:

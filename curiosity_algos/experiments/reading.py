@@ -24,6 +24,7 @@ DESCRIPTION: Fields = {
     "env_spec?": dict | None,
     "env_kwargs?": dict,
     "wrappers?": dict,
+    "behavior_names?": list | None,
     "seed?": int | None,
     "settings?": dict,
 }

@@ -63,6 +63,10 @@ class MazeSimulation(BaseSimulation):
         ValueError: If `n_threads` is less than 1.
     """
 
+    behavior_names = (
+        *("x (maze units)", "y (maze units)"),
+        *("x velocity (maze units/s)", "y velocity (maze units/s)"),
+    )
     fps = round(1.0 / DT)
     draws = False
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import gymnasium as gym
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
+from curiosity_gym.core import entry_names
 from curiosity_gym.validation import check_copyable, check_info
 
 BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
@@ -97,6 +98,12 @@ def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
     return spaces.Box(low, high, dtype=np.float64)
 
 
+def _checked_names(
+    names: Sequence[str] | None, space: spaces.Box[np.float64]
+) -> tuple[str, ...] | None:
+    return None if names is None else entry_names(names, space.shape[0])
+
+
 def _numbers(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
     try:
         if value is not None:  # which numpy takes for NaN
@@ -120,18 +127,27 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
             environment shall be pickled.
         behavior_space: A `Box` of shape (B,), the bounds of the behavior, each `low` below its
             `high`.
+        behavior_names: B names with units, such as "x (m)", for axes and tables; None: it has none.
 
     Raises:
         ValueError: If an argument is not what it may be.
     """
 
     def __init__(
-        self, env: gym.Env[Any, Any], behavior: Behavior, behavior_space: spaces.Box
+        self,
+        env: gym.Env[Any, Any],
+        behavior: Behavior,
+        behavior_space: spaces.Box,
+        behavior_names: Sequence[str] | None = None,
     ) -> None:
         check_copyable(behavior=behavior)
-        RecordConstructorArgs.__init__(self, behavior=behavior, behavior_space=behavior_space)
+        RecordConstructorArgs.__init__(
+            self, behavior=behavior, behavior_space=behavior_space, behavior_names=behavior_names
+        )
         gym.Wrapper.__init__(self, env)
         self.behavior_space = _checked_space(behavior_space)
+        # Hides those of `env`, which name another behavior.
+        self.behavior_names = _checked_names(behavior_names, self.behavior_space)
         self._accumulator = _own_accumulator(behavior)
         # Hides the grid of `env`, which counts another behavior.
         self.coverage_grid = None

@@ -32,6 +32,7 @@ class SparseTask:
         success: See `SparseRewardWrapper`.
         behavior: See `SparseRewardWrapper`.
         behavior_space: The bounds of the behavior in an environment.
+        behavior_names: See `SparseRewardWrapper`.
         horizon: The limit on steps that the original comes with.
         options: Options of every reset of the original, unless the user gives others.
     """
@@ -40,6 +41,7 @@ class SparseTask:
     success: Success
     behavior: BehaviorFunction
     behavior_space: Callable[[BareEnv], spaces.Box]
+    behavior_names: tuple[str, ...]
     horizon: int
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -92,11 +94,13 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
             horizon=task.horizon if horizon is None else horizon,
             behavior=task.behavior,
             behavior_space=task.behavior_space(original),
+            behavior_names=task.behavior_names,
         )
         self.metadata = {**original.metadata, **self.metadata}
         self.observation_space = self.env.observation_space
         self.action_space = self.env.action_space
         self.behavior_space = self.env.behavior_space
+        self.behavior_names = self.env.behavior_names
         self.render_mode = render_mode
         self._options = task.options
 
@@ -220,7 +224,15 @@ def _within(high: tuple[float, ...], env: BareEnv) -> spaces.Box:
 def _maze(horizon: int, start: tuple[int, int], goal: tuple[int, int]) -> SparseTask:
     """A maze with start and goal in cells, row and column."""
     options = {"reset_cell": start, "goal_cell": goal}
-    return SparseTask(_make_robotics, _is_at_goal, _maze_position, _maze_bounds, horizon, options)
+    return SparseTask(
+        _make_robotics,
+        _is_at_goal,
+        _maze_position,
+        _maze_bounds,
+        ("x (m)", "y (m)"),
+        horizon,
+        options,
+    )
 
 
 TASKS = {
@@ -228,10 +240,20 @@ TASKS = {
     "PointMaze_Large-v3": _maze(800, start=(7, 1), goal=(7, 10)),
     "AntMaze_UMaze-v5": _maze(700, start=(1, 1), goal=(3, 1)),
     "dm_control/cartpole-swingup_sparse-v0": SparseTask(
-        _make_control, _is_rewarded, _cart_and_pole, partial(_within, (2.0, math.pi)), horizon=1000
+        _make_control,
+        _is_rewarded,
+        _cart_and_pole,
+        partial(_within, (2.0, math.pi)),
+        ("cart position (m)", "pole angle (rad)"),
+        horizon=1000,
     ),
     "dm_control/acrobot-swingup_sparse-v0": SparseTask(
-        _make_control, _is_rewarded, _arm_angles, partial(_within, (math.pi, math.pi)), horizon=1000
+        _make_control,
+        _is_rewarded,
+        _arm_angles,
+        partial(_within, (math.pi, math.pi)),
+        ("upper arm angle (rad)", "lower arm angle (rad)"),
+        horizon=1000,
     ),
 }
 """Every task that `SparseEnv` makes, by the id of its original."""

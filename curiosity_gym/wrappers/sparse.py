@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, SupportsFloat, TypeGuard
 
 import gymnasium as gym
@@ -65,6 +65,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             behavior that it has, if any.
         behavior_space: A `Box` of shape (B,), the bounds of the behavior, each `low` below its
             `high`.
+        behavior_names: B names with units, such as "x (m)"; None: the behavior has none.
 
     Raises:
         ValueError: If an argument is not what it may be, or if the observations of `env` cannot be
@@ -78,6 +79,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         horizon: int = 1000,
         behavior: Behavior | None = None,
         behavior_space: spaces.Box | None = None,
+        behavior_names: Sequence[str] | None = None,
     ) -> None:
         check_copyable(success=success, behavior=behavior)
         RecordConstructorArgs.__init__(
@@ -86,10 +88,13 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             horizon=horizon,
             behavior=behavior,
             behavior_space=behavior_space,
+            behavior_names=behavior_names,
         )
         gym.Wrapper.__init__(self, env)
         if (behavior is None) != (behavior_space is None):
             raise ValueError("`behavior` and `behavior_space` must be given together.")
+        if behavior is None and behavior_names is not None:
+            raise ValueError("`behavior_names` must be None where no `behavior` is given.")
         _check_arguments(env, success, horizon)
         self.horizon = int(horizon)
         self.observation_space = _flat_space(env.observation_space)
@@ -100,8 +105,9 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         self._success = success
         self._played = env
         if behavior is not None and behavior_space is not None:
-            self._played = BehaviorWrapper(env, behavior, behavior_space)
+            self._played = BehaviorWrapper(env, behavior, behavior_space, behavior_names)
             self.behavior_space = self._played.behavior_space
+            self.behavior_names = self._played.behavior_names
             self.coverage_grid = None  # as in `BehaviorWrapper`
         self._t = 0
         self._is_running = False

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from curiosity_gym.core import CoverageGrid
+from curiosity_gym.core import CoverageGrid, entry_names
 
 
 def make_grid(**changes):
@@ -62,3 +62,14 @@ def test_bounds_that_leave_no_room_for_cells_are_errors():
     for low in [1.0, 2.0, np.nan]:
         with pytest.raises(ValueError, match="every `low` below its `high`"):
             make_grid(low=np.array([0.0, low]))
+
+
+def test_entries_without_names_are_numbered():
+    assert entry_names(None, 3) == ("behavior 1", "behavior 2", "behavior 3")
+    assert entry_names(["x (m)", "y (m)"], 2) == ("x (m)", "y (m)")
+
+
+def test_other_names_than_entries_are_errors():
+    for names in (["x (m)"], "xy", ("x", 2), 3):
+        with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
+            entry_names(names, 2)

@@ -1,4 +1,5 @@
 import json
+import re
 import subprocess
 import sys
 import warnings
@@ -26,6 +27,7 @@ READY_MADE = [
     "CartPoleSwingUp",
     "AcrobotSwingUp",
 ]
+UNITS = ("maze units", "maze units/s", "m", "rad")
 HEAVY = ["numba", "torch", "dm_control", "pygame", "mujoco", "matplotlib"]
 TEXT = """
 #####
@@ -61,6 +63,20 @@ def test_the_ids_are_those_of_the_documentation_and_no_others():
     robots = {f"CuriosityLocomotion-{name}-v0" for name in ROBOTS}
     sparse = {f"CuriositySparse-{name}-v0" for name in READY_MADE}
     assert set(SPECS) == mazes | {"CuriosityMaze-v0"} | control | robots | sparse
+
+
+@pytest.mark.parametrize("env_id", SPECS)
+def test_every_entry_of_a_behavior_has_a_name_and_a_unit(env_id):
+    keywords = {"layout": TEXT} if env_id == "CuriosityMaze-v0" else {}
+    env = gym.make(env_id, **keywords).unwrapped
+    names = env.behavior_names
+    assert type(names) is tuple
+    assert len(set(names)) == len(names) == env.behavior_space.shape[0]
+    for name in names:
+        assert re.fullmatch(rf"[a-z][a-z ]* \(({'|'.join(UNITS)})\)", name), name
+    if gym.spec(env_id).vector_entry_point is not None:
+        envs = gym.make_vec(env_id, 2, "vector_entry_point", **keywords)
+        assert envs.behavior_names == names
 
 
 def test_registering_again_neither_warns_nor_replaces():

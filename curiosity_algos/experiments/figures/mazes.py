@@ -31,15 +31,18 @@ def show_mazes(envs: Sequence[str]) -> Figure:
         maze = gym.make(env)
         _draw_maze(ax, maze, env)
         draw_beams(ax, maze)
-    axes.flat[0].set_ylabel("y (maze units)")
+    for ax in axes.flat[1:]:
+        ax.set_ylabel("")
     beam = Line2D([], [], color=HIT, marker=".", label="LIDAR beams at the start")
     add_title(figure, "Mazes", [*axes.flat[0].get_lines()[:2], beam])
     return figure
 
 
 def _draw_maze(ax: Axes, maze: gym.Env[Any, Any], env: str) -> None:
-    draw_layout(ax, maze.unwrapped.layout)  # type: ignore[attr-defined]  # of a maze
-    ax.set(title=short_name(env), xlabel="x (maze units)", ylabel="")
+    made: Any = maze.unwrapped
+    draw_layout(ax, made.layout)
+    x, y, *_ = made.behavior_names
+    ax.set(title=short_name(env), xlabel=x, ylabel=y)
 
 
 def draw_beams(ax: Axes, maze: gym.Env[Any, Any]) -> None:
@@ -72,8 +75,6 @@ def show_final_states(states: Mapping[str, Mapping[str, Counts]]) -> Figure:
             ax.title.set_fontsize(9)
     for ax in axes.flat:
         ax.label_outer()
-    for ax in axes[:, 0]:
-        ax.set_ylabel("y (maze units)")
     draw_counts(list(axes.flat), [by_env[env] for by_env in states.values() for env in envs], SIDE)
     add_title(figure, "Final states", axes.flat[0].get_lines()[:2])
     return figure

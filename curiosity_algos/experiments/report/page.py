@@ -65,7 +65,8 @@ NOTES = {
         "A cell has the color of the first episode of any run that ended in it; what episodes pass "
         "on their way does not count. Of environments that are no mazes, the first two entries of "
         "the behavior are drawn, and what is beyond 99 % of them along either side counts where "
-        "the map ends. Hover over a cell to read its timesteps."
+        "the map ends. Hover over a cell to read its timesteps "
+        "and its place."
     ),
 }
 KEY = (

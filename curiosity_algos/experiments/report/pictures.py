@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -24,6 +24,7 @@ from curiosity_algos.experiments.measures import (
 from curiosity_algos.experiments.report.tables import has_coverage
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import Curve, curve_interval
+from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 
@@ -151,11 +152,13 @@ class Plane:
     Attributes:
         low: (2,) its lower left corner.
         high: (2,) its upper right corner.
+        names: Of the two entries.
         maze: The environment, where the entries are a robot's position in it.
     """
 
     low: Float64
     high: Float64
+    names: tuple[str, ...]
     maze: MazeEnv | None = None
 
     def cells(self, points: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
@@ -170,13 +173,21 @@ def plane_of(runs: pd.DataFrame) -> Plane | None:
     """The plane of final states; None where behaviors have fewer than two entries."""
     maze = _maze_of(RunFolder(runs["run"].iloc[0]).describe())
     if maze is not None:
-        return Plane(np.zeros(2), np.array([maze.layout.width, maze.layout.height]), maze)
+        size = np.array([maze.layout.width, maze.layout.height])
+        return Plane(np.zeros(2), size, maze.behavior_names[:2], maze)
     points = [_ends(run)[0] for run in runs["run"]]
     if any(each.shape[1] < 2 for each in points) or not sum(map(len, points)):
         return None
     # One final state far away would leave all others in a corner.
     low, high = np.percentile(np.concatenate(points), [0.5, 99.5], axis=0)
-    return Plane(low, np.where(high > low, high, low + 1.0))
+    return Plane(low, np.where(high > low, high, low + 1.0), _names(runs["run"]))
+
+
+def _names(runs: Iterable[str]) -> tuple[str, ...]:
+    """The names of the first two entries of the behavior, by the first run that has them."""
+    described = (RunFolder(run).describe().get("behavior_names") for run in runs)
+    names = next((each[:2] for each in described if each is not None), None)
+    return entry_names(names, 2)
 
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
@@ -213,6 +224,7 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     for points, timesteps in map(_ends, runs["run"]):
         np.fmin.at(first, plane.cells(points), timesteps)
     width, height = ((plane.high - plane.low) / N_CELLS).tolist()
+    x_name, y_name = plane.names
     cells = {
         "type": "heatmap",
         "z": first.reshape(N_CELLS, N_CELLS),
@@ -220,7 +232,8 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
         **{"y0": plane.low[1] + height / 2, "dy": height},
         **{"zmin": 0.0, "zmax": longest, "colorscale": SCALE, "showscale": False},
         "hoverongaps": False,
-        "hovertemplate": "first after %{z:,.0f} timesteps<br>%{x:.3~g}, %{y:.3~g}<extra></extra>",
+        "hovertemplate": "first after %{z:,.0f} timesteps<br>"
+        f"{x_name}: %{{x:.3~g}}<br>{y_name}: %{{y:.3~g}}<extra></extra>",
     }
     return {"data": [cells, *_start(plane)], "layout": _plane_layout(plane)}
 
@@ -240,8 +253,7 @@ def _plane_layout(plane: Plane) -> Figure:
         x, y = ({"range": [0.0, side], **hidden} for side in plane.high.tolist())
         margin = {"l": 1, "r": 1, "t": 1, "b": 1}
         return layout | {"xaxis": x, "yaxis": y, "shapes": _shapes(plane.maze), "margin": margin}
-    titles = ("first entry of the behavior", "second entry of the behavior")
-    x, y = (AXIS | {"title": title, "zeroline": False, "fixedrange": True} for title in titles)
+    x, y = (AXIS | {"title": name, "zeroline": False, "fixedrange": True} for name in plane.names)
     return layout | {"xaxis": x, "yaxis": y}
 
 

@@ -58,6 +58,7 @@ class BallInCup(ControlTask):
     fields = ("qpos", "qvel", "xpos", "site_xpos")
     start: ClassVar[Mapping[str, float]] = {"ball_x": 0.0, "ball_z": -0.05}
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {"ball": (0, 1)}
+    behavior_names = ("ball x (m)", "ball z (m)", "cup x (m)", "cup z (m)")
     behavior_low = np.array([-1.0, -1.0, -0.5, -0.5])
     behavior_high = np.array([1.0, 1.0, 0.5, 0.5])
 

@@ -59,6 +59,8 @@ class ControlTask:
     """Kind of the model's "target", "site" or "body", if random starts move it; or None."""
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     """Name: entries of the behavior that are also counted alone."""
+    behavior_names: ClassVar[tuple[str, ...]]
+    """A name for each entry of the behavior, with its unit."""
     behavior_low: Float64Array
     behavior_high: Float64Array
 

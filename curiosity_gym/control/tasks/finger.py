@@ -62,6 +62,7 @@ class Finger(ControlTask):
     fields = ("qpos", "sensordata")
     start: ClassVar[Mapping[str, float]] = {"proximal": np.pi / 2, "hinge": np.pi / 2}
     target = "site"
+    behavior_names = ("proximal angle (rad)", "distal angle (rad)", "hinge angle (rad)")
 
     def _prepare(self, model: mujoco.MjModel) -> None:
         model.site("target").pos[:] = (0.3168727, 0.0, 0.45692778)

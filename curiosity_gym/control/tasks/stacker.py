@@ -74,6 +74,7 @@ class Stacker(ControlTask):
         "box0_y": 0.0,
     }
     target = "body"
+    behavior_names = ("hand x (m)", "hand z (m)")
     behavior_low = np.array([-1.0, -1.0])
     behavior_high = np.array([1.0, 1.0])
 

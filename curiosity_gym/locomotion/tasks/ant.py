@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -31,7 +32,12 @@ class Ant(LocomotionTask):
         "include_cfrc_ext_in_observation",
     )
     fields = ("qpos", "qvel", "xpos", "cfrc_ext")
-    feet = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
+    feet: ClassVar[Mapping[str, str]] = {
+        "left_ankle_geom": "front left foot",
+        "right_ankle_geom": "front right foot",
+        "third_ankle_geom": "back left foot",
+        "fourth_ankle_geom": "back right foot",
+    }
     places = ("_torso",)
     walks_around = True
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Mapping
 from functools import reduce
 from operator import add
 from typing import Any, ClassVar
@@ -48,6 +49,7 @@ class LocomotionTask:
         frame_skip: Physics steps in a step.
         dt: Seconds of a step.
         needs_forces: Whether anything asks for the forces from outside, which cost extra.
+        behavior_names: (B,) a name for each entry of the behavior, with its unit.
         behavior_low: (B,) lower bounds of the behavior.
         behavior_high: (B,) upper bounds.
         coverage_grid: The cells of the behavior that coverage counts; None without one.
@@ -70,8 +72,8 @@ class LocomotionTask:
     """Arguments of Gymnasium's constructor that say how it computes; attributes of a task."""
     fields: ClassVar[tuple[str, ...]] = ("qpos", "qvel")
     """Names of the fields that the task reads."""
-    feet: ClassVar[tuple[str, ...]] = ()
-    """Geoms of the feet."""
+    feet: ClassVar[Mapping[str, str]] = {}
+    """Geoms of the feet, each with the name of its foot."""
     places: ClassVar[tuple[str, ...]] = ()
     """Attributes that say where in the model something is."""
     n_dimensions: ClassVar[int] = 2
@@ -140,6 +142,9 @@ class LocomotionTask:
     def _bound_behavior(self) -> None:
         n = len(self.foot_bodies)
         self._n_coordinates = self.n_dimensions if self.behavior_name == "position" else 0
+        self.behavior_names = ("x (m)", "y (m)")[: self._n_coordinates]
+        if n:
+            self.behavior_names = tuple(f"{foot} (share of steps)" for foot in self.feet.values())
         low, high = np.full(self.n_dimensions, -EXTENT), np.full(self.n_dimensions, EXTENT)
         if self.world is not None:
             low, high = self.world.low, self.world.high

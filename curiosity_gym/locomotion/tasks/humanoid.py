@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Humanoid(LocomotionTask):
         "ten_length",
         "ten_velocity",
     )
-    feet = ("right_foot", "left_foot")
+    feet: ClassVar[Mapping[str, str]] = {"right_foot": "right foot", "left_foot": "left foot"}
     walks_around = True
 
     contact_cost_weight: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +21,7 @@ class HalfCheetah(LocomotionTask):
 
     env_id = "HalfCheetah-v5"
     entry_point = "gymnasium.envs.mujoco.half_cheetah_v5:HalfCheetahEnv"
-    feet = ("bfoot", "ffoot")
+    feet: ClassVar[Mapping[str, str]] = {"bfoot": "back foot", "ffoot": "front foot"}
     n_dimensions = 1
 
     def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
@@ -48,7 +49,10 @@ class Walker2d(LocomotionTask):
         "healthy_z_range",
         "healthy_angle_range",
     )
-    feet: ClassVar[tuple[str, ...]] = ("foot_geom", "foot_left_geom")
+    feet: ClassVar[Mapping[str, str]] = {
+        "foot_geom": "right foot",
+        "foot_left_geom": "left foot",
+    }
     n_dimensions = 1
 
     terminate_when_unhealthy: bool
@@ -85,7 +89,7 @@ class Hopper(Walker2d):
     env_id = "Hopper-v5"
     entry_point = "gymnasium.envs.mujoco.hopper_v5:HopperEnv"
     options = (*Walker2d.options, "healthy_state_range")
-    feet: ClassVar[tuple[str, ...]] = ("foot_geom",)
+    feet: ClassVar[Mapping[str, str]] = {"foot_geom": "foot"}
 
     healthy_state_range: tuple[float, float]
 

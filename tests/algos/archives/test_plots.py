@@ -222,8 +222,17 @@ def test_a_maze_keeps_its_look(name):
 
 def test_without_a_maze_the_dimensions_are_named():
     ax = plot_archive(random_archive(), dimensions=(2, 1))
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("behavior 2", "behavior 1")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("behavior 3", "behavior 2")
     assert not any(isinstance(item, PatchCollection) for item in ax.collections)
+
+
+@pytest.mark.parametrize("layout", [None, WIDE])
+def test_axes_have_the_names_of_the_behavior(layout):
+    names = ("x (m)", "y (m)", "z (m)")
+    ax = plot_archive(random_archive(), layout, dimensions=(2, 1), behavior_names=names)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("z (m)", "y (m)")
+    with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 3 strings"):
+        plot_archive(random_archive(), layout, behavior_names=names[:2])
 
 
 @pytest.mark.parametrize(

@@ -16,16 +16,22 @@ from stable_baselines3.common.vec_env import VecNormalize
 from curiosity_algos import TD3ICM, BonusVecEnvWrapper, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
+    behavior_names,
     describe_env,
     describe_run,
     git_revision,
     settings_of,
 )
 from curiosity_algos.experiments.differences import differences
+from curiosity_gym import BehaviorWrapper
 
 
 class OwnPolicy(MlpPolicy):
     pass
+
+
+def first_two(env, observation, info):
+    return observation[:2]
 
 
 def test_a_description_has_every_setting_of_the_constructor(
@@ -79,6 +85,42 @@ def test_another_environment_is_another_run(other):
     )
     assert not differences(one, dict(one))
     assert differences(one, twin)
+
+
+class TestBehaviorNames:
+    def named(self, names):
+        env, space = gym.make("Pendulum-v1"), gym.spaces.Box(-2.0, 2.0, (2,))
+        return TD3ICM._wrap_env(BehaviorWrapper(env, first_two, space, names))
+
+    @pytest.mark.parametrize("n_envs", [None, 2])
+    def test_are_those_of_the_environment(self, n_envs):
+        env_id = "CuriosityMaze-US-v0"
+        env = gym.make(env_id)
+        if n_envs is not None:
+            env = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
+        names = describe_run(MAPElites(env, n_cells=3))["behavior_names"]
+        assert names[:2] == ["x (maze units)", "y (maze units)"]
+        assert len(names) == 4
+
+    def test_are_none_where_there_are_none(self):
+        venv = make_vec_env("Pendulum-v1", 2)
+        assert describe_run(PPO("MlpPolicy", venv, device="cpu"))["behavior_names"] is None
+        assert behavior_names(self.named(None)) is None
+
+    def test_make_no_other_run(self):
+        plain, named = (
+            {**describe_env(self.named(names)), "algorithm": "NSES", "seed": 0, "settings": {}}
+            for names in (None, ("cosine", "sine"))
+        )
+        assert behavior_names(self.named(("cosine", "sine"))) == ["cosine", "sine"]
+        assert not differences(plain, named)
+        assert "BehaviorWrapper" in named["wrappers"]
+
+    def test_are_as_many_as_entries(self):
+        venv = self.named(("cosine", "sine"))
+        venv.envs[0].get_wrapper_attr("env").behavior_names = ("cosine",)
+        with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
+            behavior_names(venv)
 
 
 def test_a_vector_environment_is_told_by_its_id():

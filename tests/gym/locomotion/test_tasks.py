@@ -197,6 +197,22 @@ class TestFeet:
         assert 0 < counts.sum() < n_steps * len(feet)
         np.testing.assert_allclose(simulation.behaviors[1], counts / n_steps, atol=1e-12)
 
+    def test_each_has_its_name(self):
+        task = make_simulation("Ant-v5", behavior="feet").task
+        legs = ["front_left_leg", "front_right_leg", "back_leg", "right_back_leg"]
+        bodies = [task.model.body(body) for body in task.foot_bodies]
+        above = [task.model.body(task.model.body(body.parentid[0]).parentid[0]) for body in bodies]
+        assert [body.name for body in above] == legs
+        assert task.behavior_names == (
+            "front left foot (share of steps)",
+            "front right foot (share of steps)",
+            "back left foot (share of steps)",
+            "back right foot (share of steps)",
+        )
+        for env_id in TASKS.keys() - {"Swimmer-v5"}:
+            task = make_simulation(env_id, behavior="feet").task
+            assert len(task.behavior_names) == len(task.behavior_low)
+
     def test_is_nothing_at_the_start(self):
         simulation = make_simulation("Ant-v5", behavior="feet")
         simulation.reset(np.arange(3), [generator(0)])

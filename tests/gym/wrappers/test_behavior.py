@@ -265,6 +265,22 @@ class TestAccumulator:
         )
 
 
+def test_names_are_found_through_wrappers_and_made_again():
+    env = BehaviorWrapper(gym.make("CartPole-v1"), cart_and_pole, SPACE, ["cart (m)", "pole (rad)"])
+    outer = RecordEpisodeStatistics(env)
+    for each in (outer, copy.deepcopy(outer), gym.make(outer.spec)):
+        assert each.get_wrapper_attr("behavior_names") == ("cart (m)", "pole (rad)")
+    with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
+        BehaviorWrapper(gym.make("CartPole-v1"), cart_and_pole, SPACE, ["cart (m)"])
+
+
+def test_another_behavior_hides_the_environments_names():
+    env = BehaviorWrapper(
+        gym.make("CuriosityMaze-Hard-v0"), lambda env, observation, info: info["velocity"], SPACE
+    )
+    assert env.get_wrapper_attr("behavior_names") is None
+
+
 class LockedMean(MeanPosition):
     """What cannot be copied."""
 

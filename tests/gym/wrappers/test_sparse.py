@@ -298,7 +298,18 @@ class TestBehavior:
             behavior_space=spaces.Box(-20.0, 20.0, (2,)),
         )
         assert env.get_wrapper_attr("coverage_grid") is None
+        assert env.get_wrapper_attr("behavior_names") is None
         assert env.reset()[1]["behavior"].tolist() == [0.0, 0.0]
+
+    def test_names_are_those_of_the_behavior_that_is_given(self):
+        named = make_walk(
+            behavior=position, behavior_space=POSITIONS, behavior_names=["position (m)"]
+        )
+        assert TimeLimit(named, 5).get_wrapper_attr("behavior_names") == ("position (m)",)
+        kept = SparseRewardWrapper(gym.make("CuriosityMaze-Hard-v0"), never)
+        assert kept.get_wrapper_attr("behavior_names")[0] == "x (maze units)"
+        with pytest.raises(ValueError, match="`behavior_names` must be None where no `behavior`"):
+            make_walk(behavior_names=["position (m)"])
 
 
 SPACES = {

@@ -15,7 +15,7 @@ from curiosity_algos.experiments.report.pictures import (
 )
 from curiosity_algos.experiments.run_folder import RunFolder
 
-SQUARE = Plane(np.zeros(2), np.ones(2))
+SQUARE = Plane(np.zeros(2), np.ones(2), ("x (m)", "y (m)"))
 
 
 @pytest.fixture
@@ -94,6 +94,29 @@ def test_another_environment_is_drawn_around_most_final_states(mountain, write_r
     assert (plane_of(far).high < 1.01).all()
     same = plane_of(write_run([[0.1, 0.2]], [1]))
     np.testing.assert_allclose(same.high, [1.1, 1.2])
+
+
+def axes_of(plane, runs):
+    layout = draw_map(runs, plane, 1.0)["layout"]
+    return [layout[name]["title"] for name in ("xaxis", "yaxis")]
+
+
+def test_axes_have_the_names_of_the_behavior(maze, mountain, write_run):
+    names = {"behavior_names": ["ball x (m)", "ball z (m)", "cup x (m)"]}
+    old = write_run([[0.1, 0.2, 0.0]], [1])  # of a folder that was written before there were names
+    named = pd.concat([old, write_run([[0.1, 0.2, 0.0]], [1], **names)])
+    plane = plane_of(named)
+    assert axes_of(plane, named) == ["ball x (m)", "ball z (m)"]
+    assert "ball z (m): %{y:.3~g}" in draw_map(named, plane, 1.0)["data"][0]["hovertemplate"]
+    for runs in (old, mountain):
+        assert axes_of(plane_of(runs), runs) == ["behavior 1", "behavior 2"]
+    assert plane_of(maze).names == ("x (maze units)", "y (maze units)")
+
+
+def test_names_that_no_run_would_have_written_are_one_sentence(write_run):
+    for names in (["x (m)"], [1, 2]):
+        with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
+            plane_of(write_run([[0.1, 0.2]], [1], behavior_names=names))
 
 
 def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):

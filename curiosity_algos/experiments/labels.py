@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -24,16 +25,20 @@ COLORS = {
 FURTHER = ("#332288", "#117733", "#DDCC77", "#CC6677", "#44AA99", "#BBBBBB")
 """Colors, in turn, of what has none of its own."""
 
+SETTINGS = r"^(settings|vec_env\.wrappers|vec_env)\."
+"""Beginnings of the columns that hold settings."""
+
 
 def label_runs(runs: pd.DataFrame) -> pd.Series:
     """A name for each row of `load_runs`: its algorithm, and the settings that tell it from others.
 
-    A setting counts where runs of one algorithm on one environment differ in it, unless others
-    tell the same runs apart; the preset comes first.
+    A setting, of the algorithm or of a VecEnv and its wrappers, counts where runs of one algorithm
+    on one environment differ in it, unless others tell the same runs apart; the preset comes first.
     """
-    texts = runs.filter(regex=r"^settings\.").map(_text)
-    texts = texts.rename(columns=lambda name: name.removeprefix("settings."))
-    texts = texts.drop(columns=MAY_DIFFER & set(texts))  # results do not depend on these
+    texts = runs.filter(regex=SETTINGS).map(_text)
+    texts = texts.rename(columns=lambda name: re.sub(SETTINGS, "", name))
+    # Results do not depend on these.
+    texts = texts[[name for name in texts if name.rpartition(".")[2] not in MAY_DIFFER]]
     telling: dict[str, list[str]] = {name: [] for name in runs["algorithm"]}
     for (name, _), rows in texts.groupby([runs["algorithm"], runs["env"]], dropna=False):
         telling[name] += [each for each in _telling(rows) if each not in telling[name]]

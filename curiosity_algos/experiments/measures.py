@@ -41,14 +41,25 @@ def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
     Returns:
         A row for each run. `env` has the keywords that tell environments of one name apart,
         `label` the settings that tell runs of one algorithm apart, `has_begun` says whether an
-        episode has ended by the last checkpoint.
+        episode has ended by the last checkpoint, `is_repeated` whether another run of the label has
+        the same seed, and has come as far or farther: the two are no independent runs.
     """
     runs = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
     is_known = runs["run"].map(lambda run: Path(run).resolve()).duplicated()
     runs = runs[~is_known].reset_index(drop=True)
     runs["env"] = _titles(runs)
     has_begun = runs["n_episodes"] > 0 if "n_episodes" in runs else False
-    return runs.assign(label=label_runs(runs), has_begun=has_begun)
+    runs = runs.assign(label=label_runs(runs), has_begun=has_begun)
+    return runs.assign(is_repeated=_is_repeated(runs))
+
+
+def _is_repeated(runs: pd.DataFrame) -> pd.Series:
+    """Of runs alike, all but the longest; runs without a seed are never alike."""
+    known = runs.reindex(columns=["timesteps", "env", "label", "seed"])
+    known = known[runs["has_begun"] & known["seed"].notna()]
+    known = known.sort_values("timesteps", ascending=False, kind="stable")
+    repeated = known.duplicated(["env", "label", "seed"])
+    return repeated.reindex(runs.index, fill_value=False)
 
 
 def _titles(runs: pd.DataFrame) -> pd.Series:

@@ -46,6 +46,7 @@ NOTE = (
     "Thick: interquartile mean while all runs go on; shaded: its 95 % interval; thin: each run; "
     "dotted: after the first has ended."
 )
+REPEATED = "\nLeft out, as a seed counts once: {} with the seed of another run."
 SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval."
 
 
@@ -67,6 +68,8 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
     if not runs["has_begun"].all():
         run = runs.loc[~runs["has_begun"], "run"].iloc[0]
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
+    n_repeated = runs["is_repeated"].sum()
+    runs = runs[~runs["is_repeated"]]
     colors = color_labels(runs["label"])
     panels = list(runs.groupby("env", sort=False))
     n_columns = min(3, len(panels))
@@ -80,7 +83,8 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
     for ax in axes[:, 0]:
         ax.set_ylabel(y_label)
     add_title(figure, title, legend_handles(_samples(runs, colors)))
-    add_note(figure, NOTE if measure else SURVIVAL_NOTE)
+    note = NOTE if measure else SURVIVAL_NOTE
+    add_note(figure, note + REPEATED.format(n_repeated) if n_repeated else note)
     return figure
 
 

@@ -42,6 +42,11 @@ PAGE = """<!DOCTYPE html>
 </html>
 """
 NOTES = {
+    "Runs": (
+        "A row, a line and a map are of all runs of an algorithm with the same settings, of which "
+        "a seed counts once. Settings in which runs differ are named; where runs differ in length, "
+        "the table has the shortest and the longest, and what it says is of the end of each."
+    ),
     "Intervals": (
         "IQM is the interquartile mean over runs, the mean of their middle half. In brackets are "
         "95 % intervals of a bootstrap over runs; a single run has none."
@@ -76,6 +81,10 @@ KEY = (
 MARKS = (
     '<span class="mark" style="background: {}"></span> start '
     '<span class="mark" style="border: 2px solid {}"></span> goal'
+)
+NOT_BEGUN = "Not begun, and left out, as there is no checkpoint yet"
+REPEATED = (
+    "Left out, as another run of the same seed, algorithm and settings is there, which counts once"
 )
 
 
@@ -132,19 +141,20 @@ class _Page:
     """The parts of the page: HTML of sections, and the figures that a script draws in them."""
 
     def __init__(self, runs: pd.DataFrame) -> None:
-        self.begun = runs[runs["has_begun"]]
+        self.begun = runs[runs["has_begun"] & ~runs["is_repeated"]]
         self.figures: dict[str, pictures.Figure] = {}
         self._colors = color_labels(sorted(set(self.begun["label"])))
         self.links, self.sections = [], []
         for i, (env, here) in enumerate(runs.groupby("env")):
             title, name = escape(str(env)), f"environment-{i}"
             self.links.append(f'<li><a href="#{name}">{title}</a></li>')
-            waiting = _not_begun(here)
-            here = here[here["has_begun"]]
+            left_out = _named(NOT_BEGUN, here[~here["has_begun"]])
+            left_out += _named(REPEATED, here[here["is_repeated"]])
+            here = self.begun[self.begun["env"] == env]
             parts = self._section(here, title) if len(here) else ""
             self.sections.append(
                 f'<section class="card" aria-labelledby="{name}"><h2 id="{name}">{title}</h2>'
-                f"{waiting}{parts}</section>"
+                f"{left_out}{parts}</section>"
             )
 
     def _section(self, runs: pd.DataFrame, title: str) -> str:
@@ -183,7 +193,6 @@ class _Page:
         return f'<div class="plot {kind}" id="{name}" {about}{style}></div>'
 
 
-def _not_begun(runs: pd.DataFrame) -> str:
-    """A line that names the runs that are left out; empty where there are none."""
-    names = ", ".join(map(escape, runs.loc[~runs["has_begun"], "run"]))
-    return names and f"<p>Not begun, and left out, as there is no checkpoint yet: {names}.</p>"
+def _named(why: str, runs: pd.DataFrame) -> str:
+    """A line that names runs that are left out; empty where there are none."""
+    return "" if runs.empty else f"<p>{why}: {', '.join(map(escape, runs['run']))}.</p>"

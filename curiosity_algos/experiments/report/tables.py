@@ -43,13 +43,19 @@ def _row(runs: pd.DataFrame, has_successes: bool) -> dict[str, str]:
     median = times_to_success(runs).median if has_successes else None
     return {
         "Runs": f"{len(runs)}",
-        "Timesteps of a run, median": f"{runs['timesteps'].median():,.0f}",
+        "Timesteps of a run": _span(runs["timesteps"]),
         "Runs with a success": f"{n_successful} of {len(runs)}" if has_successes else NOTHING,
         "First success, median timesteps": NOTHING if median is None else f"{median:,.0f}",
         "Best return, IQM": _interval(runs["best_return"], "{:,.3f}".format),
         "Coverage, IQM": _interval(_coverage(runs), percent),
         "Area under coverage, IQM": _interval(_areas(runs), percent),
     }
+
+
+def _span(timesteps: pd.Series) -> str:
+    """How long the runs are; of different lengths the shortest and the longest."""
+    ends = sorted({timesteps.min(), timesteps.max()})
+    return " to ".join(f"{end:,.0f}" for end in ends)
 
 
 def has_coverage(runs: pd.DataFrame) -> bool:

@@ -53,6 +53,21 @@ def test_runs_of_environments_without_an_id_have_labels():
     assert list(label_runs(runs)) == ["NSES, k 1", "NSES, k 2"]
 
 
+def test_wrappers_of_a_vec_env_are_settings():
+    bonus = "vec_env.wrappers.BonusVecEnvWrapper"
+    runs = pd.DataFrame(
+        {
+            "algorithm": ["PPO + APT"] * 2,
+            "env": ["US"] * 2,
+            f"{bonus}.device": ["cpu", "cuda"],
+            f"{bonus}.weight": [1.0, 0.5],
+            "vec_env.n_envs": [16, 16],
+        }
+    )
+    names = [f"PPO + APT, BonusVecEnvWrapper.weight {weight}" for weight in (1.0, 0.5)]
+    assert list(label_runs(runs)) == names
+
+
 def test_every_algorithm_has_a_color_of_its_own():
     assert set(COLORS) == set(ALGORITHMS)
     assert len({*COLORS.values(), *FURTHER}) == len(COLORS) + len(FURTHER)

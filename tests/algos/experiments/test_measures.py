@@ -64,6 +64,27 @@ def test_a_run_that_is_found_twice_counts_once(copied, monkeypatch):
     assert len(load_compared([*copied, copied[0].parent, copied[0].name])) == 2
 
 
+def test_a_seed_counts_once(copied):
+    assert not load_compared(copied)["is_repeated"].any()
+    change(copied[1], seed=0)
+    (checkpoint,) = copied[0].glob("checkpoints/*")
+    known = json.loads((checkpoint / "result.json").read_text())
+    for timesteps, repeated in ((10, [True, False]), (10**9, [False, True])):
+        (checkpoint / "result.json").write_text(json.dumps(known | {"timesteps": timesteps}))
+        assert load_compared(copied)["is_repeated"].tolist() == repeated
+
+
+def test_runs_without_a_seed_or_with_other_settings_are_no_repetition(copied):
+    for run in copied:
+        change(run, seed=None)
+    assert not load_compared(copied)["is_repeated"].any()
+    for n_envs, run in enumerate(copied):
+        change(run, seed=0, vec_env={"n_envs": n_envs, "wrappers": {}})
+    runs = load_compared(copied)
+    assert runs["label"].tolist() == ["MAPElites, n_envs 0", "MAPElites, n_envs 1"]
+    assert not runs["is_repeated"].any()
+
+
 def table(firsts, best):
     return pd.DataFrame({"first_success_timesteps": firsts, "best_return": best})
 

@@ -1,5 +1,7 @@
 """Curves of any runs."""
 
+import shutil
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -56,6 +58,15 @@ def test_settings_that_differ_are_lines_of_their_own(runs, make_runs):
     lines = thick(figure.axes[0])
     assert [to_hex(line.get_color()).upper() for line in lines] == list(FURTHER[:2])
     assert lines[1].get_ydata()[-1] == best_return(other[0])[1][-1]
+
+
+def test_a_seed_counts_once(runs, tmp_path):
+    shutil.copytree(runs[0], tmp_path / "again")
+    for y in ("coverage", "survival"):
+        figure = compare([*runs, tmp_path], y=y)
+        assert labels(figure) == ["MAPElites (3 runs)"]
+        assert "1 with the seed of another run" in figure.get_supxlabel()
+        assert "seed" not in compare(runs, y=y).get_supxlabel()
 
 
 def test_survival_keeps_the_runs_that_found_nothing(runs, lost):

@@ -100,6 +100,22 @@ def test_only_runs_that_have_not_begun(runs_folder, tmp_path):
     assert "Not begun" in text
 
 
+def test_a_seed_counts_once_and_lengths_are_told(runs_folder, tmp_path):
+    shutil.copytree(runs_folder / "NSES" / "CuriosityMaze-Hard-v0" / "0", tmp_path / "again")
+    folders = [runs_folder / "NSES", tmp_path]
+    runs = write_report(folders, tmp_path / "report.html")
+    assert sorted(runs["seed"]) == [0, 1]
+    assert re.search(
+        "as another run of the same seed[^<]*again", (tmp_path / "report.html").read_text()
+    )
+    (result,) = tmp_path.glob("again/checkpoints/*/result.json")
+    result.write_text(json.dumps(json.loads(result.read_text()) | {"timesteps": 9999}))
+    write_report(folders, tmp_path / "report.html")
+    head, row = cells(tmp_path / "report.html")
+    row = dict(zip(head, row, strict=True))
+    assert (row["Runs"], row["Timesteps of a run"]) == ("2", "1,500 to 9,999")
+
+
 def test_a_task_without_success_has_no_count_of_successes(runs_folder, tmp_path):
     write_report([runs_folder / "CanonicalES"], tmp_path / "report.html")
     head, row = cells(tmp_path / "report.html")

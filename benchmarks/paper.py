@@ -119,7 +119,8 @@ def _curves(run: Path) -> pd.DataFrame:
 
     Its highest would be that of the luckiest of many generations.
     """
-    curves = {name: measure(run) for name, measure in MEASURES.items()}
+    measured = {name: measure(run) for name, measure in MEASURES.items()}
+    curves = {name: (np.r_[0.0, x], np.r_[0.0, y]) for name, (x, y) in measured.items()}
     edges = np.linspace(0.0, max(steps[-1] for steps, _ in curves.values()), N_POINTS + 1)
     table = pd.DataFrame({"timesteps": edges[1:].round()})
     for name, (steps, values) in curves.items():

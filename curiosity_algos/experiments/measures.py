@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -108,31 +108,35 @@ def coverage(run: Folder) -> Points:
 
 
 def best_return(run: Folder) -> Points:
-    """Highest return of an episode so far; before the first 0, or the first if that is less."""
-    states = load_final_states(run)
-    timesteps, returns = _highest(states, states.get("timesteps"))
-    return _from_zero(timesteps, np.maximum.accumulate(returns), begin=min([0.0, *returns[:1]]))
+    """Highest return of an episode so far, from the first generation on."""
+    states = final_states(run)
+    timesteps, returns = _highest(states, states["timesteps"])
+    return timesteps, np.maximum.accumulate(returns)
 
 
 def generation_return(run: Folder) -> Points:
     """Highest return of each generation; of 56 episodes where the algorithm trains one policy."""
-    states = load_final_states(run)
-    generation = states.get("generation")
-    if generation is not None and not generation.any():
+    states = final_states(run)
+    generation = states["generation"]
+    if not generation.any():
         generation = np.arange(len(generation)) // EPISODES
-    timesteps, returns = _highest(states, generation)
-    return _from_zero(timesteps, returns, begin=min([0.0, *returns[:1]]))
+    return _highest(states, generation)
 
 
-def _highest(
-    states: dict[str, npt.NDArray[np.generic]], group: npt.NDArray[np.generic] | None
-) -> Points:
+def final_states(run: Folder) -> dict[str, npt.NDArray[Any]]:
+    """`load_final_states` of a run with an episode."""
+    states = load_final_states(run)
+    if not states:
+        raise ValueError(f"`folder` must be that of a run, final states of {run} are missing.")
+    return states
+
+
+def _highest(states: dict[str, npt.NDArray[Any]], group: npt.NDArray[Any]) -> Points:
     """Timesteps at the end of each group of episodes in a row, and its highest return."""
-    if group is None:
-        return np.empty(0), np.empty(0)
     first = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
     last = np.r_[first[1:], len(group)] - 1
-    return states["timesteps"][last], np.maximum.reduceat(states["return"], first)
+    timesteps = states["timesteps"][last].astype(np.float64)
+    return timesteps, np.maximum.reduceat(states["return"], first)
 
 
 def _logged(run: Folder, column: str) -> Points:
@@ -149,8 +153,8 @@ def _logged(run: Folder, column: str) -> Points:
     return timesteps, values
 
 
-def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike, begin: float = 0.0) -> Points:
-    return np.r_[0.0, timesteps], np.r_[begin, values]
+def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike) -> Points:
+    return np.r_[0.0, timesteps], np.r_[0.0, values]
 
 
 def in_seconds(run: Folder, timesteps: npt.ArrayLike) -> Float64:

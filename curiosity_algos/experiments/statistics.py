@@ -249,7 +249,8 @@ def curve_interval(
         curves: For each run `x`, (n,) ends of its generations in timesteps or seconds, ascending,
             at least 0, and `values`, (n,) the value from then on; before the first it is 0.
         grid: (m,) timesteps or seconds, of which those after the end of the shortest run are left
-            out; None: `N_POINTS`, evenly from 0 to that end.
+            out; None: `N_POINTS`, evenly from where all runs have begun to that end, and none where
+            a run begins later.
         seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
@@ -260,8 +261,10 @@ def curve_interval(
     runs = [_points(x, values) for x, values in curves]
     if not runs:
         raise ValueError("`curves` must hold at least one run.")
-    end = min(x[-1] for x, _ in runs)
-    points = np.linspace(0.0, end, N_POINTS) if grid is None else _vector("grid", grid)
+    begin, end = max(x[0] for x, _ in runs), min(x[-1] for x, _ in runs)
+    if grid is None and begin > end:
+        return Curve(*np.empty((4, 0)))
+    points = np.linspace(begin, end, N_POINTS) if grid is None else _vector("grid", grid)
     points = points[points <= end]
     if not len(points):
         raise ValueError(f"`grid` must begin before the shortest run ends, at {end:g}.")

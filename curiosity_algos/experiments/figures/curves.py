@@ -42,8 +42,9 @@ def draw_lines(
 ) -> None:
     """Draw the interquartile mean of each line's runs, its 95 % interval, and every run.
 
-    The mean ends with the shortest of its runs. One that ends before the longest run of all goes on
-    dotted, at its last value; where there is no line, the axes say so.
+    The mean begins where all of its runs have begun, and ends with the shortest. One that ends
+    before the longest run of all goes on dotted, at its last value; where there is no line, the
+    axes say so.
 
     Args:
         ax: Axes.
@@ -71,7 +72,7 @@ def _draw_line(ax: Axes, line: Line, runs: Sequence[Points], longest: float) -> 
     mean = curve_interval(runs)
     ax.fill_between(mean.x, mean.low, mean.high, color=line.color, alpha=0.18, linewidth=0)
     ax.plot(mean.x, mean.estimate, color=line.color, linewidth=2.0, linestyle=line.style)
-    if mean.x[-1] < longest:
+    if len(mean.x) and mean.x[-1] < longest:
         ax.hlines(mean.estimate[-1], mean.x[-1], longest, color=line.color, linestyle=":")
 
 

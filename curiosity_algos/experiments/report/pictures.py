@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.measures import (
     Float64,
     Points,
     best_return,
     coverage,
+    final_states,
     read_curves,
     reports_success,
     times_to_success,
@@ -207,9 +207,7 @@ def _ends(run: str) -> tuple[Float64, Float64]:
     Raises:
         ValueError: If they are missing.
     """
-    states = load_final_states(run)
-    if not {"behavior", "timesteps"} <= states.keys():
-        raise ValueError(f"`folder` must be that of a run, final states of {run} are missing.")
+    states = final_states(run)
     points = states["behavior"][:, :2].astype(np.float64)
     is_finite = np.isfinite(points).all(axis=1)
     return points[is_finite], states["timesteps"][is_finite].astype(np.float64)

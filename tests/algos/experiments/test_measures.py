@@ -135,9 +135,8 @@ def test_returns_are_those_of_the_generations(runs):
     assert states["return"].max() > 0.0
     timesteps, best = generation_return(runs[0])
     generations = np.unique(states["generation"])
-    assert len(timesteps) == len(best) == len(generations) + 1
-    assert (timesteps[0], best[0]) == (0.0, 0.0)
-    for i, generation in enumerate(generations, start=1):
+    assert len(timesteps) == len(best) == len(generations)
+    for i, generation in enumerate(generations):
         members = states["generation"] == generation
         assert timesteps[i] == states["timesteps"][members][0]
         assert best[i] == states["return"][members].max()
@@ -174,27 +173,29 @@ def test_an_algorithm_without_generations_counts_56_episodes_as_one(tmp_path):
         **{"return": returns},
     )
     timesteps, best = generation_return(run)
-    assert timesteps.tolist() == [0, 560, 1120, 1150]
-    assert best.tolist() == [0.0, *(max(returns[i : i + 56]) for i in (0, 56, 112))]
+    assert timesteps.tolist() == [560, 1120, 1150]
+    assert best.tolist() == [max(returns[i : i + 56]) for i in (0, 56, 112)]
     timesteps, best = best_return(run)  # of every episode
-    assert timesteps.tolist() == list(range(0, 1151, 10))
-    assert best[7] == returns[:7].max()
+    assert timesteps.tolist() == list(range(10, 1151, 10))
+    assert best[7] == returns[:8].max()
 
 
-def test_returns_below_0_have_never_been_0(tmp_path):
+def test_returns_begin_with_the_first_generation(tmp_path):
     ones = np.ones(3, dtype=int)
     returns = np.array([-7.0, -9.0, -2.0])
     run = write_run(
         tmp_path, generation=np.cumsum(ones), timesteps=10 * np.cumsum(ones), **{"return": returns}
     )
-    assert best_return(run)[1].tolist() == [-7.0, -7.0, -7.0, -2.0]
-    assert generation_return(run)[1].tolist() == [-7.0, -7.0, -9.0, -2.0]
+    assert [each.tolist() for each in best_return(run)] == [[10, 20, 30], [-7.0, -7.0, -2.0]]
+    assert [each.tolist() for each in generation_return(run)] == [[10, 20, 30], returns.tolist()]
 
 
-def test_a_run_that_has_just_begun_is_at_0(tmp_path):
+def test_a_run_that_has_just_begun_has_no_return_and_is_at_0(tmp_path):
     run = write_run(tmp_path)
-    for measure in (best_return, generation_return, coverage):
-        assert [values.tolist() for values in measure(run)] == [[0.0], [0.0]]
+    for measure in (best_return, generation_return):
+        with pytest.raises(ValueError, match=r"final states of .* are missing"):
+            measure(run)
+    assert [values.tolist() for values in coverage(run)] == [[0.0], [0.0]]
     assert in_seconds(run, [0.0]).tolist() == [0.0]
 
 

@@ -326,8 +326,10 @@ class TestCurves:
         np.testing.assert_array_equal(curve.x, [0, 3])
         np.testing.assert_allclose(curve.estimate, [0, 0.4])
         whole = curve_interval(runs)
-        assert (len(whole.x), whole.x[0], whole.x[-1]) == (statistics.N_POINTS, 0, 3)
-        assert whole.estimate[-1] == pytest.approx(0.4)
+        assert (len(whole.x), whole.x[0], whole.x[-1]) == (statistics.N_POINTS, 2, 3)
+        np.testing.assert_allclose(whole.estimate[[0, -1]], [0.15, 0.4])
+        apart = curve_interval([([1, 2], [0.2, 0.8]), ([3, 4], [0.1, 0.6])])
+        assert [len(each) for each in (apart.x, apart.estimate, apart.low)] == [0, 0, 0]
 
     def test_there_is_a_run_and_a_point_before_its_end(self):
         with pytest.raises(ValueError, match="`curves` must hold at least one run"):

@@ -71,6 +71,17 @@ def test_the_mean_ends_with_the_shortest_run_and_its_runs_go_on():
     assert axes[0, 0].get_xlim() == (0.0, 10.0)
 
 
+def test_a_mean_begins_where_all_runs_have_begun():
+    _, axes = make_panels(1, 1)
+    runs = [(np.array([1.0, 9.0]), np.array([-5.0, -3.0])), (np.array([2.0, 9.0]), -np.ones(2))]
+    apart = [(np.array([each]), np.array([-4.0])) for each in (3.0, 5.0)]
+    draw_lines(axes[0, 0], [Line("NSES", "#0077bb", runs), Line("NSLC", "#33bbee", apart)])
+    ((points,),) = [drawn(axes[0, 0], "#0077bb", 2.0)]
+    assert points[0].tolist() == [2.0, -3.0]
+    ((points,),) = [drawn(axes[0, 0], "#33bbee", 2.0)]
+    assert len(points) == 0
+
+
 def test_each_label_is_once_in_the_legend():
     lines = [Line("NSES", "red", []), Line("NSLC", "blue", [], "--"), Line("NSES", "red", [])]
     handles = legend_handles(lines)

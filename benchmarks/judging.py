@@ -20,11 +20,9 @@ from benchmarks.paper import Tables
 from benchmarks.run_numbers import Float64, measured
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.figures.plan import Series
-from curiosity_algos.experiments.statistics import Interval, stratified_bootstrap
+from curiosity_algos.experiments.statistics import LEAST_RUNS, Interval, stratified_bootstrap
 
 REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "cannot be told"
-N_RUNS = 3
-"""Runs of each kind, at least."""
 
 
 class Verdict(NamedTuple):
@@ -43,19 +41,19 @@ Judge: TypeAlias = Callable[[Tables], Verdict]
 
 
 def _numbers(tables: Tables, measure: str, series: Series, env: str) -> Float64:
-    """The number of each of the runs, NaN where it has none; at least `N_RUNS`, or none."""
+    """The number of each of the runs, NaN where it has none; at least `LEAST_RUNS`, or none."""
     values = measured(measure, tables)
     key = (series.algorithm, env, series.variant)
     found = values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
-    return found if len(found) >= N_RUNS else np.empty(0)
+    return found if len(found) >= LEAST_RUNS else np.empty(0)
 
 
 def _short_of(env: str, *numbers: Float64) -> Verdict | None:
     """The verdict where there are too few runs, or too few of them have a number."""
-    if min(map(len, numbers)) < N_RUNS:
+    if min(map(len, numbers)) < LEAST_RUNS:
         return _not_trained(env)
     n = min(np.isfinite(each).sum() for each in numbers)
-    if n < N_RUNS:
+    if n < LEAST_RUNS:
         return Verdict(UNKNOWN, f"{short_name(env)}: only {n} runs have it")
     return None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
+import numpy as np
 import pandas as pd
 
 from benchmarks.claims import CLAIMS
@@ -89,7 +90,7 @@ def _mean(values: pd.Series, algorithm: str) -> str:
     if found.empty:
         return "-"
     mean = stratified_bootstrap(found.to_numpy(dtype=float), interquartile_mean)
-    interval = f" ({mean.low:.3g} to {mean.high:.3g})" if len(found) > 1 else ""
+    interval = "" if np.isnan(mean.low) else f" ({mean.low:.3g} to {mean.high:.3g})"
     return f"{mean.estimate:.3g}{interval}"
 
 

@@ -9,7 +9,7 @@ Scores of several tasks are a matrix (runs, tasks), or a list with the runs of e
 which there may be more in one task than in another. Scores of one task are 1-D. Intervals hold
 95 %. Those of the bootstrap are the percentiles of `N_RESAMPLES` resamples; each draws as many runs
 of every task as there are, with replacement, and depends on nothing but scores and `seed`. Where a
-task has a single run, nothing says how much runs differ: the bounds are NaN.
+task has fewer than `LEAST_RUNS`, too little says how much runs differ: the bounds are NaN.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ Seed: TypeAlias = int | np.random.Generator
 Statistic: TypeAlias = Callable[[list[Float64]], Any]
 
 N_RESAMPLES = 5000
+LEAST_RUNS = 3
+"""With fewer there is no interval: of two, a bootstrap's would be what the two are."""
 N_POINTS = 200
 """Points of a curve's mean, where no grid is given."""
 BATCH = 100  # resamples in memory at once; another number would change the draws
@@ -41,7 +43,7 @@ class Interval:
 
     Attributes:
         estimate: The number.
-        low: Lower bound; NaN where a task has a single run.
+        low: Lower bound; NaN where a task has fewer than three runs.
         high: Upper bound, likewise.
     """
 
@@ -57,8 +59,8 @@ class Curve:
     Attributes:
         x: (n,) timesteps or seconds.
         estimate: (n,) heights.
-        low: (n,) lower bounds, NaN where there is a single run.
-        high: (n,) upper bounds, NaN where there is a single run.
+        low: (n,) lower bounds, NaN where there are fewer than three runs.
+        high: (n,) upper bounds, likewise.
     """
 
     x: Float64
@@ -173,7 +175,7 @@ def survival(
     Bounds are those of the exponential Greenwood formula, which stay within 0 and 1 and need fewer
     runs than the plain one's. Two cases are beyond the formula. As long as no run has found reward,
     both bounds are 1, by convention: nothing is known of the spread. Once all have, the lower bound
-    is 0 and the upper one that of the point before.
+    is 0 and the upper one that of the point before. Of fewer than three runs all are NaN.
 
     Args:
         first_rewards: (runs,) timesteps or seconds of first rewards, above 0; None, NaN or
@@ -186,7 +188,10 @@ def survival(
     times, found = _censored(first_rewards, budgets)
     share = stats.ecdf(stats.CensoredData.right_censored(times, ~found)).sf
     heights = np.insert([share.probabilities, *_greenwood(share)], 0, 1.0, axis=1)
-    curve = Curve(np.insert(share.quantiles, 0, 0.0), *_where_undefined(*heights))
+    estimate, low, high = _where_undefined(*heights)
+    if len(times) < LEAST_RUNS:
+        low[:] = high[:] = np.nan
+    curve = Curve(np.insert(share.quantiles, 0, 0.0), estimate, low, high)
     return Survival(curve, _median(curve))
 
 
@@ -306,7 +311,7 @@ def _bootstrap(statistic: Statistic, samples: list[Float64], seed: Seed) -> Floa
     if not isinstance(seed, np.random.Generator):
         check_seed(seed)
     estimate = np.asarray(statistic(samples), dtype=np.float64)
-    if min(sample.shape[-1] for sample in samples) < 2:
+    if min(sample.shape[-1] for sample in samples) < LEAST_RUNS:
         nothing = np.full_like(estimate, np.nan)
         return np.stack([estimate, nothing, nothing])
     found = stats.bootstrap(

@@ -43,11 +43,11 @@ Y = tuple(MEASURES)
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
 """By name the title of the axis, and the value that is 1 on it."""
 NOTE = (
-    "Thick: interquartile mean while all runs go on; shaded: its 95 % interval; thin: each run; "
-    "dotted: after the first has ended."
+    "Thick: interquartile mean while all runs go on; shaded: its 95 % interval, of three runs or "
+    "more; thin: each run; dotted: after the first has ended."
 )
 REPEATED = "\nLeft out, as a seed counts once: {} with the seed of another run."
-SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval."
+SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval, of three runs or more."
 
 
 def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps") -> Figure:

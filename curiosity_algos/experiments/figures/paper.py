@@ -18,8 +18,8 @@ from curiosity_algos.experiments.labels import COLORS
 from curiosity_gym.validation import check_choice
 
 NOTE = (
-    "Thick: interquartile mean (seeds {}); shaded: its 95 % interval; thin: each seed; "
-    "dotted: beyond the budget of an algorithm."
+    "Thick: interquartile mean (seeds {}); shaded: its 95 % interval, of three seeds or more; "
+    "thin: each seed; dotted: beyond the budget of an algorithm."
 )
 
 

@@ -49,7 +49,7 @@ NOTES = {
     ),
     "Intervals": (
         "IQM is the interquartile mean over runs, the mean of their middle half. In brackets are "
-        "95 % intervals of a bootstrap over runs; a single run has none."
+        "95 % intervals of a bootstrap over runs; fewer than three runs have none."
     ),
     "Curves": (
         "Thick lines are interquartile means, up to the end of the shortest run of a label, shaded "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import gymnasium as gym
@@ -71,17 +71,11 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
             traces.append(_runs(curves, *style, i))
             traces += _band_and_mean(curve_interval(curves), *style, i)
         if has_successes:
-            traces += _band_and_mean(_survival(here), *style, len(panels), "hv")
+            survival = times_to_success(here).curve
+            traces += _band_and_mean(survival, *style, len(panels), "hv")
     if has_successes:
         axes.append(("runs without success", "~%"))
     return {"data": traces, "layout": _panels(axes)}
-
-
-def _survival(runs: pd.DataFrame) -> Curve:
-    """The curve of survival, of a single run without an interval: it would be everything."""
-    curve = times_to_success(runs).curve
-    known = np.nan if len(runs) == 1 else 1.0
-    return replace(curve, low=known * curve.low, high=known * curve.high)
 
 
 def _panels(axes: list[tuple[str, str]]) -> Figure:

@@ -60,6 +60,13 @@ def test_settings_that_differ_are_lines_of_their_own(runs, make_runs):
     assert lines[1].get_ydata()[-1] == best_return(other[0])[1][-1]
 
 
+@pytest.mark.parametrize("y", ["coverage", "survival"])
+def test_fewer_than_three_runs_have_no_interval(runs, y):
+    for folders, is_shown in ((runs, True), (runs[:2], False)):
+        band, *_ = compare(folders, y=y).axes[0].collections
+        assert bool(band.get_paths()) == is_shown
+
+
 def test_a_seed_counts_once(runs, tmp_path):
     shutil.copytree(runs[0], tmp_path / "again")
     for y in ("coverage", "survival"):

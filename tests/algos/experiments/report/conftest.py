@@ -38,7 +38,7 @@ def first_two(env, observation, info):
 def runs_folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     for algorithm, make_env, seeds, settings in [
-        (NSES, make_hard, (0, 1), STRATEGY | {"k": 3}),
+        (NSES, make_hard, (0, 1, 2), STRATEGY | {"k": 3}),
         (MAPElites, make_hard, (0,), POPULATION),
         (MAPElites, make_mountain, (0,), POPULATION),
         (CanonicalES, make_pole, (0, 1), STRATEGY),
@@ -51,7 +51,7 @@ def runs_folder(tmp_path_factory):
     new = trained / ("a_run_that_has_not_begun" * 3)
     new.mkdir()
     described = json.loads((trained / "0" / "run.json").read_text())
-    (new / "run.json").write_text(json.dumps(described | {"seed": 2}))
+    (new / "run.json").write_text(json.dumps(described | {"seed": 3}))
     return folder
 
 

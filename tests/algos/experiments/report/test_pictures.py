@@ -45,7 +45,7 @@ def test_curves_are_those_of_the_runs(maze):
     assert [trace["name"] for trace in (alone, mean)] == ["MAPElites", "NSES"]
     ends = maze[maze["label"] == "NSES"]["coverage.reachable"]
     assert mean["y"][-1] == pytest.approx(ends.mean(), rel=1e-6)
-    assert np.isnan(thin["x"]).sum() == 2
+    assert np.isnan(thin["x"]).sum() == 3
     assert (low["y"] <= mean["y"] + 1e-9).all()
     assert (mean["y"] <= high["y"] + 1e-9).all()
     survival = traces_of(figure, 3)

@@ -16,15 +16,20 @@ def rows_of(runs):
 
 def test_a_row_for_each_label(maze):
     found = maze["algorithm"] == "NSES"
-    maze.loc[found, "first_success_timesteps"] = [600.0, float("nan")]
-    maze.loc[found, "best_return"] = [0.5, 0.0]
+    maze.loc[found, "first_success_timesteps"] = [600.0, float("nan"), 900.0]
+    maze.loc[found, "best_return"] = [0.6, 0.0, 0.3]
     rows = rows_of(maze)
     assert [*rows] == ["MAPElites", "NSES"]
     row = rows["NSES"]
-    assert row[:5] == ["2", "1,500", "1 of 2", "600", "0.250 (0.000 to 0.500)"]
+    assert row[:5] == ["3", "1,500", "2 of 3", "900", "0.300 (0.000 to 0.600)"]
     for text in row[5:]:
         assert re.fullmatch(r"[\d.]+\s% \([\d.]+\s% to [\d.]+\s%\)", text)
     assert rows["MAPElites"][2:4] == ["0 of 1", NOTHING]
+
+
+def test_fewer_than_three_runs_have_no_interval(maze):
+    rows = rows_of(maze[maze["seed"] < 2])
+    assert not [text for text in rows["NSES"] if " to " in text]
 
 
 def test_what_is_not_known_is_a_dash(mountain):

@@ -22,11 +22,17 @@ OWN = "time/fps"
 Row: TypeAlias = Mapping[str, Any]
 
 
+def in_order(names: Iterable[str]) -> list[str]:
+    """Columns in the order that they have in every file: when, and then by the alphabet."""
+    return sorted(set(names), key=lambda name: (name != TIMESTEPS, name != SECONDS, name))
+
+
 class ProgressLog(KVWriter):
     """Writes a row whenever the algorithm logs, and one when training ends.
 
     Where a run stands is asked of the run itself. What the logger was emptied of in between, as by
-    an `EvalCallback`, waits for the next row. No file is open between two rows.
+    an `EvalCallback`, waits for the next row. Columns have one order, whenever they first appear.
+    No file is open between two rows.
 
     Args:
         path: File to write.
@@ -42,7 +48,7 @@ class ProgressLog(KVWriter):
         self._path = path
         self._state = state
         self._last: Row = rows[-1] if rows else {}
-        self._names = list(dict.fromkeys(name for row in rows for name in row))
+        self._names = in_order(name for row in rows for name in row)
         self._write_all(rows)
 
     def write(
@@ -63,11 +69,11 @@ class ProgressLog(KVWriter):
     def _add_row(self) -> None:
         plain = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
         row = {name: value for name, value in self.pending.items() if isinstance(value, plain)}
-        self._last = self._state() | row | self._state()  # its columns come first
+        self._last = row | self._state()
         self.pending = {}
-        new = [name for name in self._last if name not in self._names]
-        if new:
-            self._names += new
+        names = in_order([*self._names, *self._last])
+        if names != self._names:
+            self._names = names
             self._write_all([*read_rows(self._path), self._last])
         else:
             with open(self._path, "a", encoding="utf-8", newline="") as file:

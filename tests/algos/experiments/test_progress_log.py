@@ -58,6 +58,18 @@ def test_columns_of_the_users_own_are_kept(path):
     assert "picture" not in before[0]
 
 
+def test_columns_have_one_order_whenever_they_appear(path, tmp_path):
+    stands = {TIMESTEPS: 1, "time/seconds": 0.5, "coverage/all": 0.1}
+    for logged in (["a", "train/z"], ["train/z"]), (["train/z"], ["a"]):
+        log = ProgressLog(path, 0, lambda: stands)
+        for names in logged:
+            log.write({"time/fps": 1} | dict.fromkeys(names, 2.0), {})
+        header = path.read_text().splitlines()[0]
+        assert header == f"{TIMESTEPS},time/seconds,a,coverage/all,time/fps,train/z"
+        assert [row.get("a") for row in read_rows(path)].count(2.0) == 1
+        path.unlink()
+
+
 def test_half_a_row_is_dropped(path):
     log_rows(path, 0, 3)
     path.write_text(path.read_text()[:-2])

@@ -42,7 +42,7 @@ def options(
         ),
     ] = False,
 ) -> None:
-    """Curiosity-driven policy search."""
+    """Train policies that explore by curiosity, watch them, and compare runs."""
 
 
 def main() -> None:

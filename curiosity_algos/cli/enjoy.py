@@ -14,29 +14,34 @@ from curiosity_gym.validation import check_at_least_one
 
 def enjoy(
     run: Annotated[
-        str, typer.Argument(help="The folder of a run; of a pretrained policy, its environment.")
+        str, typer.Argument(help="Folder of a run, or with --pretrained the id of an environment.")
     ],
     pretrained: Annotated[
         str | None,
         typer.Option(
-            help="An algorithm, whose best policy comes with the package.", metavar="ALGO"
+            help="Algorithm whose best policy comes with the package, instead of a run's.",
+            metavar="ALGO",
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="A GIF or MP4; None: a window, without a screen best_policy.gif in the folder, "
-            "or here."
+            help="GIF or MP4 to write. Without it, the episode is shown in a window, or where "
+            "there is no screen written to best_policy.gif in the run's folder."
         ),
     ] = None,
-    no_render: Annotated[bool, typer.Option("--no-render", help="Print the return alone.")] = False,
+    no_render: Annotated[
+        bool, typer.Option("--no-render", help="Show nothing, and print the return.")
+    ] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
-    seed: Annotated[int, typer.Option(help="Of the environment.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the environment.")] = 0,
     trust: Annotated[
-        bool, typer.Option("--trust", help="Run code that the run's folder names or holds.")
+        bool, typer.Option("--trust", help="Also run code that the run's folder names or holds.")
     ] = False,
 ) -> None:
-    """Show or record an episode of a run's best policy, or of a pretrained one.
+    """Show or record an episode of a trained policy.
+
+    It is the best policy of a run, or one that comes with the package.
 
     Example: curiosity enjoy runs/CuriosityES/CuriosityMaze-Hard-v0/0
 

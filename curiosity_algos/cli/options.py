@@ -14,23 +14,47 @@ if TYPE_CHECKING:
 
 Timesteps = Annotated[
     float,
-    typer.Option("--timesteps", "-n", "--n-timesteps", "--total-timesteps", help="Budget."),
+    typer.Option(
+        *("--timesteps", "-n", "--n-timesteps", "--total-timesteps"),
+        help="Environment steps of a run.",
+    ),
 ]
 LogFolder = Annotated[
-    Path, typer.Option("--log-folder", "-f", help="Where runs are: FOLDER/algorithm/env/seed.")
+    Path,
+    typer.Option(
+        "--log-folder", "-f", help="Folder for the runs, each in FOLDER/algorithm/env/seed."
+    ),
+]
+EnvKeywords = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME:VALUE",
+        help="A keyword of the environment and its value. Give the option once for each.",
+    ),
 ]
 Keywords = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME:VALUE", help="A keyword and its value; may be given many times."),
+    typer.Option(
+        metavar="NAME:VALUE",
+        help="A setting of the algorithm and its value. Give the option once for each.",
+    ),
 ]
 Alternatives = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="NAME:VALUE", help="A keyword and its value; with several values all are tried."
+        metavar="NAME:VALUE",
+        help="A setting of the algorithm and its value. Give the option once for each; where one "
+        "has several values, all are tried.",
     ),
 ]
-Preset = Annotated[str | None, typer.Option(help="Settings to begin with: paper or tuned.")]
-Device = Annotated[str | None, typer.Option(help="Where networks are: auto, cpu, cuda.")]
+Preset = Annotated[
+    str | None,
+    typer.Option(help="Settings to begin with, paper or tuned. Without it, the defaults."),
+]
+Device = Annotated[
+    str | None, typer.Option(help="Device that neural networks are on: auto, cpu or cuda.")
+]
+Interval = Annotated[float, typer.Option(help="Seconds between two checkpoints of a run.")]
 
 
 def make_runs(

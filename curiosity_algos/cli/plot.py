@@ -9,18 +9,24 @@ import typer
 
 
 def plot(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or folders that hold them.")],
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or folders that hold such.")],
     y: Annotated[
-        str, typer.Option("--y", "-y", "--y-axis", help="coverage, best-return or survival.")
+        str,
+        typer.Option(
+            *("--y", "-y", "--y-axis"),
+            help="What is drawn: coverage, best-return, or survival, which is the share of runs "
+            "without a success yet.",
+        ),
     ] = "coverage",
     x: Annotated[
-        str, typer.Option("--x", "-x", "--x-axis", help="timesteps or seconds.")
+        str,
+        typer.Option("--x", "-x", "--x-axis", help="What it is drawn over: timesteps or seconds."),
     ] = "timesteps",
-    out: Annotated[Path, typer.Option(help="A PNG, PDF or SVG.")] = Path("plot.png"),
+    out: Annotated[Path, typer.Option(help="PNG, PDF or SVG to write.")] = Path("plot.png"),
 ) -> None:
-    """Draw curves of runs, a panel for each environment: their middle, its interval, every run.
+    """Draw curves of runs, a panel for each environment.
 
-    survival is the share of runs without a success yet.
+    A thick line is the middle of the runs of an algorithm, thin lines are the runs.
 
     Example: curiosity plot runs --y survival --out first_reward.pdf
     """

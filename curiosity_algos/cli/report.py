@@ -9,10 +9,12 @@ import typer
 
 
 def report(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or with runs in them.")],
-    out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("report.html"),
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or folders that hold such.")],
+    out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
 ) -> None:
-    """Compare runs in one HTML file: tables, curves and maps (extra `report`).
+    """Compare runs by tables, curves and maps in one HTML file.
+
+    The extra `report` must be installed.
 
     Example: curiosity report runs --out report.html
     """

@@ -11,30 +11,48 @@ from curiosity_algos.cli import options
 
 
 def reproduce(
-    figures: Annotated[list[int], typer.Argument(help="Of the paper, 1 to 8.", min=1, max=8)],
+    figures: Annotated[
+        list[int], typer.Argument(help="Numbers of figures of the paper, 1 to 8.", min=1, max=8)
+    ],
     budget: Annotated[
-        str, typer.Option(help="Seconds to the paper's: smoke, short, tenth, paper.")
+        str,
+        typer.Option(
+            help="Length of the runs: smoke (seconds), short, tenth (of the paper's), or paper."
+        ),
     ] = "smoke",
-    preset: Annotated[str, typer.Option(help="Settings: paper or tuned.")] = "paper",
+    preset: Annotated[
+        str, typer.Option(help="Settings of the algorithms, paper or tuned.")
+    ] = "paper",
     seeds: Annotated[
-        str | None, typer.Option(help="Whole numbers, with commas; None: those of the budget.")
+        str | None,
+        typer.Option(
+            help="Seeds of the runs, with commas between them. Without it, those of the budget."
+        ),
     ] = None,
     log_folder: Annotated[
         Path | None,
-        typer.Option("--log-folder", "-f", help="Where runs are; None: runs/PRESET-BUDGET."),
+        typer.Option(
+            *("--log-folder", "-f"), help="Folder for the runs. Without it, runs/PRESET-BUDGET."
+        ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="A PNG, PDF or SVG of one figure; None: figure_N.png in the log folder."),
+        typer.Option(
+            help="PNG, PDF or SVG to write one figure to. Without it, figure_N.png in the log "
+            "folder."
+        ),
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(help="Runs at a time; None: one a processor, in smoke one.")
+        int | None,
+        typer.Option(
+            help="Runs to train at a time. Without it, one for each processor, and with smoke, one."
+        ),
     ] = None,
-    interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
+    interval: options.Interval = 60.0,
 ) -> None:
-    """Train what figures of the paper need, and draw them; what is finished is left alone.
+    """Train what figures of the paper need, and draw them.
 
-    Figures share their runs.
+    Runs that are finished are left alone, and figures share their runs.
 
     Example: curiosity reproduce 2 --budget short --out reward.pdf
     """

@@ -15,26 +15,41 @@ if TYPE_CHECKING:
 
 
 def sweep(
-    algos: Annotated[str, typer.Option(help="Algorithms, with commas.")] = "curiosity_es,nses",
-    envs: Annotated[str, typer.Option(help="Ids, with commas.")] = "CuriosityMaze-US-v0",
-    seeds: Annotated[str, typer.Option(help="Whole numbers, with commas.")] = "0,1,2",
+    algos: Annotated[
+        str, typer.Option(help="Algorithms, with commas between them.")
+    ] = "curiosity_es,nses",
+    envs: Annotated[
+        str, typer.Option(help="Ids of environments, likewise.")
+    ] = "CuriosityMaze-US-v0",
+    seeds: Annotated[str, typer.Option(help="Seeds, likewise.")] = "0,1,2",
     timesteps: options.Timesteps = 1e7,
     log_folder: options.LogFolder = Path("runs"),
-    env_kwargs: options.Keywords = None,
+    env_kwargs: options.EnvKeywords = None,
     hyperparams: options.Alternatives = None,
     preset: options.Preset = None,
     device: options.Device = None,
-    jobs: Annotated[int | None, typer.Option(help="Processes; None: one a processor.")] = None,
-    backend: Annotated[str, typer.Option(help="local, or ray: on a cluster.")] = "local",
+    jobs: Annotated[
+        int | None,
+        typer.Option(help="Runs to train at a time. Without it, one for each processor."),
+    ] = None,
+    backend: Annotated[
+        str, typer.Option(help="Where runs are trained: local, or ray for a cluster.")
+    ] = "local",
     address: Annotated[
-        str | None, typer.Option(help="Of a Ray cluster, or auto; None: started on this machine.")
+        str | None,
+        typer.Option(
+            help="Address of the Ray cluster, or auto. Without it, Ray is started on this machine."
+        ),
     ] = None,
     num_cpus: Annotated[
-        float | None, typer.Option(help="Processors of a run on a cluster; None: one.")
+        float | None,
+        typer.Option(help="Processors of the cluster for each run. Without it, one."),
     ] = None,
-    interval: Annotated[float, typer.Option(help="Seconds between two checkpoints.")] = 60.0,
+    interval: options.Interval = 60.0,
 ) -> None:
-    """Train each algorithm on each environment with each seed; what is finished is left alone.
+    """Train each algorithm on each environment with each seed.
+
+    Runs that are finished are left alone, and those that were interrupted go on.
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
 

@@ -12,22 +12,32 @@ from curiosity_algos.cli import options
 
 def train(
     algo: Annotated[
-        str, typer.Option(help="An algorithm, in any spelling: curiosity_es, NSES, map-elites.")
+        str,
+        typer.Option(
+            help="Name of the algorithm, in any spelling: curiosity_es, NSES, map-elites."
+        ),
     ] = "curiosity_es",
     env: Annotated[
-        str, typer.Option(help="Id of an environment; MODULE:ID of one that a module registers.")
+        str,
+        typer.Option(help="Id of the environment, or MODULE:ID of one that a module registers."),
     ] = "CuriosityMaze-Hard-v0",
     timesteps: options.Timesteps = 1e7,
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     log_folder: options.LogFolder = Path("runs"),
-    env_kwargs: options.Keywords = None,
+    env_kwargs: options.EnvKeywords = None,
     hyperparams: options.Keywords = None,
     preset: options.Preset = None,
     device: options.Device = None,
-    num_threads: Annotated[int | None, typer.Option(help="None: as many as processors.")] = None,
-    progress: Annotated[bool, typer.Option("--progress", "-P", help="Show a bar.")] = False,
+    num_threads: Annotated[
+        int | None, typer.Option(help="Number of threads. Without it, one for each processor.")
+    ] = None,
+    progress: Annotated[
+        bool, typer.Option("--progress", "-P", help="Show a progress bar.")
+    ] = False,
 ) -> None:
-    """Train one model and keep its run in a folder; one that was interrupted goes on.
+    """Train one model, and keep its run in a folder.
+
+    A run that was interrupted goes on when the same command is given again.
 
     Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7 -P
     """

@@ -1,7 +1,9 @@
 """The command `curiosity`, as users run it."""
 
+import inspect
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import gymnasium as gym
 import pytest
 
 import curiosity_gym
+from curiosity_algos.cli import app
 from curiosity_algos.experiments import film, load_final_states, load_runs
 from curiosity_algos.experiments.labels import label_runs
 
@@ -269,3 +272,25 @@ def test_ctrl_c_leaves_a_run_that_goes_on(begin, tmp_path):
     assert "Traceback" not in process.stderr.read()
     process.stderr.close()
     assert load_runs(tmp_path)["timesteps"].item() > 0
+
+
+class TestHelp:
+    """What a newcomer reads who asks the command alone."""
+
+    def test_every_command_is_told_whole(self, run_here, monkeypatch):
+        monkeypatch.setenv("COLUMNS", "80")
+        printed = run_here()[1]
+        assert "..." not in printed.replace("[ARGS]...", "")
+        for command in app.registered_commands:
+            summary = inspect.getdoc(command.callback).split("\n\n")[0]
+            assert re.fullmatch(r"[A-Z][^.]{20,}\.", summary)
+
+    def test_every_option_says_what_it_is(self):
+        for command in app.registered_commands:
+            for name, parameter in inspect.signature(
+                command.callback, eval_str=True
+            ).parameters.items():
+                text = parameter.annotation.__metadata__[0].help
+                assert re.fullmatch(r"[A-Z].* .*\.", text), name
+                # Python's word, and what stands where its noun is missing.
+                assert not re.search(r"None|^Of |^There\b", text), name

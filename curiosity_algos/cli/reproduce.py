@@ -77,5 +77,7 @@ def reproduce(
     options.check_all(runs)
     sweep(runs, folder, backend=backend, interval=interval)
     for figure, path in paths.items():
-        canvas.save(paper.draw(figure, TrainedRuns(plan)), path)
+        drawing = paper.draw(figure, TrainedRuns(plan))
+        canvas.add_note(drawing, plan.note(figure))
+        canvas.save(drawing, path)
         typer.echo(f"{path}")

@@ -45,8 +45,9 @@ def add_title(figure: Figure, title: str, handles: list[Any]) -> None:
 
 
 def add_note(figure: Figure, note: str) -> None:
-    """Write what a reader must know below everything else."""
-    figure.supxlabel(note, fontsize=8, color=GRAY)
+    """Write what a reader must know below everything else, in lines of its own."""
+    notes = filter(None, [figure.get_supxlabel(), note])
+    figure.supxlabel("\n".join(notes), fontsize=8, color=GRAY)
 
 
 def polish(ax: Axes) -> None:

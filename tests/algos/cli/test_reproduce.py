@@ -40,6 +40,7 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
     assert run_here(*words, "--out", "second.svg")[:2] == (0, "second.svg\n")
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "mine").rglob("*")} == before
     assert (tmp_path / "first.pdf").read_bytes().startswith(b"%PDF")
+    assert "<!-- Budget smoke" in (tmp_path / "second.svg").read_text()
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from curiosity_algos.experiments.figures.plan import (
     COMPARED,
     CONTROL,
     MAZES,
+    SMOKE_GOALS,
     Plan,
     Series,
     series_of,
@@ -73,3 +74,12 @@ def test_every_budget_is_of_every_run():
         for figure in range(1, 9):
             for run in make_plan(budget).runs(figure):
                 assert run.timesteps > 0
+
+
+def test_figures_of_easier_tasks_say_so():
+    for env, radius in SMOKE_GOALS.items():
+        assert BUDGETS["smoke"].env_kwargs[env]["goal_radius"] == radius
+        assert f"{radius:g} ({env.split('-')[1]})" in make_plan("smoke").note(2)
+    assert not make_plan("smoke").note(1)  # the mazes as they are
+    for name, budget in BUDGETS.items():
+        assert bool(budget.env_kwargs) == bool(make_plan(name).note(2))

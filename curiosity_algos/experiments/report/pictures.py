@@ -33,6 +33,8 @@ Figure: TypeAlias = dict[str, Any]
 
 MOST_ROWS = 200
 """Points of the curve of a single run, evenly spaced."""
+LEGEND_LINE = 22
+"""Its height in pixels."""
 N_CELLS = 50
 """Along either side of a map: in mazes those that coverage counts."""
 SCALE = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151")
@@ -75,14 +77,17 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
             traces += _band_and_mean(survival, *style, len(panels), "hv")
     if has_successes:
         axes.append(("runs without success", "~%"))
-    return {"data": traces, "layout": _panels(axes)}
+    return {"data": traces, "layout": _panels(axes, runs["label"].nunique())}
 
 
-def _panels(axes: list[tuple[str, str]]) -> Figure:
-    """One axis for x, and above it an axis for y of each title, with the format of its ticks."""
+def _panels(axes: list[tuple[str, str]], n_labels: int) -> Figure:
+    """One axis for x, and above it an axis for y of each title, with the format of its ticks.
+
+    There is room for a legend with a line for each label, as on a narrow page.
+    """
     layout = LAYOUT | {
         "xaxis": AXIS | {"title": "timesteps", "tickformat": "~s", "anchor": f"y{len(axes)}"},
-        "height": 90 + 240 * len(axes),
+        "height": 90 + 240 * len(axes) + LEGEND_LINE * (n_labels - 1),
         "hovermode": "x",
         "dragmode": "zoom",
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0.0},

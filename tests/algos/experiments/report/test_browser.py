@@ -1,7 +1,9 @@
 """The report in a real browser: what it draws, and what can be done with it."""
 
+import json
 import re
 import shutil
+from itertools import pairwise
 
 import pytest
 
@@ -63,15 +65,19 @@ def show(driver, page):
     def show(width=1600, scheme="light"):
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-        size = {"width": width, "height": 9000, "deviceScaleFactor": 1, "mobile": False}
-        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-        driver.get("about:blank")
-        driver.get(page)
-        wait(driver, is_drawn)
+        open_page(driver, page, width)
         return driver
 
     yield show
     assert driver.get_log("browser") == []
+
+
+def open_page(driver, page, width):
+    size = {"width": width, "height": 9000, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    driver.get("about:blank")
+    driver.get(page)
+    wait(driver, is_drawn)
 
 
 def wait(driver, condition):
@@ -137,6 +143,27 @@ def test_a_page_is_readable_and_fits(show, width, scheme):
     size = find(driver, "figure .nsewdrag").size  # of a square maze
     assert size["width"] > 180
     assert size["width"] == pytest.approx(size["height"], abs=1)
+
+
+TITLES = """
+return [...document.querySelectorAll("#figure-0 .infolayer g")]
+  .filter((title) => /ytitle|y\\d+title/.test(title.getAttribute("class")))
+  .map((title) => title.getBoundingClientRect()).map((box) => [box.top, box.bottom]);
+"""
+
+
+def test_titles_of_axes_have_room_below_a_long_legend(driver, runs_folder, tmp_path):
+    for i in range(12):
+        run = tmp_path / "runs" / f"{i}"
+        shutil.copytree(runs_folder / "NSES" / "CuriosityMaze-Hard-v0" / "0", run)
+        described = json.loads((run / "run.json").read_text())
+        name = {"algorithm": f"An algorithm with a long name, number {i}"}
+        (run / "run.json").write_text(json.dumps(described | name))
+    write_report([tmp_path / "runs"], tmp_path / "report.html")
+    open_page(driver, (tmp_path / "report.html").as_uri(), 400)
+    titles = driver.execute_script(TITLES)
+    assert len(titles) == 3
+    assert all(above[1] <= below[0] for above, below in pairwise(titles))
 
 
 def test_a_label_is_hidden_in_all_curves(show):

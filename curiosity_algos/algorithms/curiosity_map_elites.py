@@ -87,10 +87,10 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         super()._make_search(search_seed)
 
     def _field_types(self) -> FieldTypes:
-        assert self.observation_space.shape is not None
-        states = ((self.n_kept, *self.observation_space.shape), np.float32)
-        n_actions = get_action_dim(self.action_space)
-        dtype = np.int64 if isinstance(self.action_space, spaces.Discrete) else np.float32
+        states = ((self.n_kept, *self.policy.seen.space.shape), np.float32)
+        actions = self.policy.acted.space
+        n_actions = get_action_dim(actions)
+        dtype = np.int64 if isinstance(actions, spaces.Discrete) else np.float32
         return {
             **super()._field_types(),
             "observations": states,

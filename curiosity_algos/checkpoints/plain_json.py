@@ -126,12 +126,17 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
     ":multi_discrete:": (
         spaces.MultiDiscrete,
         lambda space: {"nvec": space.nvec, "start": space.start},
-        lambda nvec, start: spaces.MultiDiscrete(nvec, start=start),
+        lambda nvec, start: spaces.MultiDiscrete(nvec, dtype=nvec.dtype.type, start=start),
     ),
     ":dict:": (
         spaces.Dict,
         lambda space: {"items": list(space.spaces.items())},
         lambda items: spaces.Dict(OrderedDict(items)),
+    ),
+    ":tuple_space:": (
+        spaces.Tuple,
+        lambda space: {"items": list(space.spaces)},
+        lambda items: spaces.Tuple(items),
     ),
     ":tuple:": (tuple, lambda items: {"items": list(items)}, lambda items: (*items,)),
     ":dictionary:": (

@@ -2,7 +2,7 @@
 
 The episodes of a `SingleEnvBatch`, `GymnasiumBatch` or `Sb3Batch` begin together. The last
 observation of an episode is the true one, never that of the next reset. What a batch returns for
-an episode after its end is undefined.
+an episode after its end is undefined. Observations come as vectors; actions are the environment's.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 Actions = npt.NDArray[Any]
@@ -48,11 +48,10 @@ class Step:
 class SingleEnvBatch:
     """Single envs in a Python loop; an episode that has ended costs nothing more."""
 
-    def __init__(self, envs: list[gym.Env[Any, Any]]) -> None:
+    def __init__(self, envs: list[gym.Env[Any, Any]], seen: FlatObservations) -> None:
         self.envs = envs
         self.n = len(envs)
-        space = envs[0].observation_space
-        assert isinstance(space, spaces.Box)  # policies take no other
+        self._seen, space = seen, seen.space
         self._shape = space.shape
         # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.
         self._observations = np.zeros((self.n, *space.shape), dtype=space.dtype)
@@ -65,7 +64,7 @@ class SingleEnvBatch:
         return self._observations.copy()
 
     def step(self, actions: Actions, active: Mask) -> Step:
-        """Step the `active` (n,) episodes, those that have not ended, by actions (n, A) or (n,)."""
+        """Step the `active` (n,) episodes, those that have not ended, by actions (n, ...)."""
         rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
         infos, behaviors = {}, []
         for i in np.flatnonzero(active).tolist():
@@ -80,8 +79,9 @@ class SingleEnvBatch:
         return Step(self._observations.copy(), rewards, ended, infos, behaviors)
 
     def _keep(self, i: int, observation: Any) -> None:
-        if getattr(observation, "shape", None) != self._shape != np.shape(observation):
-            raise wrong_shape(np.shape(observation), self._shape)  # numpy would repeat it
+        observation = self._seen.one(observation)
+        if observation.shape != self._shape:
+            raise wrong_shape(observation.shape, self._shape)  # numpy would repeat it
         self._observations[i] = observation
 
 
@@ -111,8 +111,9 @@ def _checked(info: Any) -> dict[str, Any]:
 class GymnasiumBatch:
     """A Gymnasium VectorEnv in any of its autoreset modes."""
 
-    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
+    def __init__(self, env: VectorEnv[Any, Any, Any], seen: FlatObservations) -> None:
         self._env = env
+        self._seen = seen
         self.n = env.num_envs
         self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
 
@@ -121,18 +122,19 @@ class GymnasiumBatch:
         # An env with one generator for all its episodes takes one seed: their starts may differ.
         seeds = [seed] * self.n if seed is not None and has_generators(self._env) else seed
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
-        return np.array(observations)
+        return self._seen.many(observations)
 
     def step(self, actions: Actions, active: Mask) -> Step:
         """See `SingleEnvBatch`."""
         observations, rewards, terminated, truncated, infos = self._env.step(actions)
-        observations = np.array(observations)
+        observations = self._seen.many(observations)
         ended = np.asarray(terminated | truncated)
         going = np.asarray(infos.get("_behavior", False)) & active & ~ended
         behaviors = [infos["behavior"][i] for i in np.flatnonzero(going).tolist()]
         if self._mode == AutoresetMode.SAME_STEP and ended.any():
+            final = _each(infos["final_obs"], self.n)
             for i in np.flatnonzero(ended).tolist():
-                observations[i] = infos["final_obs"][i]
+                observations[i] = self._seen.one(final[i])
             infos = infos["final_info"]
         elif self._mode == AutoresetMode.DISABLED and ended.any():
             self._env.reset(options={"reset_mask": ended})
@@ -145,23 +147,23 @@ class GymnasiumBatch:
 class Sb3Batch:
     """An SB3 VecEnv, which resets in the same step and hides the last observation in the infos."""
 
-    def __init__(self, env: VecEnv) -> None:
+    def __init__(self, env: VecEnv, seen: FlatObservations) -> None:
         self._env = env
+        self._seen = seen
         self.n = env.num_envs
 
     def reset(self, seed: int | None) -> npt.NDArray[Any]:
         """See `SingleEnvBatch`."""
-        return np.stack(
-            [observation for observation, _ in self._env.env_method("reset", seed=seed)]
-        )
+        began = self._env.env_method("reset", seed=seed)
+        return np.stack([self._seen.one(observation) for observation, _ in began])
 
     def step(self, actions: Actions, active: Mask) -> Step:
         """See `SingleEnvBatch`."""
         observations, rewards, ended, infos = self._env.step(actions)
-        observations = np.array(observations)
+        observations = self._seen.many(observations)
         last = {i: infos[i] for i in np.flatnonzero(ended & active).tolist()}
         for i, info in last.items():
-            observations[i] = info["terminal_observation"]
+            observations[i] = self._seen.one(info["terminal_observation"])
         going = [infos[i] for i in np.flatnonzero(active & ~ended).tolist()]
         behaviors = [info["behavior"] for info in going if "behavior" in info]
         return Step(observations, rewards.astype(np.float64), ended, last, behaviors)

@@ -12,7 +12,8 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.evaluation.cells import VisitedCells
-from curiosity_algos.evaluation.environments import MadeEnv, env_attribute
+from curiosity_algos.evaluation.environments import MadeEnv, describe, env_attribute
+from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_gym.core import CoverageGrid
 
 
@@ -119,7 +120,7 @@ def coverage_grid(env: MadeEnv) -> CoverageGrid | None:
     grid = env_attribute(env, "coverage_grid")
     if grid is not None:
         return grid  # type: ignore[no-any-return]
-    space = behavior_space(env)
+    space = _own_behavior_space(env)
     if space is None or not space.is_bounded():
         return None
     dimensions = tuple(range(space.shape[0]))
@@ -130,5 +131,22 @@ def coverage_grid(env: MadeEnv) -> CoverageGrid | None:
 
 def behavior_space(env: MadeEnv) -> spaces.Box[Any] | None:
     """The bounds of the env's behaviors; None where it has none."""
+    own = _own_behavior_space(env)
+    return goal_space(env) if own is None else own
+
+
+def goal_space(env: MadeEnv) -> spaces.Box[Any] | None:
+    """The bounds of what a goal task has achieved, which is its behavior unless it says another.
+
+    Goal tasks observe a Dict with the vector `achieved_goal`, as those of Gymnasium-Robotics.
+    """
+    space = describe(env)[0]
+    if _own_behavior_space(env) is not None or not isinstance(space, spaces.Dict):
+        return None
+    achieved: spaces.Space[Any] | None = space.spaces.get("achieved_goal")
+    return achieved if achieved is not None and is_vector(achieved) else None
+
+
+def _own_behavior_space(env: MadeEnv) -> spaces.Box[Any] | None:
     space = env_attribute(env, "behavior_space")
     return space if isinstance(space, spaces.Box) else None

@@ -14,6 +14,7 @@ from gymnasium.vector import AsyncVectorEnv, VectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 VECTOR_KEYWORDS = {
@@ -35,6 +36,7 @@ class MadeVecEnv(DummyVecEnv):
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
+        FlatObservations(env.observation_space)  # raises where SB3 would not say what is wrong
         super().__init__([lambda: Monitor(env)])
 
 

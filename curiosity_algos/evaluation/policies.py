@@ -1,15 +1,16 @@
 """A multilayer perceptron as one flat parameter vector, evaluated by one compiled function.
 
 The layout of the vector: for each layer its weights (inputs, outputs) row by row, then its biases.
-Hidden layers are ReLU. For a `Box` action space the output is `tanh` scaled to the box; for a
-`Discrete` one it is a score for each action, and the policy takes the largest.
+Hidden layers are ReLU. For a `Box` action space the output is `tanh` scaled to the box; for others
+it is a score for each choice, of which the policy takes the largest. Spaces that are no vectors are
+flattened, see `flat_spaces`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +19,18 @@ from gymnasium import spaces
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import PyTorchObs
 
+from curiosity_algos.evaluation.flat_spaces import (
+    LARGEST_INTEGER,
+    FlatActions,
+    FlatObservations,
+    is_vector,
+)
 from curiosity_gym.compiled import compiled
 
 Float32Array = npt.NDArray[np.float32]
 
+MAX_ENTRIES = 4096
+"""Numbers that a policy makes of an observation which is no vector: 64 by 64 pixels of gray."""
 DEFAULT_NET_ARCH = (32, 16)
 """Hidden layers of the paper-sized policy: 36-32-16-2 has 1,746 parameters."""
 
@@ -42,6 +51,7 @@ class Mlp(NamedTuple):
     high: Float32Array
     """(n_outputs,): upper bounds of the action box."""
     is_discrete: bool
+    """Whether outputs are scores of choices, not actions in the box."""
 
     @property
     def n_parameters(self) -> int:
@@ -58,19 +68,16 @@ def build_mlp(
     """The network that maps `observation_space` to `action_space`.
 
     Raises:
-        ValueError: If a space is not supported (supported: 1-D `Box` observations of at least
-            one entry; 1-D bounded `Box` of floats or `Discrete` actions), or a layer's width is no
-            whole number from 1 on.
+        ValueError: If a space is not supported (supported: what `FlatObservations` and
+            `FlatActions` take, of at most `MAX_ENTRIES` numbers where it is flattened, and a
+            bounded Box of actions, of floats or of integers that float32 tells apart), or a layer's
+            width is no whole number from 1 on.
     """
-    if not _is_vector(observation_space):
-        raise ValueError(
-            f"The observation space {observation_space} is not supported: it must be a 1-D Box of "
-            "at least one entry (flatten others with gymnasium.wrappers.FlattenObservation)."
-        )
     if not all(isinstance(width, int | np.integer) and width >= 1 for width in net_arch):
         raise ValueError(f"`net_arch` must hold positive layer widths, got {list(net_arch)}.")
+    n_inputs = _n_inputs(observation_space)
     low, high, is_discrete = _output_range(action_space)
-    sizes = np.array([observation_space.shape[0], *net_arch, low.size], dtype=np.uint64)
+    sizes = np.array([n_inputs, *net_arch, low.size], dtype=np.uint64)
     return Mlp(
         sizes,
         center=((high + low) / 2.0).astype(np.float32),
@@ -81,27 +88,35 @@ def build_mlp(
     )
 
 
+def _n_inputs(observation_space: spaces.Space[Any]) -> int:
+    n = FlatObservations(observation_space).space.shape[0]
+    if n > MAX_ENTRIES and not is_vector(observation_space):
+        raise ValueError(
+            f"The observation space {observation_space} is not supported: it must have at most "
+            f"{MAX_ENTRIES} entries, it has {n} (gymnasium.wrappers.ResizeObservation makes images "
+            "smaller)."
+        )
+    return n
+
+
 def _output_range(
     action_space: spaces.Space[Any],
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]:
-    if isinstance(action_space, spaces.Discrete) and action_space.start == 0:
-        n_actions = int(action_space.n)
-        return np.zeros(n_actions), np.ones(n_actions), True
-    if _is_real_box(action_space):
-        return action_space.low.astype(np.float64), action_space.high.astype(np.float64), False
-    raise ValueError(
-        f"The action space {action_space} is not supported: it must be a bounded 1-D Box of at "
-        "least one float, or Discrete from 0."
-    )
-
-
-def _is_vector(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:
-    return isinstance(space, spaces.Box) and len(space.shape) == 1 and space.shape[0] > 0
-
-
-def _is_real_box(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:
-    """Whether `space` takes any numbers between bounds; a Box of integers takes no fractions."""
-    return _is_vector(space) and np.issubdtype(space.dtype, np.floating) and space.is_bounded()
+    if FlatActions(action_space).has_scores:
+        n = spaces.flatdim(action_space)
+        return np.zeros(n), np.ones(n), True
+    assert isinstance(action_space, spaces.Box)
+    low, high = action_space.low.ravel(), action_space.high.ravel()
+    is_integer = np.issubdtype(action_space.dtype, np.integer)
+    is_float = np.issubdtype(action_space.dtype, np.floating)
+    low, high = low.astype(np.float64), high.astype(np.float64)
+    fits = is_float or (is_integer and max(-low.min(), high.max()) <= LARGEST_INTEGER)
+    if not (fits and action_space.is_bounded()):
+        raise ValueError(
+            f"The action space {action_space} is not supported: a Box must be bounded, of floats "
+            "or of integers up to 2^24 (gymnasium.wrappers.TransformAction can give it bounds)."
+        )
+    return low, high, False
 
 
 @compiled
@@ -214,15 +229,13 @@ def forward_each(
         forward(mlp, parameters[min(i, last)], observations[i], even, odd, outputs[i])
 
 
-def act(
-    mlp: Mlp, parameters: Float32Array, observations: npt.NDArray[Any]
-) -> npt.NDArray[np.float32] | npt.NDArray[np.int64]:
-    """Actions of policies on observations (n, n_inputs): (n, n_outputs) float32, or (n,) int64."""
+def act(mlp: Mlp, parameters: Float32Array, observations: npt.NDArray[Any]) -> Float32Array:
+    """What policies make of observations (n, n_inputs): (n, n_outputs), see `forward`."""
     outputs = np.empty((observations.shape[0], mlp.center.size), dtype=np.float32)
     observations = np.ascontiguousarray(observations, dtype=np.float32)
     even, odd = scratch(mlp, 1)
     forward_each(mlp, parameters, observations, even[0], odd[0], outputs)
-    return outputs.argmax(axis=1) if mlp.is_discrete else outputs
+    return outputs
 
 
 class MlpPolicy(BasePolicy):
@@ -231,9 +244,13 @@ class MlpPolicy(BasePolicy):
     `predict` runs the same compiled function as the evaluators: what was scored is what acts.
 
     Args:
-        observation_space: A 1-D Box.
-        action_space: A bounded 1-D Box of floats, or Discrete.
+        observation_space: See `FlatObservations`, and `MAX_ENTRIES`.
+        action_space: See `FlatActions`; a Box must be bounded.
         net_arch: Widths of the hidden layers.
+
+    Attributes:
+        seen: Makes the vectors of observations that the network, and a bonus, sees.
+        acted: Makes actions of what the network gives.
     """
 
     def __init__(
@@ -245,6 +262,8 @@ class MlpPolicy(BasePolicy):
         super().__init__(observation_space, action_space)
         self.net_arch = list(net_arch)
         self.mlp = build_mlp(observation_space, action_space, self.net_arch)
+        self.seen = FlatObservations(observation_space)
+        self.acted = FlatActions(action_space)
         self.flat = th.nn.Parameter(th.zeros(self.mlp.n_parameters), requires_grad=False)
 
     @property
@@ -253,13 +272,20 @@ class MlpPolicy(BasePolicy):
         vector: Float32Array = self.flat.numpy()
         return vector
 
+    def obs_to_tensor(self, observation: Any) -> tuple[th.Tensor, bool]:
+        """Vectors (n, n_inputs) of one observation or a batch of the env's own, and which it is."""
+        is_batch = self.seen.is_batch(observation)
+        vectors = self.seen.many(observation) if is_batch else self.seen.one(observation)[None]
+        return th.as_tensor(np.array(vectors)), is_batch
+
     def forward(self, obs: PyTorchObs, deterministic: bool = True) -> th.Tensor:
-        """Actions for a batch of observations (n, n_inputs)."""
+        """Actions for a batch of vectors (n, n_inputs), as `obs_to_tensor` gives them."""
         return self._predict(obs, deterministic)
 
     def _predict(self, observation: PyTorchObs, deterministic: bool = True) -> th.Tensor:
-        assert isinstance(observation, th.Tensor)  # a 1-D Box is never a dictionary
-        return th.as_tensor(act(self.mlp, self.vector[None], observation.numpy()))
+        assert isinstance(observation, th.Tensor)  # `obs_to_tensor` makes no dictionary
+        outputs = act(self.mlp, self.vector[None], observation.numpy())
+        return th.as_tensor(self.acted.taken(self.acted.choose(outputs)))
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return {

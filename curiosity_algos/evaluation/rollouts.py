@@ -89,6 +89,7 @@ def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
 
+    Observations and actions are as policies and bonuses see them: vectors, see `flat_spaces`.
     Rewards count as the env gives them, in float64: rounded to 6 digits, returns are those that
     SB3's Monitor records, and so `evaluate_policy` of a monitored env.
 
@@ -99,8 +100,8 @@ class Rollouts:
         behaviors: (P, B) float64, `info["behavior"]` at the end; B = 0 where the env has none.
         final_observations: (P, O) float32, the true last observation, never a reset one.
         observations: (P, T + 1, O) float32; entries after an episode's end are undefined.
-        actions: (P, T, A) float32, or (P, T) int64 for Discrete actions; undefined after an
-            episode's end, too.
+        actions: (P, T, A) float32, or (P, T) int64 from 0 on for Discrete actions; undefined after
+            an episode's end, too.
         visited: (V,) int64, ascending, the cells of the environment's coverage grid in which a step
             of any individual ended (`curiosity_algos.evaluation.cells`). None: not counted; then
             the cells of `behaviors` are all that is known to have been visited, as observations and

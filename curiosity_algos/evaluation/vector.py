@@ -21,8 +21,9 @@ from curiosity_algos.evaluation.batches import (
     wrong_shape,
 )
 from curiosity_algos.evaluation.cells import VisitedCells
-from curiosity_algos.evaluation.coverage import coverage_grid
-from curiosity_algos.evaluation.environments import MadeEnv, MakeEnv, step_limit
+from curiosity_algos.evaluation.coverage import coverage_grid, goal_space
+from curiosity_algos.evaluation.environments import MadeEnv, MakeEnv, describe, step_limit
+from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
 from curiosity_algos.evaluation.processes import Processes
 from curiosity_algos.evaluation.rollouts import (
@@ -78,7 +79,11 @@ class VectorEvaluator:
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._grid = coverage_grid(env)
-        self._batch = _as_batch(env)
+        observation_space, action_space = describe(env)
+        self._seen, self._acted = FlatObservations(observation_space), FlatActions(action_space)
+        has_goal = goal_space(env) is not None
+        self._achieved = self._seen.columns("achieved_goal") if has_goal else None
+        self._batch = _as_batch(env, self._seen)
         self._envs = [env] if isinstance(env, gym.Env) else []
         self._make = make
         self._hints_at_more = make is None and bool(self._envs) and env.render_mode is None
@@ -120,7 +125,7 @@ class VectorEvaluator:
         n = 1 if seed is None else min(n_policies, N_ENVS)
         while len(self._envs) < n:
             self._envs.append(_new(self._make, self._envs))
-        return SingleEnvBatch(self._envs[:n])
+        return SingleEnvBatch(self._envs[:n], self._seen)
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play one episode of each of at most as many policies as the batch has envs."""
@@ -135,8 +140,8 @@ class VectorEvaluator:
         visited = VisitedCells(self._grid)
         while active.any():
             self._check_length(len(actions))
-            actions.append(act(self.mlp, parameters, observations[-1]))
-            step = batch.step(actions[-1], active)
+            actions.append(self._acted.choose(act(self.mlp, parameters, observations[-1])))
+            step = batch.step(self._acted.taken(actions[-1]), active)
             observations.append(self._as_inputs(step.observations))
             returns[active] += step.rewards[active]
             lengths += active
@@ -144,17 +149,20 @@ class VectorEvaluator:
             visited.add_each(step.behaviors)
             active &= ~step.ended
         last = [infos[i] for i in range(n_policies)]
-        behaviors = stack_behaviors(last)
-        visited.add(behaviors)
         stacked = np.stack(observations, axis=1)[:n_policies]
         for one, length in zip(stacked, lengths, strict=False):
             check_observations(one[: length + 1])
+        final_observations = stacked[np.arange(n_policies), lengths[:n_policies]]
+        behaviors = stack_behaviors(last)
+        visited.add(behaviors)
+        if self._achieved is not None:
+            behaviors = final_observations[:, self._achieved].astype(np.float64)
         return Rollouts(
             returns=returns[:n_policies],
             lengths=lengths[:n_policies],
             success=np.array([bool(info.get("is_success", False)) for info in last]),
             behaviors=behaviors,
-            final_observations=stacked[np.arange(n_policies), lengths[:n_policies]],
+            final_observations=final_observations,
             observations=stacked,
             actions=np.stack(actions, axis=1)[:n_policies],
             visited=None if self._grid is None else visited.indices(),
@@ -193,11 +201,11 @@ def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:
     return VectorEvaluator(make(), mlp, make, n_processes)
 
 
-def _as_batch(env: MadeEnv) -> Batch:
+def _as_batch(env: MadeEnv, seen: FlatObservations) -> Batch:
     if isinstance(env, gym.Env):
-        return SingleEnvBatch([env])
+        return SingleEnvBatch([env], seen)
     if isinstance(env, VectorEnv):
-        return GymnasiumBatch(env)
+        return GymnasiumBatch(env, seen)
     if type(env) is DummyVecEnv:
-        return SingleEnvBatch(env.envs)  # it would round rewards to float32
-    return Sb3Batch(env)
+        return SingleEnvBatch(env.envs, seen)  # it would round rewards to float32
+    return Sb3Batch(env, seen)

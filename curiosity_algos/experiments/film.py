@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
@@ -97,7 +98,7 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
         raise
     except Exception as error:  # whatever a constructor makes of a file's arguments
         raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
-    if policy.observation_space.shape != env.observation_space.shape:
+    if spaces.flatdim(policy.observation_space) != spaces.flatdim(env.observation_space):
         raise ValueError(f"`run` must be of its environment: {spec.id} has other observations.")
     return policy, env
 

@@ -70,8 +70,8 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
     ) -> CuriosityMotivation:
         """Make the bonus and its buffer, and check their settings."""
         return CuriosityMotivation(
-            self.observation_space,
-            self.action_space,
+            self.policy.seen.space,
+            self.policy.acted.space,
             bonus=self.bonus,
             bonus_kwargs=self.bonus_kwargs,
             n_transitions=self.n_transitions,

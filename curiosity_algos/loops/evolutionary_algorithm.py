@@ -7,15 +7,18 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Never, Self, TypedDict
 
+import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+from stable_baselines3.common.env_util import is_wrapped
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import EpisodeSeeds
@@ -69,7 +72,8 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     Args:
         env: An environment id, a function that makes an environment, a Gymnasium env or VectorEnv,
-            or an SB3 VecEnv. Observations must be a 1-D Box, actions a bounded 1-D Box or Discrete.
+            or an SB3 VecEnv. Observations are Box, Discrete, MultiBinary or MultiDiscrete, or a
+            Dict or Tuple of such; actions are one of the four, a Box with bounds.
         policy: "MlpPolicy", or a subclass of it.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
         evaluator: Evaluates populations: "auto", the fastest that fits `env`; "ray", the same
@@ -119,8 +123,10 @@ class EvolutionaryAlgorithm(PopulationModel):
         env = open_env(env)
         if env is not None or _init_setup_model:
             build_mlp(*describe(env), net_arch)
+        # Not by name: SB3 has one of its own for policies that observe a Dict.
+        policy_class = self._get_policy_from_name(policy) if isinstance(policy, str) else policy
         super().__init__(
-            policy,
+            policy_class,
             env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
             learning_rate=_learning_rate,
             policy_kwargs={"net_arch": net_arch},
@@ -165,6 +171,16 @@ class EvolutionaryAlgorithm(PopulationModel):
         return None
 
     # -- the model ------------------------------------------------------------------------------
+
+    @staticmethod
+    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        # SB3 would transpose images: policies see vectors, and `predict` what the env has itself.
+        if isinstance(env, VecEnv):
+            return env
+        if not isinstance(env, gym.Env):
+            return PopulationModel._wrap_env(env, verbose, monitor_wrapper)
+        has_monitor = is_wrapped(env, Monitor) or not monitor_wrapper
+        return DummyVecEnv([lambda: env if has_monitor else Monitor(env)])
 
     def _check_settings(self) -> None:
         """Check what the constructor was given, and what `load` may have replaced."""

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from scipy.spatial.distance import cdist
 
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_summarizers
 from curiosity_algos.motivations.novelty_archive import NoveltyArchive
 from curiosity_gym.validation import check_choice
@@ -40,13 +41,14 @@ def behavior_size(
         ValueError: If `behavior` is neither "final" nor "state", or there is no such behavior.
     """
     check_choice(BEHAVIORS, behavior=behavior)
-    space = behavior_space if behavior == "final" else observation_space
-    if space is None or space.shape is None:
+    if behavior == "state":
+        return FlatObservations(observation_space).space.shape[0]
+    if behavior_space is None:
         raise ValueError(
             '`behavior="final"` needs an env with a `behavior_space`: wrap it in '
             'curiosity_gym.BehaviorWrapper, or choose `behavior="state"`.'
         )
-    return int(space.shape[0])
+    return behavior_space.shape[0]
 
 
 class NoveltyMotivation:

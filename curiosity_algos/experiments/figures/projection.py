@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
@@ -70,7 +71,7 @@ def replay_rewarding(run: Path) -> Rewarding:
     with np.load(checkpoint / "rewarding.npz") as kept:
         chosen = _choose(len(kept["return"]))
         parameters, seeds = kept["parameters"][chosen], kept["episode_seed"][chosen]
-    n_observed = env.observation_space.shape[0]  # type: ignore[index]  # evaluators take no other
+    n_observed = FlatObservations(env.observation_space).space.shape[0]
     states = np.empty((len(chosen), N_STATES, n_observed), dtype=np.float32)
     returns = np.empty(len(chosen))
     for batch, rollouts in _play(evaluator, parameters, seeds):

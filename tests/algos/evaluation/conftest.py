@@ -4,19 +4,20 @@ import numpy as np
 import pytest
 
 from curiosity_algos.evaluation.coverage import coverage_grid
+from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.policies import act
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 
 def play(env, mlp, parameters, seed=None):
     """One episode of each policy, the way a reader of Gymnasium's documentation writes it."""
-    episodes, grid = [], coverage_grid(env)
+    episodes, grid, choose = [], coverage_grid(env), FlatActions(env.action_space).choose
     for vector in parameters:
         observation, _ = env.reset(seed=seed)
         observations, actions, total, is_over = [observation], [], 0.0, False
         cells = None if grid is None else set()
         while not is_over:
-            actions.append(act(mlp, vector[None], observations[-1][None])[0])
+            actions.append(choose(act(mlp, vector[None], observations[-1][None]))[0])
             observation, reward, terminated, truncated, info = env.step(actions[-1])
             observations.append(observation)
             total += float(reward)

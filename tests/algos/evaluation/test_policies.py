@@ -8,6 +8,7 @@ from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
+from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.policies import MlpPolicy, act, build_mlp
 
 NET_ARCHS = [[], [32, 16], [5], [7, 3, 2], [33, 1, 17, 4]]
@@ -68,7 +69,7 @@ class TestForward:
         mlp = build_mlp(box(6), spaces.Discrete(4), net_arch)
         vector = rng.normal(0, 0.5, mlp.n_parameters).astype(np.float32)
         observations = rng.normal(0, 1, (50, 6)).astype(np.float32)
-        actions = act(mlp, vector[None], observations)
+        actions = FlatActions(spaces.Discrete(4)).choose(act(mlp, vector[None], observations))
         outputs = torch_outputs(vector, [6, *net_arch, 4], observations)
         top = np.sort(outputs, axis=1)
         is_clear = top[:, -1] - top[:, -2] > 1e-4
@@ -119,7 +120,10 @@ class TestForward:
         # Weights of the first input, of the second, then biases, one entry an action.
         vector = np.array([[1, 0, 0, 0, 2, 0, 0, 0, 1.5]], dtype=np.float32)
         observations = np.array([[2, 0], [0, 1], [0, 0], [-9, -9]], dtype=np.float32)
-        np.testing.assert_array_equal(act(mlp, vector, observations), [0, 1, 2, 2])
+        scores = act(mlp, vector, observations)
+        np.testing.assert_array_equal(
+            scores, [[2, 0, 1.5], [0, 2, 1.5], [0, 0, 1.5], [-9, -18, 1.5]]
+        )
 
     def test_the_papers_network_has_1746_parameters(self):
         assert build_mlp(box(36), box(2)).n_parameters == 1746
@@ -138,32 +142,34 @@ class TestErrors:
     @pytest.mark.parametrize(
         "space",
         [
-            spaces.Dict(a=box(2)),
-            spaces.Box(0, 255, (8, 8, 3), np.uint8),
-            spaces.Box(-1, 1, ()),
-            spaces.Box(-1, 1, (0,)),
+            spaces.Box(0, 255, (84, 84, 3), np.uint8),
+            spaces.Dict(a=spaces.Discrete(4000), b=spaces.Box(-1, 1, (97,))),
+            spaces.Discrete(4097),
         ],
         ids=str,
     )
-    def test_observations_must_be_a_flat_box(self, space):
-        with pytest.raises(ValueError, match=r"observation space .* must be a 1-D Box"):
+    def test_flattened_observations_have_a_bound(self, space):
+        with pytest.raises(ValueError, match=r"observation space .* at most 4096 entries, it has"):
             build_mlp(space, box(2))
+
+    def test_vectors_and_4096_entries_are_fine(self):
+        for space in (box(5000), spaces.Discrete(4096), spaces.Box(0, 255, (64, 64), np.uint8)):
+            n = space.shape[0] if space.shape == (5000,) else 4096
+            assert build_mlp(space, box(2), []).n_parameters == 2 * (n + 1)
 
     @pytest.mark.parametrize(
         "space",
         [
             spaces.Box(-np.inf, np.inf, (2,)),
-            spaces.Box(-1, 1, (2, 2)),
-            spaces.Box(-1, 1, (0,)),
-            spaces.Box(-3, 3, (2,), np.int64),
-            spaces.MultiBinary(3),
-            spaces.Dict(a=box(2)),
-            spaces.Discrete(3, start=1),
+            spaces.Box(-np.inf, np.inf, (2, 2)),
+            spaces.Box(-np.inf, np.inf, (2,), np.int32),
+            spaces.Box(-(2**24) - 1, 0, (2,), np.int64),
+            spaces.Box(0, 1, (2,), np.bool_),
         ],
         ids=str,
     )
-    def test_actions_must_be_a_bounded_flat_box_or_discrete(self, space):
-        with pytest.raises(ValueError, match=r"action space .* must be a bounded 1-D Box"):
+    def test_boxes_of_actions_must_be_bounded_numbers(self, space):
+        with pytest.raises(ValueError, match=r"action space .* a Box must be bounded, of floats"):
             build_mlp(box(2), space)
 
     @pytest.mark.parametrize("net_arch", [[32, -1], [2.5]])

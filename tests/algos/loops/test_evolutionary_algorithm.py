@@ -368,8 +368,8 @@ class TestEnvs:
 
     @pytest.mark.parametrize(
         "observation_space",
-        [spaces.Dict(a=spaces.Box(-1, 1, (2,))), spaces.Box(0, 255, (36, 36, 3), np.uint8)],
-        ids=["dict", "image"],
+        [spaces.Dict(a=spaces.Text(5)), spaces.Box(0, 255, (84, 84, 3), np.uint8)],
+        ids=["text", "image"],
     )
     def test_observations_that_no_network_takes(self, make_model, observation_space):
         with pytest.raises(ValueError, match=r"observation space .* is not supported"):
@@ -377,8 +377,8 @@ class TestEnvs:
 
     @pytest.mark.parametrize(
         "action_space",
-        [spaces.Box(-np.inf, np.inf, (1,)), spaces.MultiDiscrete([2, 2])],
-        ids=["unbounded", "multi-discrete"],
+        [spaces.Box(-np.inf, np.inf, (1,)), spaces.Tuple([spaces.Discrete(2)])],
+        ids=["unbounded", "tuple"],
     )
     def test_actions_that_no_network_gives(self, make_model, action_space):
         with pytest.raises(ValueError, match=r"action space .* is not supported"):

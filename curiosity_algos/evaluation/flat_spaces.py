@@ -1,0 +1,214 @@
+"""Spaces of any kind as policies and bonuses see them: vectors, as `gymnasium.spaces.flatten` has.
+
+What is a vector already is taken as it is. Numbers keep their unit: images are not scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, TypeGuard
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from gymnasium.vector.utils import batch_space, iterate
+from stable_baselines3.common.utils import is_vectorized_observation
+
+Float32Array = npt.NDArray[np.float32]
+ActionArray = Float32Array | npt.NDArray[np.int64]
+Space = spaces.Space[Any]
+
+ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
+"""What becomes numbers; a Dict or a Tuple may hold several of them."""
+LARGEST_INTEGER = 2**24
+"""Up to here float32 tells all whole numbers apart."""
+
+
+def is_vector(space: Space) -> TypeGuard[spaces.Box[Any]]:
+    """Whether values of a space are vectors already."""
+    return isinstance(space, spaces.Box) and len(space.shape) == 1
+
+
+class FlatObservations:
+    """Makes vectors of the observations of a space.
+
+    One-hot where values are counted; a Dict's entries in the order of their names.
+
+    Args:
+        space: Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such.
+
+    Attributes:
+        space: Of the vectors, a Box (O,); a vector's own space.
+
+    Raises:
+        ValueError: If the space is another, or empty.
+    """
+
+    space: spaces.Box[Any]
+
+    def __init__(self, space: Space) -> None:
+        for name, entry in _named_entries(space):
+            _check_entry(space, name, entry)
+        # Gymnasium sorts a plain dictionary: spaces that are equal may come in another order.
+        self._own = spaces.Dict(dict(space.spaces)) if isinstance(space, spaces.Dict) else space
+        if spaces.flatdim(self._own) == 0:
+            raise ValueError(_refused(space, "it must have at least one entry."))
+        flat: Any = space if is_vector(space) else spaces.flatten_space(self._own)
+        self.space = flat
+        self._batched = batch_space(self._own, 1)
+
+    def one(self, observation: Any) -> npt.NDArray[Any]:
+        """The vector (O,) of one observation.
+
+        Raises:
+            ValueError: If it is not of the space.
+        """
+        if is_vector(self._own):
+            return np.asarray(observation)
+        try:
+            if all(_fits(entry, value) for entry, value in _entries(self._own, observation)):
+                return np.asarray(spaces.flatten(self._own, observation))
+        except (IndexError, KeyError, TypeError, ValueError):
+            pass  # what follows says more
+        raise ValueError(
+            f"`env` must give observations of its space {self._own}, got {observation!r:.60}."
+        )
+
+    def many(self, observations: Any) -> npt.NDArray[Any]:
+        """The vectors (n, O) of n observations, as vector environments of either API give them."""
+        if is_vector(self._own):
+            return np.array(observations)
+        return np.array([self.one(each) for each in iterate(self._batched, observations)])
+
+    def is_batch(self, observation: Any) -> bool:
+        """Whether it is several observations, and not one; ValueError if it is neither."""
+        try:
+            entry, value = next(_entries(self._own, observation))
+        except (KeyError, TypeError, IndexError) as error:
+            raise ValueError(
+                f"`observation` must be of the space {self._own}, got {observation!r:.60}."
+            ) from error
+        return is_vectorized_observation(np.asarray(value), entry)
+
+    def columns(self, name: str) -> slice:
+        """Where in the vectors an entry of a Dict is."""
+        assert isinstance(self._own, spaces.Dict)
+        names = list(self._own)
+        begin = sum(spaces.flatdim(self._own[each]) for each in names[: names.index(name)])
+        return slice(begin, begin + spaces.flatdim(self._own[name]))
+
+
+class FlatActions:
+    """Actions of a space as numbers: what a policy's outputs mean, and what a bonus sees.
+
+    A Discrete from 0; a Box of one dimension; a MultiBinary as its bits, and of a MultiDiscrete the
+    one-hot of each choice.
+
+    Args:
+        space: Box, Discrete, MultiBinary or MultiDiscrete.
+
+    Attributes:
+        space: What a bonus sees: Discrete, or a Box (A,).
+
+    Raises:
+        ValueError: If the space is another, or empty.
+    """
+
+    space: spaces.Box[Any] | spaces.Discrete
+
+    def __init__(self, space: Space) -> None:
+        if not isinstance(space, ENTRIES) or spaces.flatdim(space) == 0:
+            raise ValueError(
+                f"The action space {space} is not supported: it must be Discrete, MultiDiscrete, "
+                "MultiBinary or a Box, of at least one entry."
+            )
+        self._own = space
+        self._is_plain = is_vector(space) and not np.issubdtype(space.dtype, np.integer)
+        flat: Any = space if is_vector(space) else spaces.flatten_space(space)
+        if isinstance(space, spaces.Discrete):
+            flat = space if space.start == 0 else spaces.Discrete(int(space.n))
+        self.space = flat
+
+    @property
+    def has_scores(self) -> bool:
+        """Whether outputs are scores of what can be chosen, and not the numbers of a Box."""
+        return not isinstance(self._own, spaces.Box)
+
+    def choose(self, outputs: Float32Array) -> ActionArray:
+        """Actions as a bonus sees them, (n, A) float32 or (n,) int64, of outputs (n, n_outputs).
+
+        Outputs of a Box are within its bounds. Of scores the largest wins, as in deterministic
+        policies of Stable-Baselines3; a bit is on where its score is above 0.
+        """
+        if isinstance(self._own, spaces.Discrete):
+            largest: npt.NDArray[np.int64] = outputs.argmax(axis=1)
+            return largest
+        if isinstance(self._own, spaces.MultiBinary):
+            return (outputs > 0.0).astype(np.float32)
+        if isinstance(self._own, spaces.MultiDiscrete):
+            heads = np.split(outputs, np.cumsum(self._own.nvec.ravel())[:-1], axis=1)
+            chosen = [np.eye(head.shape[1], dtype=np.float32)[head.argmax(1)] for head in heads]
+            return np.concatenate(chosen, axis=1)
+        return np.rint(outputs) if np.issubdtype(self.space.dtype, np.integer) else outputs
+
+    def taken(self, actions: ActionArray) -> npt.NDArray[Any]:
+        """Actions (n, ...) as the environment takes them, of what a bonus sees."""
+        if self._is_plain:
+            return actions
+        taken: npt.NDArray[Any]
+        if isinstance(self._own, spaces.Discrete):
+            taken = actions + self._own.start
+        elif isinstance(self._own, spaces.Box):
+            taken = np.clip(actions.reshape(-1, *self._own.shape), self._own.low, self._own.high)
+        else:
+            taken = np.array([spaces.unflatten(self._own, each) for each in actions])
+        return taken.astype(self._own.dtype)
+
+    def seen(self, actions: npt.NDArray[Any]) -> ActionArray:
+        """Actions as a bonus sees them, of n as the environment takes them."""
+        if isinstance(self._own, spaces.Discrete):
+            indices: npt.NDArray[np.int64] = np.asarray(actions, dtype=np.int64) - self._own.start
+            return indices
+        if self._is_plain:
+            return np.array(actions, dtype=np.float32)
+        return np.array([spaces.flatten(self._own, each) for each in actions], dtype=np.float32)
+
+
+def _named_entries(space: Space) -> list[tuple[str | int, Space]]:
+    """The entries of a Dict or Tuple by their keys; none of another space, but itself."""
+    if isinstance(space, spaces.Dict):
+        return list(space.spaces.items())
+    if isinstance(space, spaces.Tuple):
+        return list(enumerate(space.spaces))
+    return [("", space)]
+
+
+def _entries(space: Space, observation: Any) -> Iterator[tuple[Space, Any]]:
+    """The spaces of entries, and what an observation has in each."""
+    for name, entry in _named_entries(space):
+        yield entry, observation if entry is space else observation[name]
+
+
+def _fits(entry: Space, value: Any) -> bool:
+    """Whether Gymnasium makes of a value the numbers that it says; a Box may exceed its bounds."""
+    if isinstance(entry, spaces.Discrete | spaces.MultiDiscrete):
+        return bool(entry.contains(value))
+    return bool(np.shape(value) == entry.shape)
+
+
+def _check_entry(space: Space, name: str | int, entry: Space) -> None:
+    if isinstance(entry, ENTRIES):
+        return
+    if entry is space:
+        known = (
+            "it must be Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such."
+        )
+        raise ValueError(_refused(space, known))
+    how = "flatten it with gymnasium.wrappers.FlattenObservation"
+    if not isinstance(entry, spaces.Dict | spaces.Tuple):
+        how = "leave it out with gymnasium.wrappers.FilterObservation"
+    raise ValueError(_refused(space, f"its entry {name!r}, {entry!r:.60}, is no vector: {how}."))
+
+
+def _refused(space: Space, why: str) -> str:
+    return f"The observation space {space} is not supported: {why}"

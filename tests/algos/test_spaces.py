@@ -1,0 +1,195 @@
+"""Every algorithm in environments of every kind of space."""
+
+import functools
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+from toys import SPACES, Toy
+
+from curiosity_algos import NSES, NSLC, CuriosityES, make_evaluator
+from curiosity_algos.bonuses.make import BONUSES
+from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
+from curiosity_gym import BehaviorWrapper
+
+GENERATION = 30
+REAL = {
+    "CliffWalking-v1": {"max_episode_steps": 20},
+    "Blackjack-v1": {},
+    "PointMaze_UMaze-v3": {"max_episode_steps": 20},
+}
+
+
+@pytest.fixture(params=SPACES)
+def name(request):
+    return request.param
+
+
+def make_real(env_id):
+    if env_id.startswith("PointMaze"):
+        import gymnasium_robotics
+
+        gym.register_envs(gymnasium_robotics)
+    return gym.make(env_id, **REAL[env_id])
+
+
+def assert_resumes(algorithm, model, make_env, path, assert_same_run):
+    model.learn(GENERATION).save(path)
+    resumed = algorithm.load(path, env=make_env())
+    assert resumed.observation_space == make_env().observation_space
+    for each in (model, resumed):
+        each.learn(GENERATION, reset_num_timesteps=False)
+    assert_same_run(model, resumed)
+    assert model.generation > 1
+
+
+def batch_of(space, observations):
+    """Observations as a vector environment gives them."""
+    empty = gym.vector.utils.create_empty_array(space, len(observations))
+    return gym.vector.utils.concatenate(space, observations, empty)
+
+
+class TestEveryAlgorithm:
+    def test_a_run_resumes_in_every_bit(
+        self, algorithm, name, make_model, tmp_path, assert_same_run
+    ):
+        make_env = functools.partial(Toy, name)
+        model = make_model(algorithm, make_env)
+        assert_resumes(algorithm, model, make_env, tmp_path / "model", assert_same_run)
+
+    def test_actions_are_the_environments_own(self, algorithm, name, make_model):
+        env = Toy(name)
+        model = make_model(algorithm, env).learn(GENERATION)
+        observations = [env.observation_space.sample() for _ in range(4)]
+        singly = [model.predict(each, deterministic=True)[0] for each in observations]
+        for action in singly:
+            assert env.action_space.contains(action[()])
+        together, _ = model.predict(batch_of(env.observation_space, observations))
+        np.testing.assert_array_equal(together, singly)
+        assert together.dtype == env.action_space.dtype
+        mean_return, _ = evaluate_policy(model, model.get_env(), n_eval_episodes=1)
+        assert mean_return == model.best_return
+
+
+@pytest.mark.parametrize("bonus", BONUSES)
+@pytest.mark.parametrize("name", ["choices", "minigrid"])
+def test_every_bonus_learns(bonus, name, make_model):
+    model = make_model(CuriosityES, Toy(name), bonus=bonus).learn(2 * GENERATION)
+    assert model.generation > 1
+    assert np.isfinite(model._intrinsic).all()
+
+
+def play(env, policy):
+    """One episode by the environment's own observations and actions."""
+    observation, _ = env.reset()
+    seen, taken, total, is_over = [observation], [], 0.0, False
+    while not is_over:
+        taken.append(policy.predict(observation)[0])
+        observation, reward, terminated, truncated, info = env.step(taken[-1])
+        seen.append(observation)
+        total += reward
+        is_over = terminated or truncated
+    return seen, taken, total, info
+
+
+VECTORS = {
+    "one": lambda make: make(),
+    "function": lambda make: make,
+    "next step": lambda make: SyncVectorEnv([make] * 3),
+    "same step": lambda make: SyncVectorEnv([make] * 3, autoreset_mode=AutoresetMode.SAME_STEP),
+    "disabled": lambda make: SyncVectorEnv([make] * 3, autoreset_mode=AutoresetMode.DISABLED),
+    "dummy": lambda make: DummyVecEnv([make] * 3),
+}
+SLOW = {
+    "async": lambda make: AsyncVectorEnv([make] * 2, autoreset_mode=AutoresetMode.SAME_STEP),
+    "subproc": lambda make: SubprocVecEnv([make] * 2, start_method="fork"),
+}
+
+
+class TestEvaluators:
+    """What plays a population gives what a plain loop gives, for a bonus to see."""
+
+    def check(self, name, env, **kwargs):
+        policy = CuriosityES(Toy(name), policy_kwargs={"net_arch": [4]}).policy
+        seen, acted = policy.seen, policy.acted
+        evaluator = make_evaluator(env, {"net_arch": [4]}, **kwargs)
+        rng = np.random.default_rng(0)
+        parameters = rng.normal(0, 1, (4, evaluator.n_parameters)).astype(np.float32)
+        rollouts = evaluator.evaluate(parameters, seed=1)
+        for i, vector in enumerate(parameters):
+            policy.vector[:] = vector
+            observations, actions, total, info = play(Toy(name), policy)
+            n = len(actions)
+            assert (rollouts.lengths[i], rollouts.returns[i]) == (n, total)
+            flat = np.array([seen.one(each) for each in observations], dtype=np.float32)
+            np.testing.assert_array_equal(rollouts.observations[i, : n + 1], flat)
+            np.testing.assert_array_equal(rollouts.final_observations[i], flat[-1])
+            np.testing.assert_array_equal(rollouts.actions[i, :n], acted.seen(np.array(actions)))
+            if name == "goal":
+                achieved = observations[-1]["achieved_goal"].astype(np.float32)
+                np.testing.assert_array_equal(rollouts.behaviors[i], achieved)
+            else:
+                np.testing.assert_array_equal(rollouts.behaviors[i], info["behavior"])
+        assert len(np.unique(rollouts.returns)) > 1
+
+    @pytest.mark.parametrize("vector", VECTORS)
+    def test_a_plain_loop(self, name, vector):
+        self.check(name, VECTORS[vector](functools.partial(Toy, name)))
+
+    @pytest.mark.parametrize("name", ["tuple"])
+    @pytest.mark.parametrize("vector", SLOW)
+    def test_processes(self, name, vector):
+        env = SLOW[vector](functools.partial(Toy, name))
+        self.check(name, env)
+        env.close()
+
+
+class TestGoals:
+    """What a goal task has achieved is its behavior."""
+
+    @pytest.mark.parametrize("algorithm", [NSES, NSLC])
+    def test_they_are_compared(self, algorithm, make_model):
+        model = make_model(algorithm, Toy("goal"), behavior="final").learn(GENERATION)
+        assert model._behavior_space == SPACES["goal"][0]["achieved_goal"]
+        assert model.coverage is None  # the environment says no cells that count
+
+    def test_a_behavior_of_its_own_comes_first(self):
+        env = gym.wrappers.TimeLimit(Toy("goal"), 5)
+        own = spaces.Box(-1, 1, (1,))
+        evaluator = make_evaluator(BehaviorWrapper(env, lambda env, observation, info: [0.5], own))
+        rollouts = evaluator.evaluate(np.zeros((1, evaluator.n_parameters)))
+        np.testing.assert_array_equal(rollouts.behaviors, [[0.5]])
+
+
+@pytest.mark.parametrize("env_id", ["CliffWalking-v1", "Blackjack-v1"])
+def test_gymnasiums_own(env_id, make_model, tmp_path, assert_same_run):
+    make_env = functools.partial(make_real, env_id)
+    model = make_model(CuriosityES, make_env)
+    assert_resumes(CuriosityES, model, make_env, tmp_path / "model", assert_same_run)
+
+
+@pytest.mark.extra("robotics")
+@pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
+def test_point_maze(algorithm, make_model, tmp_path, assert_same_run):
+    make_env = functools.partial(make_real, "PointMaze_UMaze-v3")
+    model = make_model(algorithm, make_env, **({"behavior": "final"} if algorithm is NSES else {}))
+    assert_resumes(algorithm, model, make_env, tmp_path / "model", assert_same_run)
+
+
+def test_equal_dictionaries_are_seen_alike():
+    entries = [("z", spaces.Discrete(2)), ("a", spaces.Discrete(3))]
+    one, other = spaces.Dict(entries), spaces.Dict(entries[::-1])
+    assert one == other
+    observation = {"z": 1, "a": 0}
+    seen = [FlatObservations(space).one(observation).tolist() for space in (one, other)]
+    assert seen == [[1, 0, 0, 0, 1]] * 2
+
+
+def test_what_bonuses_see_of_actions_has_one_dimension():
+    for _, space in SPACES.values():
+        seen = FlatActions(space).space
+        assert isinstance(seen, spaces.Discrete) or len(seen.shape) == 1

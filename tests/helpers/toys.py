@@ -1,0 +1,66 @@
+"""Environments of any spaces, which other processes can import."""
+
+import copy
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+GOAL = spaces.Dict(
+    {
+        "observation": spaces.Box(-9, 9, (3,), np.float64),
+        "achieved_goal": spaces.Box(-1, 1, (2,), np.float64),
+        "desired_goal": spaces.Box(-1, 1, (2,), np.float64),
+    }
+)
+MINIGRID = spaces.Dict(
+    {"image": spaces.Box(0, 255, (7, 7, 3), np.uint8), "direction": spaces.Discrete(4)}
+)
+SPACES = {
+    "matrix": (spaces.Box(-1, 1, (2, 2)), spaces.Box(-1, 1, (2, 2), np.float64)),
+    "discrete": (spaces.Discrete(4, start=2), spaces.Discrete(3, start=5)),
+    "bits": (spaces.MultiBinary(3), spaces.MultiBinary([2, 2])),
+    "choices": (
+        spaces.MultiDiscrete([2, 3], start=[1, 0]),
+        spaces.MultiDiscrete([2, 3], start=[0, 4], dtype=np.int32),
+    ),
+    "tuple": (
+        spaces.Tuple([spaces.Discrete(3, start=-1), spaces.Box(0, 1, (2,))]),
+        spaces.Box(-3, 3, (2,), np.int8),
+    ),
+    "minigrid": (MINIGRID, spaces.Discrete(7)),
+    "goal": (GOAL, spaces.Box(-1, 1, (2,))),
+    "image": (spaces.Box(0, 255, (7, 7, 3), np.uint8), spaces.MultiDiscrete([[2, 2], [3, 2]])),
+}
+"""By name, the spaces of observations and of actions that a toy has."""
+
+
+class Toy(gym.Env):
+    """Observations are drawn, the same in every episode; large numbers in an action are rewarded.
+
+    It takes actions of its space alone, and ends sooner the more it rewards.
+    """
+
+    def __init__(self, name):
+        self.observation_space, self.action_space = copy.deepcopy(SPACES[name])
+        if name != "goal":
+            self.behavior_space = spaces.Box(-50.0, 50.0, (2,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.observation_space.seed(7)
+        self.t = self.total = 0
+        return self.observation_space.sample(), self.info(0.0)
+
+    def step(self, action):
+        assert self.action_space.contains(action), repr(action)
+        flat = spaces.flatten(self.action_space, action).astype(np.float64)
+        reward = float(flat @ np.arange(1, len(flat) + 1)) / len(flat)
+        self.t += 1
+        self.total += reward
+        is_over = self.total > 3.0
+        return self.observation_space.sample(), reward, is_over, self.t == 9, self.info(reward)
+
+    def info(self, reward):
+        has_behavior = hasattr(self, "behavior_space")
+        return {"behavior": np.array([self.total, reward])} if has_behavior else {}

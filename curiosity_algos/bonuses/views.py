@@ -1,4 +1,4 @@
-"""What a bonus sees of observations that are dictionaries."""
+"""What a bonus sees of observations that are neither vectors nor images."""
 
 from __future__ import annotations
 
@@ -7,20 +7,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
+from stable_baselines3.common.preprocessing import is_image_space
 
+from curiosity_algos.evaluation.flat_spaces import (
+    ENTRIES,
+    MAX_ENTRIES,
+    FlatObservations,
+    is_vector,
+)
 from curiosity_gym.validation import check_choice
-
-ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
-"""What entries may be, for Stable-Baselines3's policies too."""
 
 
 class View:
-    """One entry of observations in a Dict, or all of them as one vector; others as they are.
+    """Observations, or one entry of those in a Dict: vectors and images as they are, others flat.
 
     Args:
         space: Of an observation of the environment.
-        key: Entry of a Dict; None: all in the order of their names, as `gymnasium.spaces.flatten`
-            has each.
+        key: Entry of a Dict; None: all.
 
     Attributes:
         space: Of what is seen.
@@ -31,36 +34,38 @@ class View:
     """
 
     def __init__(self, space: spaces.Space[Any], key: str | None = None) -> None:
-        self.space = space
-        self._entries: spaces.Dict | None = None
-        self._key = key
         if isinstance(space, spaces.Dict):
             _check_entries(space)
-            self._entries = spaces.Dict(dict(space.spaces))  # which Gymnasium sorts
-            if key is not None:
-                check_choice(tuple(space), observation_key=key)
-            self.space = spaces.flatten_space(self._entries) if key is None else space[key]
-        elif key is not None:
-            raise ValueError(f"`observation_key` must be None where observations are {space}.")
+        self._key = key
+        if key is not None:
+            space = _entry(space, key)
+        self._flat = FlatObservations(space) if _becomes_flat(space) else None
+        self.space = space if self._flat is None else self._flat.space
 
     def __call__(self, observations: Any) -> npt.NDArray[Any]:
         """What is seen of n observations, (n, ...); a Dict's come as arrays (n, ...) by key."""
-        if self._entries is None:
-            return np.asarray(observations)
-        if self._key is not None:
-            return np.asarray(observations[self._key])
-        columns = [
-            np.array([spaces.flatten(space, each) for each in observations[name]])
-            for name, space in self._entries.items()
-        ]
-        return np.concatenate(columns, axis=1)
+        shown = observations if self._key is None else observations[self._key]
+        return np.asarray(shown) if self._flat is None else self._flat.many(shown)
 
     def one(self, observation: Any) -> npt.NDArray[Any]:
         """What is seen of a single observation."""
-        if self._entries is None:
-            return np.asarray(observation)
-        seen: npt.NDArray[Any] = self({name: [each] for name, each in observation.items()})[0]
-        return seen
+        shown = observation if self._key is None else observation[self._key]
+        return np.asarray(shown) if self._flat is None else self._flat.one(shown)
+
+
+def _entry(space: spaces.Space[Any], key: str) -> spaces.Space[Any]:
+    if not isinstance(space, spaces.Dict):
+        raise ValueError(f"`observation_key` must be None where observations are {space}.")
+    check_choice(tuple(space), observation_key=key)
+    return space[key]
+
+
+def _becomes_flat(space: spaces.Space[Any]) -> bool:
+    """Whether a bonus has no use for the space as it is; large Boxes are refused elsewhere."""
+    if isinstance(space, spaces.Box):
+        is_small = spaces.flatdim(space) <= MAX_ENTRIES
+        return is_small and not (is_vector(space) or is_image_space(space))
+    return isinstance(space, (*ENTRIES, spaces.Dict, spaces.Tuple))
 
 
 def _check_entries(space: spaces.Dict) -> None:

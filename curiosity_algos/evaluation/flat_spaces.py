@@ -20,6 +20,8 @@ Space = spaces.Space[Any]
 
 ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
 """What becomes numbers; a Dict or a Tuple may hold several of them."""
+MAX_ENTRIES = 4096
+"""Numbers that networks take of an observation which is no vector: 64 by 64 pixels of gray."""
 LARGEST_INTEGER = 2**24
 """Up to here float32 tells all whole numbers apart."""
 

@@ -21,6 +21,7 @@ from stable_baselines3.common.type_aliases import PyTorchObs
 
 from curiosity_algos.evaluation.flat_spaces import (
     LARGEST_INTEGER,
+    MAX_ENTRIES,
     FlatActions,
     FlatObservations,
     is_vector,
@@ -29,8 +30,6 @@ from curiosity_gym.compiled import compiled
 
 Float32Array = npt.NDArray[np.float32]
 
-MAX_ENTRIES = 4096
-"""Numbers that a policy makes of an observation which is no vector: 64 by 64 pixels of gray."""
 DEFAULT_NET_ARCH = (32, 16)
 """Hidden layers of the paper-sized policy: 36-32-16-2 has 1,746 parameters."""
 

@@ -26,6 +26,7 @@ from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.scale import BonusScale, check_discount
 from curiosity_algos.sb3.wrapper_file import (
@@ -63,8 +64,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     VecNormalize above it.
 
     Args:
-        venv: A VecEnv of one-dimensional observations, images, or a Dict of such, with Box or
-            Discrete actions.
+        venv: A VecEnv of any spaces that SB3's policies take; the bonus sees images as they are,
+            and others as vectors.
         bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
             made for the spaces of `venv`, which this then trains.
         bonus_kwargs: Of a bonus that is named, see that. Here the `learning_rate` of an ICM is
@@ -118,6 +119,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_seed(seed)
         check_bool(extrinsic=extrinsic)
         self._view = View(venv.observation_space, observation_key)
+        self._acted = FlatActions(venv.action_space)
         super().__init__(venv)
         self.observation_key = observation_key
         self.weight = float(weight)
@@ -133,7 +135,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._name = bonus if isinstance(bonus, str) else None
         self._make_parts(bonus, np.random.SeedSequence(seed), device)
         self.metrics: dict[str, float] = {}
-        self._observations = self._actions = np.empty(0)
+        self._observations: npt.NDArray[Any] = np.empty(0)
+        self._actions: npt.NDArray[Any] = np.empty(0)
         self._scale = BonusScale(self.num_envs, gamma=self.gamma)
         self._n_untrained = 0
         self._has_trained = False
@@ -146,7 +149,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         device: th.device | str,
     ) -> None:
         networks_seed, buffer_seed, steps_seed = seed.spawn(3)
-        space, action_space = self._view.space, self.action_space
+        space, action_space = self._view.space, self._acted.space
         self.bonus = make_bonus(
             bonus,
             for_one_policy(bonus, self.bonus_kwargs),
@@ -189,8 +192,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         """Begin a step."""
         if self._must_reset:
             self.reset()
-        is_box = isinstance(self.action_space, spaces.Box)
-        self._actions = np.array(actions, dtype=np.float32 if is_box else np.int64)
+        self._actions = self._acted.seen(actions)
         self.venv.step_async(actions)
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -293,7 +295,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
 
     def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
         check_counters(state)
-        check_actions(state["buffer"]["actions"], self.action_space)
+        check_actions(state["buffer"]["actions"], self._acted.space)
         shape = (self.num_envs, *(self._view.space.shape or ()))
         dtype = np.uint8 if self._has_images else np.float32
         observations = last_observations(state["observations"], shape, dtype)

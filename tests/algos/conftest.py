@@ -139,6 +139,11 @@ def algorithm(request):
     return request.param
 
 
+@pytest.fixture(name="algorithms")
+def algorithms_fixture():
+    return list(SETTINGS)
+
+
 @pytest.fixture(params=ALL_SETTINGS, ids=lambda algorithm: algorithm.__name__)
 def any_algorithm(request):
     """Of every kind, for what all of them promise."""

@@ -1,6 +1,8 @@
 """Every algorithm in environments of every kind of space."""
 
 import functools
+import re
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -11,12 +13,45 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 from toys import SPACES, Toy
 
-from curiosity_algos import NSES, NSLC, CuriosityES, make_evaluator
+from curiosity_algos import (
+    NSES,
+    NSLC,
+    TD3ICM,
+    BonusReplayBuffer,
+    BonusVecEnvWrapper,
+    CuriosityES,
+    make_evaluator,
+)
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_gym import BehaviorWrapper
 
 GENERATION = 30
+PAGE = Path(__file__).parents[2] / "docs" / "algorithms" / "index.md"
+BOX = spaces.Box(-1, 1, (2,))
+OBSERVATIONS = {
+    "Box, a vector": BOX,
+    "Box of another shape": spaces.Box(-1, 1, (2, 2)),
+    "image of 36 by 36": spaces.Box(0, 255, (36, 36, 3), np.uint8),
+    "image of 84 by 84": spaces.Box(0, 255, (84, 84, 3), np.uint8),
+    "Discrete": spaces.Discrete(3, start=2),
+    "MultiBinary": spaces.MultiBinary(3),
+    "MultiDiscrete": spaces.MultiDiscrete([2, 3]),
+    "Dict": spaces.Dict(a=BOX, b=spaces.Discrete(2)),
+    "Tuple": spaces.Tuple([BOX, spaces.Discrete(2)]),
+}
+ACTIONS = {
+    "Box, a vector with bounds": BOX,
+    "Box without bounds": spaces.Box(-np.inf, np.inf, (2,)),
+    "Box of another shape": spaces.Box(-1, 1, (2, 2)),
+    "Box of whole numbers": spaces.Box(-2, 2, (2,), np.int64),
+    "Discrete from 0": spaces.Discrete(3),
+    "Discrete from elsewhere": spaces.Discrete(3, start=1),
+    "MultiDiscrete": spaces.MultiDiscrete([2, 3]),
+    "MultiBinary": spaces.MultiBinary(3),
+    "Dict, Tuple": spaces.Tuple([spaces.Discrete(2)]),
+}
+"""The rows of the documentation's tables."""
 REAL = {
     "CliffWalking-v1": {"max_episode_steps": 20},
     "Blackjack-v1": {},
@@ -193,3 +228,59 @@ def test_what_bonuses_see_of_actions_has_one_dimension():
     for _, space in SPACES.values():
         seen = FlatActions(space).space
         assert isinstance(seen, spaces.Discrete) or len(seen.shape) == 1
+
+
+def table(kind):
+    """The documentation's table of observations or actions: row, what each column says."""
+    rows = re.search(rf"^\| {kind} \|.*\n\|[-|]+\n((?:\|.*\n)+)", PAGE.read_text(), flags=re.M)
+    cells = [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows[1].splitlines()]
+    return {label: says for label, *says in cells}
+
+
+def makers(observation_space, action_space, make_model, algorithms):
+    """By column of the table, functions that make all that it stands for."""
+
+    class Bare(gym.Env):
+        behavior_space = spaces.Box(-1, 1, (2,))
+
+    def make_env():
+        env = Bare()
+        env.observation_space, env.action_space = observation_space, action_space
+        return env
+
+    settings = {"buffer_size": 10, "device": "cpu", "bonus_kwargs": {"hidden": 4}}
+    off_policy = BONUSES.keys() - {"e3b", "ngu", "noveld"}
+    both = {"observation_space": observation_space, "action_space": action_space}
+    return [
+        [functools.partial(make_model, each, make_env()) for each in algorithms],
+        [functools.partial(make_model, TD3ICM, make_env())],
+        [
+            lambda bonus=bonus: BonusVecEnvWrapper(DummyVecEnv([make_env]), bonus=bonus, **settings)
+            for bonus in BONUSES
+        ],
+        [functools.partial(BonusReplayBuffer, **both, bonus=b, **settings) for b in off_policy],
+    ]
+
+
+def takes(make):
+    try:
+        make()
+    except ValueError:
+        return "no"
+    return "yes"
+
+
+@pytest.mark.parametrize(
+    ("kind", "label"),
+    [("observations", each) for each in OBSERVATIONS] + [("actions", each) for each in ACTIONS],
+)
+def test_the_documentation_says_who_takes_what(kind, label, make_model, algorithms):
+    is_observed = kind == "observations"
+    pair = (OBSERVATIONS[label], BOX) if is_observed else (BOX, ACTIONS[label])
+    found = [{takes(make) for make in column} for column in makers(*pair, make_model, algorithms)]
+    assert found == [{says} for says in table(kind)[label]]
+
+
+def test_the_documentation_has_these_rows():
+    assert list(table("observations")) == list(OBSERVATIONS)
+    assert list(table("actions")) == list(ACTIONS)

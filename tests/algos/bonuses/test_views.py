@@ -49,9 +49,29 @@ def test_an_entry_stands_alone():
 
 
 def test_an_array_is_seen_as_it_is():
-    view, observations = View(PLACE), np.ones((3, 2, 2))
-    assert view(observations) is observations
-    assert view.one(observations[0]).tolist() == np.ones((2, 2)).tolist()
+    for shape in [(2,), (4, 4, 1)]:
+        space, observations = spaces.Box(0, 255, shape, np.uint8), np.ones((3, *shape))
+        view = View(space)
+        assert view.space is space
+        np.testing.assert_array_equal(view(observations), observations)
+        np.testing.assert_array_equal(view.one(observations[0]), observations[0])
+
+
+@pytest.mark.parametrize("key", SPACE)
+def test_what_is_neither_vector_nor_image_is_flat(key):
+    rows, together = observe(3)
+    if key == "image":
+        return
+    expected = [spaces.flatten(SPACE[key], row[key]) for row in rows]
+    for view, observations in [(View(SPACE, key), together), (View(SPACE[key]), together[key])]:
+        assert view.space == spaces.flatten_space(SPACE[key])
+        np.testing.assert_array_equal(view(observations), expected)
+    np.testing.assert_array_equal(View(SPACE[key]).one(rows[0][key]), expected[0])
+
+
+def test_large_boxes_stay_what_bonuses_refuse():
+    space = spaces.Box(0, 1, (84, 84, 3))
+    assert View(space).space is space
 
 
 def test_errors_name_the_key():

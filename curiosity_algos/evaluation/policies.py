@@ -271,6 +271,17 @@ class MlpPolicy(BasePolicy):
         vector: Float32Array = self.flat.numpy()
         return vector
 
+    def predict(
+        self,
+        observation: Any,
+        state: tuple[npt.NDArray[Any], ...] | None = None,
+        episode_start: npt.NDArray[Any] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[npt.NDArray[Any], tuple[npt.NDArray[Any], ...] | None]:
+        """Actions as in SB3; one of a Discrete is a number, as its environment takes it."""
+        actions, state = super().predict(observation, state, episode_start, deterministic)
+        return actions[()], state  # an array without dimensions is no key of a table
+
     def obs_to_tensor(self, observation: Any) -> tuple[th.Tensor, bool]:
         """Vectors (n, n_inputs) of one observation or a batch of the env's own, and which it is."""
         is_batch = self.seen.is_batch(observation)

@@ -32,7 +32,7 @@ BOX = spaces.Box(-1, 1, (2,))
 OBSERVATIONS = {
     "Box, a vector": BOX,
     "Box of another shape": spaces.Box(-1, 1, (2, 2)),
-    "image of 36 by 36": spaces.Box(0, 255, (36, 36, 3), np.uint8),
+    "image of 36 by 36": spaces.Box(0, 255, (36, 36, 1), np.uint8),
     "image of 84 by 84": spaces.Box(0, 255, (84, 84, 3), np.uint8),
     "Discrete": spaces.Discrete(3, start=2),
     "MultiBinary": spaces.MultiBinary(3),
@@ -102,7 +102,8 @@ class TestEveryAlgorithm:
         observations = [env.observation_space.sample() for _ in range(4)]
         singly = [model.predict(each, deterministic=True)[0] for each in observations]
         for action in singly:
-            assert env.action_space.contains(action[()])
+            assert env.action_space.contains(action)
+            assert isinstance(action, np.integer) == isinstance(env.action_space, spaces.Discrete)
         together, _ = model.predict(batch_of(env.observation_space, observations))
         np.testing.assert_array_equal(together, singly)
         assert together.dtype == env.action_space.dtype
@@ -181,6 +182,10 @@ class TestEvaluators:
         env = SLOW[vector](functools.partial(Toy, name))
         self.check(name, env)
         env.close()
+
+    @pytest.mark.parametrize("name", ["goal"])
+    def test_processes_of_our_own(self, name):
+        self.check(name, functools.partial(Toy, name), n_threads=2)
 
 
 class TestGoals:

@@ -195,6 +195,7 @@ ENVIRONMENTS = {
     "a wrapper of a script": lambda: Far(make_cartpole()),
     "one that writes into its arrays": lambda: gym.wrappers.TimeLimit(InPlace(), 20),
     "an id that was registered here": "Far-v0",
+    "one whose spaces are no vectors": "Blackjack-v1",
     "a vector env with one generator": lambda: make_evaluator(make_vec()),
 }
 

@@ -43,6 +43,13 @@ def test_an_episode_needs_no_picture(folder):
     assert play(folder, seed=0) == RunFolder(folder).result()["best_return"]
 
 
+@pytest.mark.parametrize("env_id", ["CliffWalking-v1", "Blackjack-v1"])
+def test_spaces_that_are_no_vectors(env_id, tmp_path):
+    settings = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
+    train(RunSpec("canonical_es", env_id, 0, 1, {"max_episode_steps": 9}, settings), tmp_path)
+    assert play(tmp_path, seed=0) <= RunFolder(tmp_path).result()["best_return"]
+
+
 @pytest.mark.extra("render")
 def test_an_episode_is_shown(folder, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")

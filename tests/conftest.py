@@ -70,6 +70,7 @@ SLOW = [
 MODULES = {
     "control": "dm_control",
     "locomotion": "mujoco",
+    "minari": "minari",
     "ray": "ray",
     "render": "pygame",
     "report": "plotly",
@@ -81,6 +82,7 @@ MODULES = {
 PARAMETERS = {
     "control": re.compile("CuriosityControl-|SwingUp|dm_control|^control"),
     "locomotion": re.compile("CuriosityLocomotion-"),
+    "minari": re.compile("export_minari|minari.load"),
     "report": re.compile("write_report"),
     "robotics": re.compile("CuriositySparse-.*Maze|gymnasium_robotics"),
     "track": re.compile("import wandb"),

@@ -115,6 +115,7 @@ def _module_of(name, names):
 
 def test_importing_the_algorithms_needs_no_extra():
     extras = ["pygame", "mujoco", "dm_control", "ray", "plotly", "gymnasium_robotics", "jax"]
+    extras += ["h5py", "minari", "onnx", "onnxruntime"]
     code = f"import sys, curiosity_algos; print([x for x in {extras} if x in sys.modules])"
     ran = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True

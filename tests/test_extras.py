@@ -27,6 +27,7 @@ MODULES = {
     "render": ["moviepy", "pygame"],
     "ray": ["ray"],
     "report": ["plotly"],
+    "minari": ["h5py", "minari"],
     "tensorboard": ["tensorboard"],
     "track": ["wandb"],
 }

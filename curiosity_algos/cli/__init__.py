@@ -9,6 +9,7 @@ import gymnasium as gym
 import typer
 
 from curiosity_algos.cli.enjoy import enjoy
+from curiosity_algos.cli.export import export
 from curiosity_algos.cli.list_names import list_names
 from curiosity_algos.cli.plot import plot
 from curiosity_algos.cli.report import report
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (train, enjoy, sweep, plot, report, reproduce):
+for command in (train, enjoy, export, sweep, plot, report, reproduce):
     app.command()(command)
 app.command("list")(list_names)
 

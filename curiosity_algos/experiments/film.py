@@ -17,10 +17,9 @@ from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
 from curiosity_algos.evaluation.vector import most_steps
-from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.reopening import last_checkpoint, make_env
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
@@ -89,32 +88,18 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
     """A policy, and an environment as it was trained in."""
     if isinstance(source, tuple):
         return load_pretrained(*source), gym.make(source[1], **rendering)
-    described, checkpoint = _described(source)
-    spec = decode_spec(described.get("env_spec"), trust=trust)
-    policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
-    try:
-        env = gym.make(spec, **rendering)
-    except gym.error.DependencyNotInstalled:
-        raise
-    except Exception as error:  # whatever a constructor makes of a file's arguments
-        raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
-    if spaces.flatdim(policy.observation_space) != spaces.flatdim(env.observation_space):
-        raise ValueError(f"`run` must be of its environment: {spec.id} has other observations.")
-    return policy, env
-
-
-def _described(folder: Path) -> tuple[dict[str, Any], Path]:
-    """The description of a run, and its last checkpoint."""
-    run = RunFolder(folder)
-    described, checkpoint = run.describe(), run.checkpoint
-    if checkpoint is None:
-        raise ValueError(f"`run` must have a checkpoint: {folder} has none yet.")
+    described, checkpoint = last_checkpoint(source)
     if described["algorithm"] not in ALGORITHMS:
         raise ValueError(
-            f"`run` must be of an algorithm of this package, {folder} is of "
+            f"`run` must be of an algorithm of this package, {source} is of "
             f"{described['algorithm']}: load its model, and call `predict`."
         )
-    return described, checkpoint
+    policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
+    env = make_env(described, trust=trust, **rendering)
+    if spaces.flatdim(policy.observation_space) != spaces.flatdim(env.observation_space):
+        name = described["env"]
+        raise ValueError(f"`run` must be of its environment: {name} has other observations.")
+    return policy, env
 
 
 def _load_policy(algorithm: str, checkpoint: Path, *, trust: bool) -> BasePolicy:

@@ -43,7 +43,7 @@ RESULT: Fields = {
 FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 """Columns of final states that are read, and their dimensions."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
-"""Arrays of `rewarding.npz` that are read."""
+"""Arrays of `rewarding.npz` and `sample.npz` that are read."""
 READ = ("time/", "coverage/")
 """Beginnings of the columns of `progress.csv` that are read: they hold numbers."""
 

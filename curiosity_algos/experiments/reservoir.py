@@ -1,4 +1,4 @@
-"""A uniform sample, of bounded size, of the policies that succeeded in a run."""
+"""A uniform sample, of bounded size, of policies of a run."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Reservoir:
         self._rng = np.random.default_rng(seed)
 
     def add(self, policy: Mapping[str, Any]) -> None:
-        """See one more policy: a value for each of `FIELDS`."""
+        """See one more policy: a value for each of `FIELDS`, of which copies are kept."""
         self.n_seen += 1
         if len(self._kept) < self.size:
-            self._kept.append(dict(policy))
+            self._kept.append(_copied(policy))
             return
         place = int(self._rng.integers(self.n_seen))
         if place < self.size:
-            self._kept[place] = dict(policy)
+            self._kept[place] = _copied(policy)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Each of `FIELDS`, (n, ...), n 0 where none is kept; `n_seen`; the state of the draws."""
@@ -52,3 +52,8 @@ class Reservoir:
         self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
         self.n_seen = int(arrays["n_seen"])
         load_generator_state(self._rng, str(arrays["rng"]))
+
+
+def _copied(policy: Mapping[str, Any]) -> dict[str, Any]:
+    """Its own arrays: a view would keep the whole generation in memory."""
+    return {name: np.array(value) for name, value in policy.items()}

@@ -4,7 +4,8 @@
     progress.csv        a row for each log
     final_states/*.npz  of each individual its generation, return, length, success, curiosity and
                         the behavior that its episode ended with
-    checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, best_policy.npz
+    checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, sample.npz,
+                        best_policy.npz
 
 Nothing that is written is written again but `progress.csv`, where a new column appears. A
 checkpoint appears at once and whole, and what was written after the last one is dropped when a run

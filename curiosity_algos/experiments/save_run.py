@@ -28,6 +28,8 @@ from curiosity_gym.validation import check_at_least_one, check_positive
 
 _FOUND = "what a run has found"
 """Kind of the file of an `ExplorationCallback`'s state."""
+_SPAWN_KEYS = 0x5A7E, 0x5A7F
+"""Of the draws of the two samples of policies."""
 
 
 class SaveRun(BaseCallback):
@@ -51,6 +53,7 @@ class SaveRun(BaseCallback):
             without the transitions that bonuses and TD3 are trained on: a run that goes on from
             there collects them anew, and the model warns of it.
         n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
+        n_sampled: Policies of all that are evaluated which are kept, a uniform sample.
         verbose: As in SB3.
 
     Raises:
@@ -67,14 +70,16 @@ class SaveRun(BaseCallback):
         *,
         interval: float = 60.0,
         n_rewarding: int = 5000,
+        n_sampled: int = 1000,
         verbose: int = 0,
     ) -> None:
         super().__init__(verbose)
-        check_at_least_one(n_rewarding=n_rewarding)
+        check_at_least_one(n_rewarding=n_rewarding, n_sampled=n_sampled)
         check_positive(interval=interval)
         self.folder = RunFolder(folder)
         self.interval = interval
         self.n_rewarding = n_rewarding
+        self.n_sampled = n_sampled
         self._log: ProgressLog | None = None
         self._lock: FileLock | None = None
 
@@ -83,8 +88,9 @@ class SaveRun(BaseCallback):
     def _on_training_start(self) -> None:
         self.close()
         check_recordable(self.model)
-        seed = np.random.SeedSequence(self.model.seed, spawn_key=(0x5A7E,))
-        self._rewarding = Reservoir(self.n_rewarding, seed)
+        seeds = [np.random.SeedSequence(self.model.seed, spawn_key=(key,)) for key in _SPAWN_KEYS]
+        self._rewarding = Reservoir(self.n_rewarding, seeds[0])
+        self._sample = Reservoir(self.n_sampled, seeds[1])
         self._n_episodes, self._seconds_before = 0, 0.0
         self._pending: list[Columns] = []
         description = describe_run(self.model)
@@ -134,6 +140,8 @@ class SaveRun(BaseCallback):
             return
         self._seconds_before = result["seconds"]
         self._rewarding.load(read_arrays(checkpoint / "rewarding.npz", REWARDING))
+        if (checkpoint / "sample.npz").exists():  # older folders have none
+            self._sample.load(read_arrays(checkpoint / "sample.npz", REWARDING))
         if isinstance(self._found, ExplorationCallback):
             found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
             self._found.load_state_dict(found)
@@ -150,7 +158,7 @@ class SaveRun(BaseCallback):
         ended = np.flatnonzero(self.locals["dones"])
         if len(ended):
             self._pending.append(self._final_states(ended))
-            self._sample_rewarding()
+            self._sample_policies()
         return True
 
     def _on_rollout_end(self) -> None:
@@ -193,16 +201,17 @@ class SaveRun(BaseCallback):
             "behavior": np.array([info.get("behavior", ()) for info in infos], dtype=np.float64),
         }
 
-    def _sample_rewarding(self) -> None:
+    def _sample_policies(self) -> None:
         parameters = self.locals.get("parameters")
         if parameters is None:  # an algorithm that trains one policy
             return
         columns = self._pending[-1]
-        for i in np.flatnonzero(columns["success"]):
-            # A view would keep the whole generation in memory.
-            own = parameters[i].copy()
-            policy = {"parameters": own, "episode_seed": self.locals["episode_seed"]}
-            self._rewarding.add(policy | {k: columns[k][i] for k in ("return", "generation")})
+        for i, is_success in enumerate(columns["success"]):
+            policy = {"parameters": parameters[i], "episode_seed": self.locals["episode_seed"]}
+            policy |= {k: columns[k][i] for k in ("return", "generation")}
+            self._sample.add(policy)
+            if is_success:
+                self._rewarding.add(policy)
 
     def _seconds(self) -> float:
         """Seconds of training, those before an interruption included."""
@@ -231,6 +240,8 @@ class SaveRun(BaseCallback):
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
         write_model(self.model, folder, exclude)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
+        if isinstance(self.model, EvolutionaryAlgorithm):
+            write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
         (folder / "result.json").write_text(json.dumps(self._result(), indent=2))

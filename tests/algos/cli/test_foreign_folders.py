@@ -79,15 +79,18 @@ DAMAGES = {
     "surplus entries": append("1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21\n"),
     "huge final states": huge(lambda run: final_states(run)),
     "a huge sample": huge(lambda run: run.checkpoint / "rewarding.npz"),
+    "a huge sample of all": huge(lambda run: run.checkpoint / "sample.npz"),
     "an array alone": lambda run: np.save(open(final_states(run), "wb"), np.zeros(3)),  # noqa: SIM115
 }
 
 
-@pytest.mark.extra("report")
+@pytest.mark.extra("minari", "report")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_damage_is_one_sentence(run, run_here, damage):
+def test_damage_is_one_sentence(run, run_here, damage, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
     damage(run)
+    export = ["export", str(run.path), "--to", "minari", "--out", "a-v0", "--policies"]
     train = ["train", "--algo", "map_elites", "--env", ENV, "-n", "200", "--env-kwargs"]
     refused = 0
     for words in (
@@ -95,6 +98,8 @@ def test_damage_is_one_sentence(run, run_here, damage):
         ["plot", "runs"],
         ["plot", "runs", "--y", "best-return"],
         ["enjoy", str(run.path), "--no-render"],
+        [*export, "sample"],
+        [*export, "elites"],
         [*train, "horizon:20", "--hyperparams", "population_size:4"],
     ):
         status, _, errors = run_here(*words)  # which raises what is no sentence

@@ -104,9 +104,9 @@ def test_a_killed_run_goes_on_to_the_same_files(
     assert_same_run(model, expected)
     assert_same(load_final_states(killed), load_final_states(whole))
     assert without_clock(killed).equals(without_clock(whole))
-    for name in ("rewarding.npz", "best_policy.npz"):
+    for name in ("rewarding.npz", "sample.npz", "best_policy.npz"):
         files = [RunFolder(path).checkpoint / name for path in (killed, whole)]
-        if algorithm is TD3ICM and name == "best_policy.npz":
+        if algorithm is TD3ICM and name != "rewarding.npz":
             assert not any(path.exists() for path in files)
         else:
             one, other = (dict(np.load(path)) for path in files)
@@ -149,6 +149,30 @@ def test_rewarding_policies_can_be_played_again(make_model, make_easy_maze, fold
     evaluator = make_evaluator(make_easy_maze(), model.policy_kwargs)
     rollouts = evaluator.evaluate(kept["parameters"], int(kept["episode_seed"][0]))
     np.testing.assert_allclose(rollouts.returns, kept["return"], atol=1e-6)
+
+
+def test_a_sample_of_all_can_be_played_again(make_model, make_easy_maze, folder):
+    model = make_model(CanonicalES, make_easy_maze(), sigma=2.0)
+    model.learn(10_000, SaveRun(folder, n_sampled=9))
+    kept = dict(np.load(RunFolder(folder).checkpoint / "sample.npz"))
+    assert kept["n_seen"] == len(load_final_states(folder)["return"]) > 9 == len(kept["return"])
+    assert len(np.unique(kept["generation"])) > 3
+    evaluator = make_evaluator(make_easy_maze(), model.policy_kwargs)
+    rollouts = evaluator.evaluate(kept["parameters"], int(kept["episode_seed"][0]))
+    np.testing.assert_allclose(rollouts.returns, kept["return"], atol=1e-6)
+
+
+def test_a_run_that_sampled_nothing_yet_goes_on(make_model, make_easy_maze, folder):
+    model = make_model(MAPElites, make_easy_maze())
+    model.learn(400, SaveRun(folder))
+    checkpoint = RunFolder(folder).checkpoint
+    (checkpoint / "sample.npz").unlink()
+    model = MAPElites.load(checkpoint / "model", env=make_easy_maze())
+    before = model.generation
+    model.learn(400, SaveRun(folder), reset_num_timesteps=False)
+    kept = np.load(RunFolder(folder).checkpoint / "sample.npz")
+    assert kept["n_seen"] == 6 * (model.generation - before)
+    assert kept["generation"].min() == before + 1
 
 
 def test_the_best_policy_is_there(make_model, folder):
@@ -323,7 +347,7 @@ class TestStableBaselines:
         assert not folder.exists()
 
 
-@pytest.mark.parametrize("wrong", [{"interval": 0.0}, {"n_rewarding": 0}])
+@pytest.mark.parametrize("wrong", [{"interval": 0.0}, {"n_rewarding": 0}, {"n_sampled": 0}])
 def test_errors_name_the_argument(folder, wrong):
     with pytest.raises(ValueError, match=f"^`{next(iter(wrong))}` must"):
         SaveRun(folder, **wrong)

@@ -1,0 +1,35 @@
+"""`curiosity export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from curiosity_gym.validation import check_choice
+
+
+def export(
+    run: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    to: Annotated[str, typer.Option(help="minari: a dataset of episodes.")],
+    out: Annotated[str, typer.Option(help="The id of the dataset, such as curiosity/us-v0.")],
+    policies: Annotated[
+        str, typer.Option(help="Whose episodes: elites, rewarding, or a sample of all.")
+    ] = "rewarding",
+    n_policies: Annotated[
+        int, typer.Option(help="Policies at most, drawn where there are more.")
+    ] = 1000,
+    trust: Annotated[
+        bool, typer.Option("--trust", help="Run code that the run's folder names or holds.")
+    ] = False,
+) -> None:
+    """Write episodes of a run's policies as a Minari dataset (extra `minari`).
+
+    Example: curiosity export runs/NSES/CuriosityMaze-US-v0/0 --to minari --out curiosity/us-v0
+    """
+    from curiosity_algos.experiments.export import export_minari
+
+    check_choice(("minari",), to=to)
+    dataset = export_minari(run, out, policies=policies, n_policies=n_policies, trust=trust)
+    typer.echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")

@@ -1,0 +1,177 @@
+"""Episodes of a run's policies as a Minari dataset (https://minari.farama.org)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+from curiosity_algos.experiments.description import versions
+from curiosity_algos.experiments.export.episodes import Episode, play
+from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
+from curiosity_gym import __version__
+from curiosity_gym.extras import import_extra
+from curiosity_gym.validation import check_at_least_one, check_choice
+
+N_POLICIES = 1000
+CHUNK_BYTES = 2**26
+"""Episodes that are held at once, before they are written."""
+DESCRIBED = ("algorithm", "env", "env_kwargs", "wrappers", "seed", "settings", "versions")
+"""What the dataset says of the run."""
+
+
+def export_minari(
+    run: str | os.PathLike[str],
+    dataset_id: str,
+    *,
+    policies: str = "rewarding",
+    n_policies: int = N_POLICIES,
+    trust: bool = False,
+) -> Any:
+    """Play policies of a run again, and write their episodes as a Minari dataset.
+
+    Each policy plays the episode that it played in the run, which begins with a reset with the seed
+    that Minari keeps of it. Stepping an environment of the dataset's `recover_environment` through
+    the actions gives its observations and rewards, bit for bit, with the same versions of the
+    libraries. Policies that are there twice are played once.
+
+    The dataset appears where Minari keeps its own (`MINARI_DATASETS_PATH`), and only once it is
+    whole; what a killed process leaves there is a folder that begins with a dot.
+
+    Args:
+        run: Folder of the run, of a population algorithm.
+        dataset_id: Name of the dataset, as Minari has it: `curiosity/us-v0`.
+        policies: "elites", of an algorithm with an archive; "rewarding", those that succeeded;
+            "sample", of all that were evaluated. See `SaveRun` for how many of them a run keeps.
+        n_policies: At most, drawn uniformly where there are more.
+        trust: Also run code that the run's folder names or holds.
+
+    Returns:
+        The `minari.MinariDataset`.
+
+    Raises:
+        gymnasium.error.DependencyNotInstalled: If the extra `minari` is not installed.
+        FileNotFoundError: If there is no run.
+        ValueError: If the run is of another algorithm, keeps no such policies, is damaged or needs
+            trust; if the id is malformed, or there is such a dataset.
+    """
+    minari, storages, _ = import_extra("minari", "minari", "minari.dataset.minari_storage", "h5py")
+    check_choice(POLICIES, policies=policies)
+    check_at_least_one(n_policies=n_policies)
+    target = _new_path(dataset_id)
+    opened = PopulationRun(Path(run), trust=trust)
+    chosen = opened.policies(policies).distinct().draw(n_policies)
+    env = opened.env
+    about = _describe(opened, policies, len(chosen.seeds))
+    with TemporaryDirectory(prefix=".export-", dir=_root()) as folder:
+        whole = Path(folder, "dataset")
+        whole.mkdir()
+        storage = storages.MinariStorage.new(
+            whole / "data", env.observation_space, env.action_space, _as_json_spec(env.spec)
+        )
+        storage.update_metadata(
+            {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
+        )
+        for chunk in _chunks(play(env, opened.mlp, chosen)):
+            storage.update_episodes(chunk)
+        _publish(whole, target, dataset_id)
+    env.close()
+    return minari.load_dataset(dataset_id)
+
+
+def _root() -> Path:
+    """Where Minari keeps its datasets: absolute, as it cannot write to a path that is not."""
+    from minari.storage.datasets_root_dir import get_dataset_path
+
+    return Path(get_dataset_path()).absolute()
+
+
+def _new_path(dataset_id: str) -> Path:
+    """The folder of a dataset that is not there yet."""
+    from minari.dataset.minari_dataset import parse_dataset_id
+
+    try:
+        parse_dataset_id(dataset_id)
+    except (TypeError, ValueError) as error:  # of one without a version it makes a number of None
+        raise ValueError(
+            "`out` must be the id of a Minari dataset, such as curiosity/us-v0, got "
+            f"{dataset_id!r}."
+        ) from error
+    target = _root() / dataset_id
+    if target.exists():
+        raise ValueError(f"`out` must be a new dataset, there is {target}.")
+    return target
+
+
+def _publish(whole: Path, target: Path, dataset_id: str) -> None:
+    """Move a dataset to its place, in its namespace."""
+    from minari.dataset.minari_dataset import parse_dataset_id
+    from minari.namespace import create_namespace, list_local_namespaces
+
+    namespace = parse_dataset_id(dataset_id)[0]
+    if namespace is not None and namespace not in list_local_namespaces():
+        create_namespace(namespace)
+    os.rename(whole, target)
+
+
+def _describe(run: PopulationRun, policies: str, n: int) -> dict[str, Any]:
+    """What Minari's metadata say of the run."""
+    described = run.described
+    about = {name: described.get(name) for name in DESCRIBED}
+    spec = run.env.spec
+    is_ours = spec is not None and str(spec.entry_point).startswith("curiosity_gym.")
+    return {
+        "algorithm_name": described["algorithm"],
+        "description": (
+            f"Episodes of {n} policies ({policies}) of {described['algorithm']} on "
+            f"{described['env']}, seed {described.get('seed')}, after {run.timesteps} timesteps."
+        ),
+        "requirements": [f"curiosity-search>={__version__}"] if is_ours else [],
+        "run": {**about, "timesteps": run.timesteps, "policies": policies},
+        "played_with": versions(),
+    }
+
+
+def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
+    """A spec that Minari can keep, or None."""
+    try:
+        return None if spec is None else EnvSpec.from_json(spec.to_json())
+    except (TypeError, ValueError, gym.error.Error):  # of a class, or an array
+        return None
+
+
+def _chunks(episodes: Iterable[Episode]) -> Iterator[list[Any]]:
+    """Buffers of Minari's, a few of whose bytes are held at once."""
+    chunk: list[Any] = []
+    n_bytes = 0
+    for episode in episodes:
+        chunk.append(_as_buffer(episode))
+        n_bytes += episode.n_bytes
+        if n_bytes >= CHUNK_BYTES:
+            yield chunk
+            chunk, n_bytes = [], 0
+    if chunk:
+        yield chunk
+
+
+def _as_buffer(episode: Episode) -> Any:
+    from minari.data_collector.episode_buffer import EpisodeBuffer
+
+    ends = np.zeros((2, len(episode.rewards)), dtype=np.bool_)
+    ends[:, -1] = episode.terminated, episode.truncated
+    terminations, truncations = ends
+    return EpisodeBuffer(
+        seed=episode.seed,
+        observations=episode.observations,
+        actions=episode.actions,
+        rewards=episode.rewards,
+        terminations=terminations,
+        truncations=truncations,
+        infos={},
+    )

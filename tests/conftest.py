@@ -71,6 +71,7 @@ MODULES = {
     "control": "dm_control",
     "locomotion": "mujoco",
     "minari": "minari",
+    "onnx": "onnxruntime",
     "ray": "ray",
     "render": "pygame",
     "report": "plotly",
@@ -82,7 +83,8 @@ MODULES = {
 PARAMETERS = {
     "control": re.compile("CuriosityControl-|SwingUp|dm_control|^control"),
     "locomotion": re.compile("CuriosityLocomotion-"),
-    "minari": re.compile("export_minari|minari.load"),
+    "minari": re.compile("export_minari"),
+    "onnx": re.compile("import onnxruntime"),
     "report": re.compile("write_report"),
     "robotics": re.compile("CuriositySparse-.*Maze|gymnasium_robotics"),
     "track": re.compile("import wandb"),

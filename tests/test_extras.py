@@ -28,6 +28,7 @@ MODULES = {
     "ray": ["ray"],
     "report": ["plotly"],
     "minari": ["h5py", "minari"],
+    "onnx": ["onnx", "onnxruntime"],
     "tensorboard": ["tensorboard"],
     "track": ["wandb"],
 }

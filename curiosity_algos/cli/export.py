@@ -12,24 +12,34 @@ from curiosity_gym.validation import check_choice
 
 def export(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    to: Annotated[str, typer.Option(help="minari: a dataset of episodes.")],
-    out: Annotated[str, typer.Option(help="The id of the dataset, such as curiosity/us-v0.")],
+    to: Annotated[str, typer.Option(help="minari: episodes. onnx: the best policy.")],
+    out: Annotated[
+        str, typer.Option(help="The id of the dataset, such as curiosity/us-v0, or an .onnx file.")
+    ],
     policies: Annotated[
         str, typer.Option(help="Whose episodes: elites, rewarding, or a sample of all.")
     ] = "rewarding",
     n_policies: Annotated[
-        int, typer.Option(help="Policies at most, drawn where there are more.")
+        int, typer.Option(help="Whose episodes, at most; drawn where there are more.")
     ] = 1000,
     trust: Annotated[
         bool, typer.Option("--trust", help="Run code that the run's folder names or holds.")
     ] = False,
 ) -> None:
-    """Write episodes of a run's policies as a Minari dataset (extra `minari`).
+    """Write episodes of a run as a Minari dataset, or its best policy as an ONNX graph.
+
+    They need the extras `minari` and `onnx`.
 
     Example: curiosity export runs/NSES/CuriosityMaze-US-v0/0 --to minari --out curiosity/us-v0
-    """
-    from curiosity_algos.experiments.export import export_minari
 
-    check_choice(("minari",), to=to)
+    Example: curiosity export runs/NSES/CuriosityMaze-US-v0/0 --to onnx --out policy.onnx
+    """
+    from curiosity_algos.experiments.export import export_minari, export_onnx
+
+    check_choice(("minari", "onnx"), to=to)
+    if to == "onnx":
+        export_onnx(run, out, trust=trust)
+        typer.echo(out)
+        return
     dataset = export_minari(run, out, policies=policies, n_policies=n_policies, trust=trust)
     typer.echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")

@@ -79,6 +79,13 @@ class PopulationRun:
         self.env = make_env(self.described, trust=trust)
         self.mlp = build_mlp(self.env.observation_space, self.env.action_space, net_arch)
 
+    def best(self) -> Float32Array:
+        """The best policy, (n_parameters,): the one that `curiosity enjoy` plays."""
+        path = self._checkpoint / "best_policy.npz"
+        parameters = read_arrays(path, {"parameters": 1})["parameters"]
+        best, _ = self._checked(parameters[None], np.zeros(1, np.int64), path)
+        return best.reshape(-1)
+
     def policies(self, kind: str) -> Policies:
         """All policies of a kind that the run keeps.
 

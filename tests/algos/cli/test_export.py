@@ -24,5 +24,12 @@ def test_a_dataset(run, run_here, refused, tmp_path, monkeypatch):
     assert "`out` must be a new dataset" in refused(*words)
 
 
+@pytest.mark.extra("onnx")
+def test_a_policy(run, run_here, refused, tmp_path):
+    assert run_here("export", run, "--to", "onnx", "--out", "best.onnx") == (0, "best.onnx\n", "")
+    assert (tmp_path / "best.onnx").stat().st_size > 100
+    assert "`out` must end in .onnx" in refused("export", run, "--to", "onnx", "--out", "best")
+
+
 def test_a_wrong_target(run, refused):
     assert "`to` must be " in refused("export", run, "--to", "csv", "--out", "a")

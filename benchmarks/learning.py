@@ -35,6 +35,13 @@ ALGORITHMS = (
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
+    "mazes_learned": {
+        "algos": ("NSLC",),
+        "envs": MAZES,
+        "timesteps": 3e7,
+        "preset": "tuned",
+        "hyperparams": ["behavior:'learned'"],
+    },
     "labyrinth": {
         "algos": ALGORITHMS,
         "envs": ("CuriosityMaze-Labyrinth-v0",),

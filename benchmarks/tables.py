@@ -31,7 +31,14 @@ from curiosity_algos.experiments.statistics import (
 )
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/results.md", "docs/bonuses.md", "docs/clusters.md", "docs/paper.md")
+PAGES = (
+    "README.md",
+    "docs/results.md",
+    "docs/bonuses.md",
+    "docs/clusters.md",
+    "docs/paper.md",
+    "docs/algorithms/nslc.md",
+)
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 
 
@@ -65,6 +72,14 @@ def parts() -> str:
     runs, tried = read_runs("ppo"), read_runs("ppo_parts")
     recipe = runs[(runs["algorithm"] == "PPO + APT") & runs["env"].isin(tried["env"])]
     return visits(pd.concat([recipe, tried], ignore_index=True))
+
+
+def learned() -> str:
+    """As `summary`, of NSLC that learns behaviors, beside those that are told, and AURORA."""
+    runs, told = read_runs("mazes_learned"), read_runs("mazes")
+    runs = runs.assign(algorithm=runs["algorithm"] + ', `behavior="learned"`')
+    beside = told[told["algorithm"].isin(["NSLC", "AURORA"])]
+    return summary(in_order(pd.concat([runs, beside], ignore_index=True)))
 
 
 def _cell(group: pd.DataFrame) -> str:
@@ -239,6 +254,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
     "ppo-parts": parts,
+    "mazes-learned-summary": learned,
     "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", roaming),
     "ramp": partial(make_table, read_rows, "ramp", ramp),

@@ -85,11 +85,7 @@ class AURORA(QualityDiversity):
         check_at_least_one(latent_size=self.latent_size, archive_size=self.archive_size)
         check_at_least_one(training_interval=self.training_interval, n_epochs=self.n_epochs)
         check_at_least_one(batch_size=self.batch_size)
-        if not (self._own_archive is None or self._own_archive.empty):
-            raise ValueError(
-                "`archive` must be empty, as its places come from an encoder that is trained anew, "
-                f"got {len(self._own_archive)} elites."
-            )
+        self._check_begins_empty()
         check_share(trajectory_share=self.trajectory_share)
         check_positive(
             trajectory_share=self.trajectory_share, ae_learning_rate=self.ae_learning_rate

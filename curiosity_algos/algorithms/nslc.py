@@ -6,6 +6,7 @@ Competition" (https://doi.org/10.1145/2001576.2001606); the paper's section 4.3.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
@@ -16,11 +17,21 @@ from ribs.emitters import EmitterBase
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
-from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.quality_diversity import FieldTypes, MutationKeywords, QualityDiversity
-from curiosity_algos.motivations.novelty import behavior_size, behaviors_of
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
+from curiosity_algos.loops.quality_diversity import (
+    Fields,
+    FieldTypes,
+    MutationKeywords,
+    QualityDiversity,
+)
+from curiosity_algos.motivations.learned_behavior import N_FEATURES, LearnedBehavior
+from curiosity_algos.motivations.novelty import BEHAVIORS, behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
-from curiosity_gym.validation import check_at_least_one, check_whole
+from curiosity_gym.validation import check_at_least_one, check_choice, check_whole
+
+LEARNED = "learned"
+FINAL = "final_observation"
+"""The field of an elite that its learned behavior is measured from."""
 
 
 class NSLC(QualityDiversity):
@@ -37,11 +48,14 @@ class NSLC(QualityDiversity):
         n_parents: mu, at most `population_size`, lambda; `emitters` have their own parents.
         k: Neighbors that count; those of an `archive` are its `k_neighbors` instead.
         behavior: "final": the environment's behavior; "state": the whole final observation (the
-            paper's BD_s).
+            paper's BD_s); "learned": features of the final observation, see `LearnedBehavior`, so
+            that nothing is told. After each generation the elites are measured anew; an `archive`
+            must then be empty at the beginning.
         archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
             its `target_size` instead.
     """
 
+    archive: UnstructuredArchive
     archive_class = UnstructuredArchive
 
     def __init__(
@@ -65,13 +79,34 @@ class NSLC(QualityDiversity):
         super()._check_settings()
         check_at_least_one(k=self.k, archive_size=self.archive_size)
         check_whole(1, self.population_size, n_parents=self.n_parents)
+        if self._is_learned:
+            self._check_begins_empty()
+
+    @property
+    def _is_learned(self) -> bool:
+        return self.behavior == LEARNED
 
     def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
+        if self._is_learned:
+            return N_FEATURES
+        check_choice((*BEHAVIORS, LEARNED), behavior=self.behavior)
         return behavior_size(self.behavior, self.observation_space, space)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         self._measure_dim(space)  # raises where there is no such behavior
         super()._check_behaviors(space)
+
+    def _make_search(self, seed: np.random.SeedSequence) -> None:
+        if self._is_learned:
+            seed, encoder_seed = seed.spawn(2)
+            self._encoder = LearnedBehavior(
+                self.policy.seen.space,
+                self.policy.acted.space,
+                seed=encoder_seed,
+                device=self.device,
+                n_threads=self.n_threads,
+            )
+        super()._make_search(seed)
 
     def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
         return UnstructuredArchive(
@@ -82,7 +117,17 @@ class NSLC(QualityDiversity):
         )
 
     def _field_types(self) -> FieldTypes:
-        return {**super()._field_types(), "behavior": ((self._n_behaviors,), np.float64)}
+        types = {**super()._field_types(), "behavior": ((self._n_behaviors,), np.float64)}
+        if self._is_learned:
+            types[FINAL] = (self.policy.seen.space.shape, np.float32)
+        return types
+
+    def _fields(self, rollouts: Rollouts) -> Fields:
+        own = {FINAL: rollouts.final_observations} if self._is_learned else {}
+        return {**super()._fields(rollouts), **own}
+
+    def _summarizers(self) -> MakeSummarizers | None:
+        return self._encoder.summarizers if self._is_learned else super()._summarizers()
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return ParetoEmitter(
@@ -95,4 +140,17 @@ class NSLC(QualityDiversity):
         )
 
     def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+        if self._is_learned:
+            return self._encoder.measures(rollouts.final_observations)
         return behaviors_of(rollouts, self.behavior)
+
+    def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
+        losses = self._learn(rollouts) if self._is_learned else {}
+        return {**super()._tell(rollouts), **losses}
+
+    def _learn(self, rollouts: Rollouts) -> Mapping[str, float]:
+        """Train the encoder, and measure the elites with what it has learned."""
+        losses = self._encoder.update(rollouts)
+        if len(self.archive):
+            self.archive.set_measures(self._encoder.measures(self.archive.data(FINAL)))
+        return losses

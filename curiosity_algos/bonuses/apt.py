@@ -22,6 +22,7 @@ from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywor
 from curiosity_algos.bonuses.contrast import InfoNCE
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.memory import FeatureMemory
+from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -129,6 +130,12 @@ class APT(NetworkBonus):
         known, squares = self.memory.features(self._features)
         parts = th.split(features, N_QUERIES)
         return th.cat([self._novelty(part, known, squares) for part in parts]).cpu().numpy()
+
+    @th.no_grad()
+    def features(self, observations: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        """Features (n, F) of observations (n, ...): near are those that follow each other."""
+        with single_torch_thread():
+            return self._features(observations).cpu().numpy().astype(np.float64)
 
     def _features(self, observations: npt.NDArray[Any]) -> th.Tensor:
         parts = th.split(th.from_numpy(observations), N_ENCODED)

@@ -189,6 +189,14 @@ class QualityDiversity(EvolutionaryAlgorithm):
                     f"in it, got {self._own_archive.measure_dim}."
                 )
 
+    def _check_begins_empty(self) -> None:
+        """Raise ValueError where an archive has elites, whose places are another encoder's."""
+        if not (self._own_archive is None or self._own_archive.empty):
+            raise ValueError(
+                "`archive` must be empty, as its places come from an encoder that is trained anew, "
+                f"got {len(self._own_archive)} elites."
+            )
+
     def _setup_model(self) -> None:
         with self._unchanged_on_error(vars(self)):
             super()._setup_model()

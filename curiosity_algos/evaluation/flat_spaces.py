@@ -11,7 +11,7 @@ from typing import Any, TypeGuard
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
-from gymnasium.vector.utils import batch_space, iterate
+from gymnasium.vector.utils import batch_space, concatenate, create_empty_array, iterate
 from stable_baselines3.common.utils import is_vectorized_observation
 
 Float32Array = npt.NDArray[np.float32]
@@ -81,6 +81,14 @@ class FlatObservations:
         if is_vector(self._own):
             return np.array(observations)
         return np.array([self.one(each) for each in iterate(self._batched, observations)])
+
+    def own(self, vectors: npt.NDArray[Any]) -> Any:
+        """The observations that vectors (n, O) are of, stacked as vector environments do."""
+        if is_vector(self._own):
+            return vectors
+        items = [spaces.unflatten(self._own, each) for each in vectors]
+        empty: Any = create_empty_array(self._own, n=len(items))
+        return concatenate(self._own, items, empty)
 
     def is_batch(self, observation: Any) -> bool:
         """Whether it is several observations, and not one; ValueError if it is neither."""

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.export.population_run import Policies
@@ -28,8 +29,8 @@ class Episode(NamedTuple):
 
     Attributes:
         seed: Of its reset.
-        observations: (T + 1, O), in the type of their space.
-        actions: (T, A), or (T,) of a `Discrete` space; in the type of their space.
+        observations: (T + 1, O), the vectors that `FlatObservations` makes.
+        actions: (T, ...), in the type of their space.
         rewards: (T,) float64.
         terminated: Whether the last step terminated it.
         truncated: Whether the last step truncated it.
@@ -62,8 +63,9 @@ def play(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Episo
         ValueError: If an episode does not end.
     """
     parameters, seeds = policies
-    stage = make_stage(env, len(seeds))
-    tape = _Tape(env, stage.n)
+    seen, acted = FlatObservations(env.observation_space), FlatActions(env.action_space)
+    stage = make_stage(env, len(seeds), seen)
+    tape = _Tape(env, stage.n, seen.space)
     ended = np.arange(stage.n)
     playing = ended.copy()  # the policy of each episode under way, or -1
     upcoming = iter(range(stage.n, len(seeds)))
@@ -73,7 +75,8 @@ def play(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Episo
                 tape.begin(begin, stage.reset(begin, seeds[playing[begin]].tolist()))
             ids = np.flatnonzero(playing >= 0)
             acting = parameters[playing[ids]]
-        actions = _as_actions(env.action_space, act(mlp, acting, tape.seen(ids)))
+        chosen = acted.choose(act(mlp, acting, tape.seen(ids)))
+        actions = _as_actions(env.action_space, acted.taken(chosen))
         step = stage.step(actions, ids)
         tape.record(ids, actions, step)
         ended = ids[step.terminated | step.truncated]
@@ -82,22 +85,22 @@ def play(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Episo
             playing[i] = next(upcoming, -1)
 
 
-def _as_actions(space: spaces.Space[Any], outputs: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _as_actions(space: spaces.Space[Any], taken: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """As `predict` gives them, in the type of their space."""
     if isinstance(space, spaces.Box):
-        outputs = np.clip(outputs, space.low, space.high)
-    return outputs.astype(space.dtype)
+        taken = np.clip(taken, space.low, space.high)
+    return taken.astype(space.dtype)
 
 
 class _Tape:
     """The steps of n episodes under way."""
 
-    def __init__(self, env: gym.Env[Any, Any], n: int) -> None:
-        seen, acted = env.observation_space, env.action_space
+    def __init__(self, env: gym.Env[Any, Any], n: int, seen: spaces.Box[Any]) -> None:
+        acted = env.action_space
         self._most = most_steps(env)
         self._steps = np.zeros(n, dtype=np.int64)
         self._ends = np.zeros((n, 2), dtype=np.bool_)
-        self._observations = np.empty((n, FIRST_STEPS, *(seen.shape or ())), seen.dtype)
+        self._observations = np.empty((n, FIRST_STEPS, *seen.shape), seen.dtype)
         self._actions = np.empty((n, FIRST_STEPS, *(acted.shape or ())), acted.dtype)
         self._rewards = np.empty((n, FIRST_STEPS))
 

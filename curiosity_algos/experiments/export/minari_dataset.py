@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.experiments.description import versions
 from curiosity_algos.experiments.export.episodes import Episode, play
 from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
@@ -78,7 +79,8 @@ def export_minari(
         storage.update_metadata(
             {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
         )
-        for chunk in _chunks(play(env, opened.mlp, chosen)):
+        seen = FlatObservations(env.observation_space)
+        for chunk in _chunks(play(env, opened.mlp, chosen), seen):
             storage.update_episodes(chunk)
         _publish(whole, target, dataset_id)
     env.close()
@@ -146,12 +148,12 @@ def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
         return None
 
 
-def _chunks(episodes: Iterable[Episode]) -> Iterator[list[Any]]:
+def _chunks(episodes: Iterable[Episode], seen: FlatObservations) -> Iterator[list[Any]]:
     """Buffers of Minari's, a few of whose bytes are held at once."""
     chunk: list[Any] = []
     n_bytes = 0
     for episode in episodes:
-        chunk.append(_as_buffer(episode))
+        chunk.append(_as_buffer(episode, seen))
         n_bytes += episode.n_bytes
         if n_bytes >= CHUNK_BYTES:
             yield chunk
@@ -160,7 +162,7 @@ def _chunks(episodes: Iterable[Episode]) -> Iterator[list[Any]]:
         yield chunk
 
 
-def _as_buffer(episode: Episode) -> Any:
+def _as_buffer(episode: Episode, seen: FlatObservations) -> Any:
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
     ends = np.zeros((2, len(episode.rewards)), dtype=np.bool_)
@@ -168,7 +170,7 @@ def _as_buffer(episode: Episode) -> Any:
     terminations, truncations = ends
     return EpisodeBuffer(
         seed=episode.seed,
-        observations=episode.observations,
+        observations=seen.own(episode.observations),
         actions=episode.actions,
         rewards=episode.rewards,
         terminations=terminations,

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium import spaces
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.evaluation.policies import Float32Array, Mlp
 from curiosity_algos.evaluation.rollouts import check_parameters
 from curiosity_algos.experiments.export.population_run import PopulationRun
@@ -35,13 +37,14 @@ def export_onnx(
     Raises:
         gymnasium.error.DependencyNotInstalled: If the extra `onnx` is not installed.
         FileNotFoundError: If there is no run.
-        ValueError: If the run is of another algorithm, is damaged or needs trust; if `path` ends
-            in something else.
+        ValueError: If the run is of another algorithm, is damaged or needs trust, or its actions
+            are other ones; if `path` ends in something else.
     """
     import_extra("onnx", "onnx")
     if Path(path).suffix != ".onnx":
         raise ValueError(f"`out` must end in .onnx, got {os.fspath(path)}.")
     opened = PopulationRun(Path(run), trust=trust)
+    _check_actions(opened.env.action_space)
     parameters = opened.best()
     opened.env.close()
     graph = policy_graph(opened.mlp, parameters)
@@ -49,10 +52,20 @@ def export_onnx(
         file.write(graph.SerializeToString())
 
 
+def _check_actions(space: spaces.Space[Any]) -> None:
+    is_plain = is_vector(space) and np.issubdtype(space.dtype, np.floating)
+    if not is_plain and not (isinstance(space, spaces.Discrete) and space.start == 0):
+        raise ValueError(
+            "`run` must act in a Box of one dimension, of floats, or in a Discrete from 0, its "
+            f"actions are {space}."
+        )
+
+
 def policy_graph(mlp: Mlp, parameters: Float32Array) -> Any:
     """The ONNX model of a policy.
 
-    Its input `observation` is (n, O) float32, for any n. Its output `action` is (n, A) float32 in
+    Its input `observation` is (n, O) float32, for any n, vectors as `gymnasium.spaces.flatten`
+    makes them of observations that are none. Its output `action` is (n, A) float32 in
     the bounds of the action space, or (n,) int64 of `Discrete` actions.
 
     Args:

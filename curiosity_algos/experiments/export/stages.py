@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, Protocol
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from gymnasium.utils import seeding
 
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.transparent import KnownTask, bare, known_task
 from curiosity_algos.evaluation.vector import N_ENVS
 from curiosity_gym.episodic_env import EpisodicEnv
@@ -28,7 +28,7 @@ class Stepped(NamedTuple):
     """A step of k episodes.
 
     Attributes:
-        observations: (k, O), in the type of their space.
+        observations: (k, O), vectors.
         rewards: (k,) float64.
         terminated: (k,)
         truncated: (k,)
@@ -52,13 +52,13 @@ class Stage(Protocol):
         """Step the episodes `ids`, ascending."""
 
 
-def make_stage(env: gym.Env[Any, Any], n: int) -> Stage:
+def make_stage(env: gym.Env[Any, Any], n: int, seen: FlatObservations) -> Stage:
     """Room for at most n episodes in environments like `env`, for as many as pay."""
     known = known_task(env)
     if known is not None:
         return SimulatedStage(env, known, min(n, N_SIMULATIONS))
     assert env.spec is not None
-    return GymnasiumStage([gym.make(env.spec) for _ in range(min(n, N_ENVS))])
+    return GymnasiumStage([gym.make(env.spec) for _ in range(min(n, N_ENVS))], seen)
 
 
 class SimulatedStage:
@@ -103,8 +103,8 @@ class SimulatedStage:
 class GymnasiumStage:
     """Any environments, in a Python loop."""
 
-    def __init__(self, envs: list[gym.Env[Any, Any]]) -> None:
-        self._envs = envs
+    def __init__(self, envs: list[gym.Env[Any, Any]], seen: FlatObservations) -> None:
+        self._envs, self._seen = envs, seen
         self.n = len(envs)
 
     def reset(self, ids: Ids, seeds: list[int]) -> npt.NDArray[Any]:
@@ -125,6 +125,5 @@ class GymnasiumStage:
         )
 
     def _stacked(self, observations: Any) -> npt.NDArray[Any]:
-        space = self._envs[0].observation_space
-        assert isinstance(space, spaces.Box)  # policies take no other
-        return np.stack(observations).astype(space.dtype)
+        vectors = [self._seen.one(each) for each in observations]
+        return np.stack(vectors).astype(self._seen.space.dtype)

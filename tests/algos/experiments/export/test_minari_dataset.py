@@ -10,7 +10,10 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import flatten
+from gymnasium.vector.utils import batch_space, iterate
 from stable_baselines3 import PPO
+from toys import SPACES
 
 from curiosity_algos import NSLC, TD3ICM, CanonicalES, MAPElites
 from curiosity_algos.experiments import RunFolder, SaveRun
@@ -112,6 +115,26 @@ def test_an_environment_of_an_extra_gives_its_episodes_again(env_id, make_model,
     assert len(set(seeds_of(dataset))) > 1
     assert_is_sample(dataset, folder)
     assert_is_played_again(dataset)
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_an_environment_of_other_spaces_gives_its_episodes_again(
+    name, register_toy, make_model, folder
+):
+    train(make_model, gym.make(register_toy(name)), folder, 60)
+    dataset = export_minari(folder, ID, policies="sample")
+    env = dataset.recover_environment()
+    space = env.observation_space
+    for episode, seed in zip(dataset, seeds_of(dataset), strict=True):
+        n_steps = len(episode.rewards)
+        seen = [*iterate(batch_space(space, n_steps + 1), episode.observations)]
+        given = [env.reset(seed=seed)[0]]
+        for t in range(n_steps):
+            observation, reward, *_ = env.step(episode.actions[t])
+            given.append(observation)
+            assert reward == episode.rewards[t]
+        for one, other in zip(seen, given, strict=True):
+            np.testing.assert_array_equal(flatten(space, one), flatten(space, other))
 
 
 def test_gymnasiums_own_robots_are_simulated(make_model, folder):

@@ -70,6 +70,19 @@ def test_actions_stay_in_an_uneven_box():
     np.testing.assert_array_equal(actions, [space.high, space.low])
 
 
+def test_other_observations_are_vectors(make_model, register_toy, tmp_path):
+    make_model(CanonicalES, register_toy("goal")).learn(30, SaveRun(tmp_path / "run"))
+    export_onnx(tmp_path / "run", tmp_path / "goal.onnx")
+    assert make_session(tmp_path / "goal.onnx").get_inputs()[0].shape == ["n", 7]
+
+
+@pytest.mark.parametrize("name", ["choices", "bits", "discrete", "matrix", "tuple"])
+def test_other_actions_are_refused(name, make_model, register_toy, tmp_path):
+    make_model(CanonicalES, register_toy(name)).learn(30, SaveRun(tmp_path / "run"))
+    with pytest.raises(ValueError, match="`run` must act in a Box"):
+        export_onnx(tmp_path / "run", tmp_path / "policy.onnx")
+
+
 def test_other_parameters_are_refused():
     env = gym.make("Pendulum-v1")
     policy = make_policy(env, [4])

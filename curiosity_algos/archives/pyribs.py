@@ -133,6 +133,7 @@ class PyribsPart:
             check_elites(elites, description)
             if not np.array_equal(self.archive.index_of(elites["measures"]), elites["index"]):
                 raise ValueError("The elites must be of the same archive, they lie in other cells.")
+            _check_best(best, elites, description)
             self._hold(elites, description)
             self._sum_up(state["objective_sum"].cpu().numpy()[()], best)
             load_generator_state(self.archive._rng, state["rng"])
@@ -158,6 +159,15 @@ class PyribsPart:
 def archive_part(archive: EliteArchive | PyribsArchive) -> EliteArchive | PyribsPart:
     """What a model asks of an archive beside pyribs' interface; those of this package have it."""
     return archive if isinstance(archive, EliteArchive) else PyribsPart(archive)
+
+
+def _check_best(best: Batch, elites: Batch, description: Description) -> None:
+    """Raise ValueError unless there is a best elite where there are elites, and it is like them."""
+    if best.keys() != (elites.keys() if len(elites["index"]) else set()):
+        raise ValueError("`best_elite` must have the fields of the elites.")
+    if best:
+        rows = {name: value[None] for name, value in best.items()}
+        check_elites(rows | {"index": rows["index"].astype(np.int64)}, description)
 
 
 def _tensors(fields: Mapping[str, Any]) -> dict[str, th.Tensor]:

@@ -230,10 +230,18 @@ def test_a_load_that_fails_leaves_it(make_model, make_easy_maze, tmp_path, monke
 def test_elites_of_other_cells_are_refused(n):
     own, other = grid(n), grid(n)
     own.add(np.zeros((2, n)), [1.0, 2.0], [[1.0] * 4, [15.0, 15.0, 1.0, 1.0]])
-    damaged = state(own)
+    sound, damaged = state(own), state(own)
     damaged["elites"]["index"] = damaged["elites"]["index"] + 1
     with pytest.raises(ValueError, match="they lie in other cells"):
         PyribsPart(other).load_state_dict(damaged)
+    assert other.empty
+    for best in (
+        {},
+        {"objective": th.ones(())},
+        sound["best_elite"] | {"solution": th.ones(n - 1)},
+    ):
+        with pytest.raises(ValueError, match=r"^`(best_elite|solution)` must"):
+            PyribsPart(other).load_state_dict(sound | {"best_elite": best})
     assert other.empty
     del damaged["elites"]["threshold"]
     with pytest.raises(ValueError, match=r"^Elites must have the fields"):

@@ -50,11 +50,19 @@ def grid(
             `k=5,sigma=0.1`.
         settings: Those that all runs have.
         **common: Further arguments of each `RunSpec`.
+
+    Raises:
+        ValueError: If a name is unknown, or values are told apart by nothing that a folder's name
+            may hold.
     """
     names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
     swept, settings = swept or {}, settings or {}
     varied = [dict(zip(swept, values, strict=True)) for values in product(*swept.values())]
     variants = {_variant(each): {**settings, **each} for each in varied}
+    if len(variants) < len(varied):
+        raise ValueError(
+            f"`hyperparams` must be told apart by letters, digits, commas, dots and signs: {swept}."
+        )
     places = product(variants, names, dict.fromkeys(envs), dict.fromkeys(seeds))
     return [
         RunSpec(name, env, seed, settings=variants[variant], variant=variant, **common)

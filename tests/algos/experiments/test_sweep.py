@@ -30,6 +30,11 @@ def test_settings_are_varied_in_folders_of_their_own(tmp_path):
     assert runs[0].folder(tmp_path) == tmp_path / folder / "NSES" / "a-v0" / "0"
 
 
+def test_settings_that_would_share_a_folder_are_refused():
+    with pytest.raises(ValueError, match=r"^`hyperparams` must be told apart by letters"):
+        grid(["nses"], ["a-v0"], [0], {"policy": ["a/b", "a b"]}, timesteps=1)
+
+
 def test_a_setting_cannot_leave_the_folder(tmp_path):
     runs = grid(["nses"], ["a-v0"], [0], {"policy": ["../../x", "/y"]}, timesteps=1)
     assert all(run.folder(tmp_path).parents[3] == tmp_path for run in runs)

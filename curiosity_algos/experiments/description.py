@@ -11,6 +11,7 @@ from dataclasses import replace
 from enum import Enum
 from importlib import metadata
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -77,11 +78,18 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
     kwargs |= {"max_episode_steps": spec.max_episode_steps}
     return {
         "env": spec.id,
-        "env_class": str(spec.entry_point),
+        "env_class": _entry_text(spec.entry_point),
         "env_kwargs": _as_json(kwargs),
         "wrappers": wrappers,
         "env_spec": encode_spec(spec),
     }
+
+
+def _entry_text(entry: object) -> str:
+    """What makes an environment, in words that are the same in another process."""
+    if isinstance(entry, FunctionType):  # whose own text has its address
+        return f"<function {entry.__module__}.{entry.__qualname__}>"
+    return str(entry)
 
 
 def _telling(kwargs: Mapping[str, Any] | None) -> Mapping[str, Any] | None:

@@ -13,7 +13,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos import TD3ICM, BonusVecEnvWrapper, MAPElites
+from curiosity_algos import TD3ICM, BonusVecEnvWrapper, CanonicalES, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
     behavior_names,
@@ -85,6 +85,15 @@ def test_another_environment_is_another_run(other):
     )
     assert not differences(one, dict(one))
     assert differences(one, twin)
+
+
+def test_what_a_function_makes_is_described_by_its_name(make_model):
+    """The function's own text has its address, which is another in each process."""
+    gym.register("OwnPendulum-v0", lambda: gym.make("Pendulum-v1"))
+    described = describe_run(make_model(CanonicalES, "OwnPendulum-v0"))
+    del gym.registry["OwnPendulum-v0"]
+    assert described["env_class"].startswith(f"<function {__name__}.test_what_a_function")
+    assert " at 0x" not in described["env_class"]
 
 
 class TestBehaviorNames:

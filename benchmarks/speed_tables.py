@@ -78,7 +78,7 @@ HEADLINES = (
 def section(name: str) -> str:
     """The tables of a section of `benchmarks.run`, after what they were measured on."""
     measured_on, made = read_sections(SPEED_FILE)[name]
-    return "\n".join([*measured_on, "", *(table.markdown(level=4) for table in made)]).rstrip()
+    return "\n".join([*measured_on, "", *(table.markdown(level=3) for table in made)]).rstrip()
 
 
 def summary_of(lines: Sequence[Sequence[str]]) -> str:

@@ -27,7 +27,8 @@ def enjoy(
         Path | None,
         typer.Option(
             help="GIF or MP4 to write. Without it, the episode is shown in a window, or where "
-            "there is no screen written to best_policy.gif in the run's folder."
+            "there is no screen written to best_policy.gif in the run's folder (with "
+            "--pretrained, here)."
         ),
     ] = None,
     no_render: Annotated[

@@ -78,6 +78,7 @@ def reproduce(
     sweep(runs, folder, backend=backend, interval=interval)
     for figure, path in paths.items():
         drawing = paper.draw(figure, TrainedRuns(plan))
-        canvas.add_note(drawing, plan.note(figure))
+        if note := plan.note(figure):
+            canvas.add_note(drawing, note)
         canvas.save(drawing, path)
         typer.echo(f"{path}")

@@ -52,6 +52,7 @@ SLOW = [
     "algos/sb3",
     "algos/test_imports.py",
     "algos/test_resume.py",
+    "algos/test_spaces.py",
     "algos/test_stable_baselines.py",
     "gym/control",
     "gym/locomotion",

@@ -6,6 +6,7 @@ What is a vector already is taken as it is. Numbers keep their unit: images are 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -40,24 +41,28 @@ class FlatObservations:
         space: Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such.
 
     Attributes:
-        space: Of the vectors, a Box (O,); a vector's own space.
+        size: O, length of a vector.
 
     Raises:
         ValueError: If the space is another, or empty.
     """
-
-    space: spaces.Box[Any]
 
     def __init__(self, space: Space) -> None:
         for name, entry in _named_entries(space):
             _check_entry(space, name, entry)
         # Gymnasium sorts a plain dictionary: spaces that are equal may come in another order.
         self._own = spaces.Dict(dict(space.spaces)) if isinstance(space, spaces.Dict) else space
-        if spaces.flatdim(self._own) == 0:
+        self.size = spaces.flatdim(self._own)
+        if self.size == 0:
             raise ValueError(_refused(space, "it must have at least one entry."))
-        flat: Any = space if is_vector(space) else spaces.flatten_space(self._own)
-        self.space = flat
+        self._is_vector = is_vector(space)
         self._batched = batch_space(self._own, 1)
+
+    @cached_property
+    def space(self) -> spaces.Box[Any]:
+        """Of the vectors, a Box (O,); a vector's own space."""
+        flat: Any = self._own if self._is_vector else spaces.flatten_space(self._own)
+        return flat  # type: ignore[no-any-return]
 
     def one(self, observation: Any) -> npt.NDArray[Any]:
         """The vector (O,) of one observation.
@@ -65,7 +70,7 @@ class FlatObservations:
         Raises:
             ValueError: If it is not of the space.
         """
-        if is_vector(self._own):
+        if self._is_vector:
             return np.asarray(observation)
         try:
             if all(_fits(entry, value) for entry, value in _entries(self._own, observation)):
@@ -78,7 +83,7 @@ class FlatObservations:
 
     def many(self, observations: Any) -> npt.NDArray[Any]:
         """The vectors (n, O) of n observations, as vector environments of either API give them."""
-        if is_vector(self._own):
+        if self._is_vector:
             return np.array(observations)
         return np.array([self.one(each) for each in iterate(self._batched, observations)])
 
@@ -133,10 +138,13 @@ class FlatActions:
                 "MultiBinary or a Box, of at least one entry."
             )
         self._own = space
-        self._is_plain = is_vector(space) and not np.issubdtype(space.dtype, np.integer)
-        flat: Any = space if is_vector(space) else spaces.flatten_space(space)
+        flat: Any
         if isinstance(space, spaces.Discrete):
-            flat = space if space.start == 0 else spaces.Discrete(int(space.n))
+            self._is_plain = space.start == 0
+            flat = space if self._is_plain else spaces.Discrete(int(space.n))
+        else:
+            self._is_plain = is_vector(space) and not np.issubdtype(space.dtype, np.integer)
+            flat = space if is_vector(space) else spaces.flatten_space(space)
         self.space = flat
 
     @property

@@ -88,7 +88,7 @@ def build_mlp(
 
 
 def _n_inputs(observation_space: spaces.Space[Any]) -> int:
-    n = FlatObservations(observation_space).space.shape[0]
+    n = FlatObservations(observation_space).size
     if n > MAX_ENTRIES and not is_vector(observation_space):
         raise ValueError(
             f"The observation space {observation_space} is not supported: it must have at most "

@@ -42,7 +42,7 @@ def behavior_size(
     """
     check_choice(BEHAVIORS, behavior=behavior)
     if behavior == "state":
-        return FlatObservations(observation_space).space.shape[0]
+        return FlatObservations(observation_space).size
     if behavior_space is None:
         raise ValueError(
             '`behavior="final"` needs an env with a `behavior_space`: wrap it in '

@@ -149,10 +149,10 @@ SLOW = {
 class TestEvaluators:
     """What plays a population gives what a plain loop gives, for a bonus to see."""
 
-    def check(self, name, env, **kwargs):
+    def check(self, name, env):
         policy = CuriosityES(Toy(name), policy_kwargs={"net_arch": [4]}).policy
         seen, acted = policy.seen, policy.acted
-        evaluator = make_evaluator(env, {"net_arch": [4]}, **kwargs)
+        evaluator = make_evaluator(env, {"net_arch": [4]})
         rng = np.random.default_rng(0)
         parameters = rng.normal(0, 1, (4, evaluator.n_parameters)).astype(np.float32)
         rollouts = evaluator.evaluate(parameters, seed=1)
@@ -182,10 +182,6 @@ class TestEvaluators:
         env = SLOW[vector](functools.partial(Toy, name))
         self.check(name, env)
         env.close()
-
-    @pytest.mark.parametrize("name", ["goal"])
-    def test_processes_of_our_own(self, name):
-        self.check(name, functools.partial(Toy, name), n_threads=2)
 
 
 class TestGoals:

@@ -71,7 +71,7 @@ def replay_rewarding(run: Path) -> Rewarding:
     with np.load(checkpoint / "rewarding.npz") as kept:
         chosen = _choose(len(kept["return"]))
         parameters, seeds = kept["parameters"][chosen], kept["episode_seed"][chosen]
-    n_observed = FlatObservations(env.observation_space).space.shape[0]
+    n_observed = FlatObservations(env.observation_space).size
     states = np.empty((len(chosen), N_STATES, n_observed), dtype=np.float32)
     returns = np.empty(len(chosen))
     for batch, rollouts in _play(evaluator, parameters, seeds):

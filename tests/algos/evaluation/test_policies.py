@@ -145,6 +145,7 @@ class TestErrors:
             spaces.Box(0, 255, (84, 84, 3), np.uint8),
             spaces.Dict(a=spaces.Discrete(4000), b=spaces.Box(-1, 1, (97,))),
             spaces.Discrete(4097),
+            spaces.Discrete(2**40),
         ],
         ids=str,
     )

@@ -123,7 +123,10 @@ def _check_fits(
     try:
         scores = (episodes or bonus).score(observations, actions, observations)
     except Exception as error:
-        raise ValueError("`bonus` must score transitions of the environment's spaces.") from error
+        raise ValueError(
+            "`bonus` must score transitions of the environment's spaces as it is shown them, "
+            f"{observation_space} and {action_space}."
+        ) from error
     if episodes is not None:
         _check_remembers(episodes)
     if np.shape(scores) != (2,):

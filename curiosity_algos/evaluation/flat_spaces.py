@@ -225,7 +225,8 @@ def _check_entry(space: Space, name: str | int, entry: Space) -> None:
     how = "flatten it with gymnasium.wrappers.FlattenObservation"
     if not isinstance(entry, spaces.Dict | spaces.Tuple):
         how = "leave it out with gymnasium.wrappers.FilterObservation"
-    raise ValueError(_refused(space, f"its entry {name!r}, {entry!r:.60}, is no vector: {how}."))
+    kind = type(entry).__name__
+    raise ValueError(_refused(space, f"its entry {name!r} is a {kind}, no vector: {how}."))
 
 
 def _refused(space: Space, why: str) -> str:

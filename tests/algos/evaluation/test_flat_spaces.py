@@ -88,13 +88,15 @@ class TestRefusals:
 
     def test_an_entry_that_is_no_vector_is_named(self):
         space = spaces.Dict(MINIGRID | {"mission": spaces.Text(9)})
-        with pytest.raises(ValueError, match=r"its entry 'mission', Text.*FilterObservation\.$"):
+        with pytest.raises(
+            ValueError, match=r"its entry 'mission' is a Text.*FilterObservation\.$"
+        ):
             FlatObservations(space)
         assert FlatObservations(spaces.Dict(MINIGRID)).space.shape == (4 + 147,)
 
     def test_dictionaries_within_others_are_to_be_flattened(self):
         nested = spaces.Dict(a=spaces.Tuple([spaces.Discrete(2)]))
-        with pytest.raises(ValueError, match=r"its entry 'a', .*FlattenObservation\.$"):
+        with pytest.raises(ValueError, match=r"its entry 'a' is a Tuple, .*FlattenObservation\.$"):
             FlatObservations(nested)
 
     @pytest.mark.parametrize(

@@ -107,6 +107,8 @@ def test_what_would_change_its_type_has_no_description():
         spaces.MultiBinary(3),
         spaces.MultiBinary([2, 3]),
         spaces.MultiDiscrete([2, 3], start=[1, 0]),
+        spaces.MultiDiscrete([2, 3], dtype=np.int32),
+        spaces.Tuple([spaces.Discrete(4), spaces.Box(-1.0, 1.0, (2,))]),
         spaces.Dict({"z": spaces.Discrete(4), "a": spaces.Box(-1.0, 1.0, (2,))}),
     ],
     ids=str,

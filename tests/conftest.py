@@ -72,7 +72,7 @@ MODULES = {
     "control": "dm_control",
     "locomotion": "mujoco",
     "minari": "minari",
-    "onnx": "onnxruntime",
+    "onnx": "onnx",
     "ray": "ray",
     "render": "pygame",
     "report": "plotly",

@@ -28,7 +28,7 @@ MODULES = {
     "ray": ["ray"],
     "report": ["plotly"],
     "minari": ["h5py", "minari"],
-    "onnx": ["onnx", "onnxruntime"],
+    "onnx": ["onnx"],
     "tensorboard": ["tensorboard"],
     "track": ["wandb"],
 }

@@ -66,8 +66,8 @@ def files():
             path = os.readlink(descriptor)
         except OSError:  # that of the listing itself
             continue
-        is_log_of_ray = "/ray/session_" in path
-        if path.startswith("/") and not path.startswith(NOT_OURS) and not is_log_of_ray:
+        is_of_library = "/ray/session_" in path or "/.onnxruntime/" in path
+        if path.startswith("/") and not path.startswith(NOT_OURS) and not is_of_library:
             found.add((descriptor.name, path))
     return found
 

@@ -34,6 +34,20 @@ def test_how_many_play_side_by_side_makes_no_difference(env_id, monkeypatch):
     assert by_bytes(few) == by_bytes(many)
 
 
+@pytest.mark.parametrize(("limit", "truncated"), [("horizon", False), ("max_episode_steps", True)])
+def test_a_success_in_the_last_step_ends_as_in_the_environment(limit, truncated):
+    env = gym.make("CuriosityMaze-US-v0", goal_radius=91.5)
+    mlp, policies = make_policies(env, 40)
+    found = min(play(env, mlp, policies), key=lambda episode: len(episode.actions))
+    n_steps = len(found.actions)
+    env = gym.make("CuriosityMaze-US-v0", goal_radius=91.5, **{limit: n_steps})
+    env.reset(seed=0)
+    ends = [env.step(action)[2:4] for action in found.actions]
+    assert ends[-1] == (True, truncated)
+    best = [e for e in play(env, mlp, policies) if np.array_equal(e.actions, found.actions)]
+    assert {(e.terminated, e.truncated) for e in best} == {(True, truncated)}
+
+
 def test_there_is_room_for_long_episodes(monkeypatch):
     env = gym.make("CuriosityMaze-US-v0", horizon=50)
     mlp, policies = make_policies(env, 3)

@@ -137,12 +137,17 @@ def shrink(frames: list[Frame]) -> list[Frame]:
     """Small frames of few colors, the same in all of them, for a page."""
     images = [Image.fromarray(frame) for frame in frames]
     size = round(images[0].width * HEIGHT / images[0].height), HEIGHT
-    images = [image.resize(size, Image.Resampling.LANCZOS) for image in images]
-    # One palette for all, so that nothing flickers: of the first, the middle and the last.
-    shown = [np.asarray(images[i]) for i in (0, len(images) // 2, -1)]
-    palette = Image.fromarray(np.concatenate(shown)).quantize(N_COLORS)
-    shrunk = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
-    return [np.asarray(image.convert("RGB")) for image in shrunk]
+    small = [np.asarray(image.resize(size, Image.Resampling.LANCZOS)) for image in images]
+    return with_few_colors(small, N_COLORS)
+
+
+def with_few_colors(frames: list[Frame], n_colors: int) -> list[Frame]:
+    """Frames of so many colors, the same in all of them, so that nothing flickers."""
+    shown = [frames[i] for i in (0, len(frames) // 2, -1)]
+    palette = Image.fromarray(np.concatenate(shown)).quantize(n_colors)
+    images = [Image.fromarray(frame) for frame in frames]
+    few = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    return [np.asarray(image.convert("RGB")) for image in few]
 
 
 def main(

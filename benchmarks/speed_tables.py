@@ -82,6 +82,11 @@ def section(name: str) -> str:
 
 
 def summary_of(lines: Sequence[Sequence[str]]) -> str:
+    """A table of `filled` lines."""
+    return markdown(["", "Here", "Peer in the same run", "Ratio"], filled(lines))
+
+
+def filled(lines: Sequence[Sequence[str]]) -> list[list[str]]:
     """Lines of cells in which `{title | row}` stands for the median of a row of a section."""
     medians = {
         (table.title, row.name): number(median(row.figures))
@@ -89,7 +94,6 @@ def summary_of(lines: Sequence[Sequence[str]]) -> str:
         for table in made
         for row in table.rows
     }
-    rows = [
+    return [
         [FIGURE.sub(lambda each: medians[each.groups()], cell) for cell in line] for line in lines
     ]
-    return markdown(["", "Here", "Peer in the same run", "Ratio"], rows)

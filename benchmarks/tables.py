@@ -17,6 +17,7 @@ import pandas as pd
 import typer
 
 from benchmarks import paper_tables
+from benchmarks.headline import headline
 from benchmarks.markdown import markdown
 from benchmarks.record import read_sections
 from benchmarks.results import in_order, read_rows, read_runs
@@ -37,6 +38,7 @@ RESULTS = (
 )
 PAGES = (
     "README.md",
+    "docs/index.md",
     *(f"docs/results/{name}.md" for name in RESULTS),
     *("docs/bonuses.md", "docs/clusters.md", "docs/paper.md", "docs/algorithms/nslc.md"),
 )
@@ -251,6 +253,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
 """Tables of runs: the CSV file, and what is made of it."""
 TABLES: dict[str, Callable[[], str]] = {
     **{name: partial(make_table, read_runs, *each) for name, each in OF_RUNS.items()},
+    "headline": headline,
     "tries": partial(make_table, read_rows, "tries", tries),
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),

@@ -1,18 +1,31 @@
 """Published tables come from committed data, and that from runs."""
 
+import re
+
 import gymnasium as gym
+import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from benchmarks import (
     figures,
     learning,
+    opening,
     results,
     tables,
     unseen,
 )
+from benchmarks.headline import headline
 from curiosity_algos import CanonicalES
-from curiosity_algos.experiments import RunFolder, load_progress, load_runs
+from curiosity_algos.experiments import (
+    RunFolder,
+    SaveRun,
+    load_final_states,
+    load_progress,
+    load_runs,
+)
+from curiosity_gym.built_in import resolve_layout
 
 PAGES = [tables.ROOT / name for name in tables.PAGES]
 
@@ -149,6 +162,33 @@ def test_a_long_curve_is_thinned_to_points_equally_far_apart(monkeypatch):
     assert thin["timesteps"].tolist() == [20, 40, 60, 80]
     assert thin["best_return"].tolist() == [0.0, 0.7, 0.9, 0.9]  # the best so far
     assert thin["coverage"].tolist() == [0.2, 0.4, 0.6, 0.8]
+
+
+def test_the_headline_is_what_the_runs_came_to():
+    runs = results.read_runs("mazes")
+    found = runs[runs["algorithm"] == "CuriosityES"]["first_success_timesteps"].notna()
+    mine, ppo, speed = headline().splitlines()[2:]
+    assert f"CuriosityES: {found.sum()} of {len(found)} runs" in mine
+    assert re.search(r"PPO \+ APT: \d+ of 15 runs.* PPO: \d+ of 15 runs", ppo)
+    assert re.search(r"M steps/s .* Kheperax.* M steps/s", speed)
+
+
+def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
+    layout, origin = resolve_layout("us"), (1.0, 2.0)
+    worlds = dict.fromkeys(learning.MAZES[:2], ("a robot", layout, origin))
+    for env in worlds:
+        run = tmp_path / opening.RUNS.format(env)
+        model = CanonicalES(env, population_size=4, n_parents=2, seed=0)
+        model.learn(3e4, callback=SaveRun(run))
+    ends, states = opening.read_ends(run, origin), load_final_states(run)
+    np.testing.assert_array_equal(ends.positions, states["behavior"][:, :2] + origin)
+    for name, value in {"WORLDS": worlds, "N_FRAMES": 3, "N_STILL": 1}.items():
+        monkeypatch.setattr(opening, name, value)
+    opening.main(tmp_path, out=tmp_path)
+    for name in ("opening", "opening_dark"):
+        with Image.open(tmp_path / f"{name}.gif") as image:
+            assert image.n_frames == 3
+        assert (figures.IMAGES / f"{name}.gif").is_file()
 
 
 def test_figures_are_drawn_from_the_data(tmp_path):

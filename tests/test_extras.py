@@ -16,7 +16,7 @@ ROOT = Path(__file__).parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 DISTRIBUTION = PYPROJECT["project"]["name"]
 ANOTHER_DISTRIBUTION = re.compile(
-    r"""["'`]curiosity\\?\[ | pip3?\ install\b[^\n]*[\s"'`]curiosity(?![\w-])""", re.VERBOSE
+    r"""["'`]curiosity\\?\[ | pip3?\ install\b[^\n]*[ \t"'`]curiosity(?![\w-])""", re.VERBOSE
 )
 """Text that installs the distribution `curiosity`, which is not ours."""
 FOLDERS = ["benchmarks", "curiosity_algos", "curiosity_gym", "docs", "examples", "tests"]

@@ -12,9 +12,9 @@ from curiosity_gym.validation import check_choice
 
 def export(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    to: Annotated[str, typer.Option(help="minari: episodes. onnx: the best policy.")],
+    to: Annotated[str, typer.Option(help="Format: minari for episodes, onnx for the best policy.")],
     out: Annotated[
-        str, typer.Option(help="The id of the dataset, such as curiosity/us-v0, or an .onnx file.")
+        str, typer.Option(help="Id of the dataset, such as curiosity/us-v0, or the .onnx file.")
     ],
     policies: Annotated[
         str, typer.Option(help="Whose episodes: elites, rewarding, or a sample of all.")
@@ -26,9 +26,9 @@ def export(
         bool, typer.Option("--trust", help="Run code that the run's folder names or holds.")
     ] = False,
 ) -> None:
-    """Write episodes of a run as a Minari dataset, or its best policy as an ONNX graph.
+    """Write episodes of a run for Minari, or its policy as ONNX.
 
-    They need the extras `minari` and `onnx`.
+    The dataset needs the extra `minari`, the graph of the best policy the extra `onnx`.
 
     Example: curiosity export runs/NSES/CuriosityMaze-US-v0/0 --to minari --out curiosity/us-v0
 

@@ -16,6 +16,7 @@ from stable_baselines3 import PPO
 from toys import SPACES
 
 from curiosity_algos import NSLC, TD3ICM, CanonicalES, MAPElites
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.experiments import RunFolder, SaveRun
 from curiosity_algos.experiments.export import export_minari, minari_dataset
 from curiosity_algos.experiments.export.stages import SimulatedStage, make_stage
@@ -140,7 +141,7 @@ def test_an_environment_of_other_spaces_gives_its_episodes_again(
 def test_gymnasiums_own_robots_are_simulated(make_model, folder):
     pytest.importorskip("mujoco")
     env = gym.make("Hopper-v5", max_episode_steps=15)
-    assert isinstance(make_stage(env, 1), SimulatedStage)
+    assert isinstance(make_stage(env, 1, FlatObservations(env.observation_space)), SimulatedStage)
     train(make_model, env, folder, 150)
     assert_is_played_again(export_minari(folder, ID, policies="sample"))
 

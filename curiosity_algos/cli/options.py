@@ -107,7 +107,8 @@ def alternatives(option: str, pairs: list[str] | None) -> dict[str, list[Any]]:
         if not colon or not name.isidentifier():
             raise ValueError(f"--{option} must be NAME:VALUE, got {pair}.")
         value, values = _value(text), found.setdefault(name, [])
-        values += [] if value in values else [value]
+        # True is 1, and another value.
+        values += [] if repr(value) in map(repr, values) else [value]
     return found
 
 

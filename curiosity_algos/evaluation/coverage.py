@@ -136,7 +136,7 @@ def behavior_space(env: MadeEnv) -> spaces.Box[Any] | None:
 
 
 def goal_space(env: MadeEnv) -> spaces.Box[Any] | None:
-    """The bounds of what a goal task has achieved, which is its behavior unless it says another.
+    """The bounds of what a goal task has achieved: its behavior, unless it has a `behavior_space`.
 
     Goal tasks observe a Dict with the vector `achieved_goal`, as those of Gymnasium-Robotics.
     """

@@ -103,6 +103,8 @@ class FlatObservations:
             raise ValueError(
                 f"`observation` must be of the space {self._own}, got {observation!r:.60}."
             ) from error
+        if isinstance(entry, spaces.MultiDiscrete | spaces.MultiBinary):
+            return np.ndim(value) > len(entry.shape)  # of which SB3 knows one dimension alone
         return is_vectorized_observation(np.asarray(value), entry)
 
     def columns(self, name: str) -> slice:
@@ -143,7 +145,7 @@ class FlatActions:
             self._is_plain = space.start == 0
             flat = space if self._is_plain else spaces.Discrete(int(space.n))
         else:
-            self._is_plain = is_vector(space) and not np.issubdtype(space.dtype, np.integer)
+            self._is_plain = is_vector(space) and space.dtype == np.float32
             flat = space if is_vector(space) else spaces.flatten_space(space)
         self.space = flat
 

@@ -21,6 +21,7 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.archives.pyribs import archive_part
 from curiosity_algos.evaluation.coverage import behavior_space
 from curiosity_algos.evaluation.environments import (
     VECTOR_KEYWORDS,
@@ -100,12 +101,12 @@ def _telling(kwargs: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
 def behavior_names(env: VecEnv | None) -> list[str] | None:
     """The name of each entry of an environment's behavior; None where it names none.
 
-    Raises:
-        ValueError: If there are other names than entries.
+    A wrapper with a behavior of its own hides the names of what is within if it has others, or
+    another number of entries.
     """
     names = None if env is None else env_attribute(env, "behavior_names")
     space = None if env is None else behavior_space(env)
-    if names is None or space is None:
+    if names is None or space is None or len(names) != space.shape[0]:
         return None
     return list(entry_names(names, space.shape[0]))
 
@@ -151,6 +152,9 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
     local = getattr(getattr(model, "evaluator", None), "local", None)
     if local is not None:  # that of a cluster gives the same results
         own["evaluator"] = local
+    archive = getattr(model, "_own_archive", None)
+    if archive is not None:
+        own["archive"] = {type(archive).__name__: archive_part(archive).settings}
     settings = _arguments(model, vars(model) | own)
     return settings | ({"preset": model.preset} if isinstance(model, Resumable) else {})
 

@@ -140,8 +140,10 @@ class SaveRun(BaseCallback):
             return
         self._seconds_before = result["seconds"]
         self._rewarding.load(read_arrays(checkpoint / "rewarding.npz", REWARDING))
-        if (checkpoint / "sample.npz").exists():  # older folders have none
+        if (checkpoint / "sample.npz").exists():
             self._sample.load(read_arrays(checkpoint / "sample.npz", REWARDING))
+        else:  # an older folder: those to come are no sample of all
+            self._sample.size = 0
         if isinstance(self._found, ExplorationCallback):
             found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
             self._found.load_state_dict(found)
@@ -240,7 +242,7 @@ class SaveRun(BaseCallback):
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
         write_model(self.model, folder, exclude)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
-        if isinstance(self.model, EvolutionaryAlgorithm):
+        if isinstance(self.model, EvolutionaryAlgorithm) and self._sample.size:
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)

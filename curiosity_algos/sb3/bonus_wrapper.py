@@ -120,6 +120,11 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_bool(extrinsic=extrinsic)
         self._view = View(venv.observation_space, observation_key)
         self._acted = FlatActions(venv.action_space)
+        if np.any(np.asarray(getattr(venv.action_space, "start", 0))):
+            raise ValueError(
+                f"`venv` must take actions from 0 on, got {venv.action_space}: Stable-Baselines3's "
+                "algorithms give no others."
+            )
         super().__init__(venv)
         self.observation_key = observation_key
         self.weight = float(weight)

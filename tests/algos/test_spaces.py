@@ -266,8 +266,8 @@ def makers(observation_space, action_space, make_model, algorithms):
 def takes(make):
     try:
         make()
-    except ValueError:
-        return "no"
+    except ValueError as error:
+        return "no" if re.search(r"space|`v?env` must", str(error)) else repr(error)
     return "yes"
 
 

@@ -28,6 +28,7 @@ SPACES = {
         spaces.Tuple([spaces.Discrete(3, start=-1), spaces.Box(0, 1, (2,))]),
         spaces.Box(-3, 3, (2,), np.int8),
     ),
+    "table": (spaces.MultiDiscrete([[2, 3], [3, 2]]), spaces.Box(-0.1, 0.3, (2,), np.float64)),
     "minigrid": (MINIGRID, spaces.Discrete(7)),
     "goal": (GOAL, spaces.Box(-1, 1, (2,))),
     "image": (spaces.Box(0, 255, (7, 7, 3), np.uint8), spaces.MultiDiscrete([[2, 2], [3, 2]])),

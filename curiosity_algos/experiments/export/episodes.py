@@ -7,6 +7,7 @@ environment gives.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -18,7 +19,7 @@ from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.export.population_run import Policies
-from curiosity_algos.experiments.export.stages import Ids, Stepped, make_stage
+from curiosity_algos.experiments.export.stages import Ids, Stage, Stepped, make_stage
 
 FIRST_STEPS = 1024
 """Steps that there is room for at first."""
@@ -62,10 +63,16 @@ def play(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Episo
     Raises:
         ValueError: If an episode does not end.
     """
+    seen = FlatObservations(env.observation_space)
+    with closing(make_stage(env, len(policies.seeds), seen)) as stage:
+        tape = _Tape(env, stage.n, seen.space)
+        yield from _play_on(stage, tape, mlp, policies, FlatActions(env.action_space))
+
+
+def _play_on(
+    stage: Stage, tape: _Tape, mlp: Mlp, policies: Policies, acted: FlatActions
+) -> Iterator[Episode]:
     parameters, seeds = policies
-    seen, acted = FlatObservations(env.observation_space), FlatActions(env.action_space)
-    stage = make_stage(env, len(seeds), seen)
-    tape = _Tape(env, stage.n, seen.space)
     ended = np.arange(stage.n)
     playing = ended.copy()  # the policy of each episode under way, or -1
     upcoming = iter(range(stage.n, len(seeds)))
@@ -75,21 +82,13 @@ def play(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Episo
                 tape.begin(begin, stage.reset(begin, seeds[playing[begin]].tolist()))
             ids = np.flatnonzero(playing >= 0)
             acting = parameters[playing[ids]]
-        chosen = acted.choose(act(mlp, acting, tape.seen(ids)))
-        actions = _as_actions(env.action_space, acted.taken(chosen))
+        actions = acted.taken(acted.choose(act(mlp, acting, tape.seen(ids))))
         step = stage.step(actions, ids)
         tape.record(ids, actions, step)
         ended = ids[step.terminated | step.truncated]
         for i in ended.tolist():
             yield tape.episode(i, int(seeds[playing[i]]))
             playing[i] = next(upcoming, -1)
-
-
-def _as_actions(space: spaces.Space[Any], taken: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """As `predict` gives them, in the type of their space."""
-    if isinstance(space, spaces.Box):
-        taken = np.clip(taken, space.low, space.high)
-    return taken.astype(space.dtype)
 
 
 class _Tape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -62,14 +63,23 @@ def export_minari(
         ValueError: If the run is of another algorithm, keeps no such policies, is damaged or needs
             trust; if the id is malformed, or there is such a dataset.
     """
-    minari, storages, _ = import_extra("minari", "minari", "minari.dataset.minari_storage", "h5py")
+    minari, _ = import_extra("minari", "minari", "h5py")
     check_choice(POLICIES, policies=policies)
     check_at_least_one(n_policies=n_policies)
     target = _new_path(dataset_id)
     opened = PopulationRun(Path(run), trust=trust)
-    chosen = opened.policies(policies).distinct().draw(n_policies)
-    env = opened.env
-    about = _describe(opened, policies, len(chosen.seeds))
+    with closing(opened.env):
+        _write(opened, policies, n_policies, dataset_id, target)
+    return minari.load_dataset(dataset_id)
+
+
+def _write(
+    run: PopulationRun, policies: str, n_policies: int, dataset_id: str, target: Path
+) -> None:
+    """Write the dataset to a folder beside its place, and move it there once it is whole."""
+    minari, storages = import_extra("minari", "minari", "minari.dataset.minari_storage")
+    chosen, env = run.policies(policies).distinct().draw(n_policies), run.env
+    about = _describe(run, policies, len(chosen.seeds))
     with TemporaryDirectory(prefix=".export-", dir=_root()) as folder:
         whole = Path(folder, "dataset")
         whole.mkdir()
@@ -80,11 +90,9 @@ def export_minari(
             {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
         )
         seen = FlatObservations(env.observation_space)
-        for chunk in _chunks(play(env, opened.mlp, chosen), seen):
+        for chunk in _chunks(play(env, run.mlp, chosen), seen):
             storage.update_episodes(chunk)
         _publish(whole, target, dataset_id)
-    env.close()
-    return minari.load_dataset(dataset_id)
 
 
 def _root() -> Path:

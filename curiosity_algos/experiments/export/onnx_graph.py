@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -44,10 +45,8 @@ def export_onnx(
     if Path(path).suffix != ".onnx":
         raise ValueError(f"`out` must end in .onnx, got {os.fspath(path)}.")
     opened = PopulationRun(Path(run), trust=trust)
-    _check_actions(opened.env.action_space)
-    parameters = opened.best()
-    opened.env.close()
-    graph = policy_graph(opened.mlp, parameters)
+    with closing(opened.env) as env:
+        graph = policy_graph(opened.mlp, opened.best(), env.action_space)
     with atomic_file(path) as file:
         file.write(graph.SerializeToString())
 
@@ -56,12 +55,12 @@ def _check_actions(space: spaces.Space[Any]) -> None:
     is_plain = is_vector(space) and np.issubdtype(space.dtype, np.floating)
     if not is_plain and not (isinstance(space, spaces.Discrete) and space.start == 0):
         raise ValueError(
-            "`run` must act in a Box of one dimension, of floats, or in a Discrete from 0, its "
-            f"actions are {space}."
+            "`action_space` must be a Box of one dimension, of floats, or a Discrete from 0, got "
+            f"{space}."
         )
 
 
-def policy_graph(mlp: Mlp, parameters: Float32Array) -> Any:
+def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[Any]) -> Any:
     """The ONNX model of a policy.
 
     Its input `observation` is (n, O) float32, for any n, vectors as `gymnasium.spaces.flatten`
@@ -71,14 +70,16 @@ def policy_graph(mlp: Mlp, parameters: Float32Array) -> Any:
     Args:
         mlp: The policy's shape: `model.policy.mlp`.
         parameters: (n_parameters,): `model.policy.vector`.
+        action_space: A Box of one dimension, of floats, or a Discrete from 0.
 
     Returns:
         An `onnx.ModelProto`.
 
     Raises:
         gymnasium.error.DependencyNotInstalled: If the extra `onnx` is not installed.
-        ValueError: If the parameters are not as many, or not finite.
+        ValueError: If the parameters are not as many, or not finite, or actions are other ones.
     """
+    _check_actions(action_space)
     parameters = check_parameters(parameters[None], mlp.n_parameters)[0]
     onnx, helper = import_extra("onnx", "onnx", "onnx.helper")
     graph = _Graph(onnx)

@@ -107,6 +107,12 @@ class PopulationRun:
                 "`policies` must be rewarding or sample of an algorithm without an archive, such "
                 f"as {self.described['algorithm']}."
             )
+        settings = self.described.get("settings", {})
+        if settings.get("emitters") is not None or isinstance(settings.get("archive"), dict):
+            raise ValueError(
+                "`policies` must be rewarding or sample of a run with an `archive` or `emitters` "
+                "that were given, as its folder cannot give them back."
+            )
         model = self._algorithm.load(self._checkpoint / "model", allow_pickle=self._trust)
         elites = model.archive.data(["solution", "seed"])
         return self._checked(elites["solution"], elites["seed"], self._checkpoint / "model.zip")

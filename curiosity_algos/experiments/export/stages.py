@@ -51,6 +51,9 @@ class Stage(Protocol):
     def step(self, actions: npt.NDArray[Any], ids: Ids) -> Stepped:
         """Step the episodes `ids`, ascending."""
 
+    def close(self) -> None:
+        """Close what was made."""
+
 
 def make_stage(env: gym.Env[Any, Any], n: int, seen: FlatObservations) -> Stage:
     """Room for at most n episodes in environments like `env`, for as many as pay."""
@@ -94,6 +97,9 @@ class SimulatedStage:
             self._simulation.observations[ids], self._rewards(ids), terminated, truncated
         )
 
+    def close(self) -> None:
+        """See `Stage`; nothing is open."""
+
     def _rewards(self, ids: Ids) -> npt.NDArray[np.float64]:
         if not self._is_sparse:
             return self._simulation.rewards[ids]
@@ -123,6 +129,11 @@ class GymnasiumStage:
             np.array(terminated, dtype=np.bool_),
             np.array(truncated, dtype=np.bool_),
         )
+
+    def close(self) -> None:
+        """See `Stage`."""
+        for env in self._envs:
+            env.close()
 
     def _stacked(self, observations: Any) -> npt.NDArray[Any]:
         vectors = [self._seen.one(each) for each in observations]

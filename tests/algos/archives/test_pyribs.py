@@ -296,4 +296,8 @@ def test_thresholds_that_none_reaches_keep_nothing(make_model, make_easy_maze, n
 
 def test_a_run_says_of_what_kind_it_is(make_model, make_easy_maze, n):
     model = make_model(MAPElites, make_easy_maze(), archive=cvt(n))
-    assert settings_of(model)["archive"] == "CVTArchive"
+    (settings,) = settings_of(model)["archive"].values()
+    other = make_model(
+        MAPElites, make_easy_maze(), archive=cvt(n, centroids=CENTROIDS[::-1].copy())
+    )
+    assert settings_of(other)["archive"] != {"CVTArchive": settings}

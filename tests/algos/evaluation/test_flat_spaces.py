@@ -140,7 +140,7 @@ class TestActions:
 
 
 def test_vectors_are_taken_as_they_are():
-    box = spaces.Box(-1, 1, (2,), np.float64)
+    box = spaces.Box(-1, 1, (2,))
     seen, actions = FlatObservations(box), FlatActions(box)
     assert seen.space is actions.space is box
     outputs = np.array([[0.1, 0.2]], dtype=np.float32)
@@ -152,3 +152,10 @@ def test_vectors_are_taken_as_they_are():
 def test_columns_of_an_entry():
     seen = FlatObservations(OBSERVATIONS["dict"][0])
     assert (seen.columns("a"), seen.columns("z")) == (slice(0, 2), slice(2, 4))
+
+
+def test_actions_are_of_their_space():
+    box = spaces.Box(-0.1, 0.1, (2,), np.float64)
+    actions = FlatActions(box).taken(np.array([[0.1, -0.1]], dtype=np.float32))
+    assert actions.dtype == np.float64
+    assert box.contains(actions[0])  # as float32, .1 is above

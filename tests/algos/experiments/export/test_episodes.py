@@ -7,7 +7,7 @@ import pytest
 from curiosity_algos.evaluation import vector
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.experiments.export import episodes, stages
-from curiosity_algos.experiments.export.episodes import _as_actions, play
+from curiosity_algos.experiments.export.episodes import play
 from curiosity_algos.experiments.export.population_run import Policies
 
 
@@ -63,11 +63,3 @@ def test_endless_episodes_are_refused(monkeypatch):
     mlp, policies = make_policies(env, 2)
     with pytest.raises(ValueError, match="had not ended after 30 steps"):
         list(play(env, mlp, policies))
-
-
-def test_actions_are_of_their_space():
-    box = gym.spaces.Box(-0.1, 0.1, (2,), np.float64)
-    actions = _as_actions(box, np.array([[0.1, -0.1]], dtype=np.float32))
-    assert actions.dtype == np.float64
-    assert box.contains(actions[0])  # as float32, .1 is above
-    assert _as_actions(gym.spaces.Discrete(3), np.array([2])).dtype == np.int64

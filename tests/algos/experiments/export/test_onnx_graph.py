@@ -47,7 +47,9 @@ def test_it_decides_as_predict(env_id, net_arch):
     policy = make_policy(env, net_arch, seed=2)
     observations = np.random.default_rng(1).standard_normal((1000, *env.observation_space.shape))
     expected, _ = policy.predict(observations)
-    session = make_session(policy_graph(policy.mlp, policy.vector).SerializeToString())
+    session = make_session(
+        policy_graph(policy.mlp, policy.vector, policy.action_space).SerializeToString()
+    )
     actions = run_graph(session, observations)
     assert actions.dtype == expected.dtype
     if isinstance(env.action_space, gym.spaces.Discrete):
@@ -65,7 +67,7 @@ def test_actions_stay_in_an_uneven_box():
     policy = MlpPolicy(env.observation_space, space, [])
     policy.vector[:] = 1000.0
     observations = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]])
-    graph = policy_graph(policy.mlp, policy.vector).SerializeToString()
+    graph = policy_graph(policy.mlp, policy.vector, policy.action_space).SerializeToString()
     actions = run_graph(make_session(graph), observations)
     np.testing.assert_array_equal(actions, [space.high, space.low])
 
@@ -79,7 +81,7 @@ def test_other_observations_are_vectors(make_model, register_toy, tmp_path):
 @pytest.mark.parametrize("name", ["choices", "bits", "discrete", "matrix", "tuple"])
 def test_other_actions_are_refused(name, make_model, register_toy, tmp_path):
     make_model(CanonicalES, register_toy(name)).learn(30, SaveRun(tmp_path / "run"))
-    with pytest.raises(ValueError, match="`run` must act in a Box"):
+    with pytest.raises(ValueError, match="`action_space` must be a Box"):
         export_onnx(tmp_path / "run", tmp_path / "policy.onnx")
 
 
@@ -88,7 +90,7 @@ def test_other_parameters_are_refused():
     policy = make_policy(env, [4])
     for wrong in (policy.vector[1:], np.full_like(policy.vector, np.nan)):
         with pytest.raises(ValueError, match=r"^`parameters` must be"):
-            policy_graph(policy.mlp, wrong)
+            policy_graph(policy.mlp, wrong, policy.action_space)
 
 
 class TestRun:

@@ -40,7 +40,7 @@ PAGES = (
     "README.md",
     "docs/index.md",
     *(f"docs/results/{name}.md" for name in RESULTS),
-    *("docs/bonuses.md", "docs/clusters.md", "docs/paper.md", "docs/algorithms/nslc.md"),
+    *("docs/bonuses.md", "docs/clusters.md", "docs/paper.md"),
 )
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 
@@ -233,6 +233,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "mazes-step-seeds": ("mazes_step", every_seed),
     "rounding-summary": ("rounding", summary),
     "rounding-seeds": ("rounding", every_seed),
+    "mazes-learned-seeds": ("mazes_learned", every_seed),
     "labyrinth-summary": ("labyrinth", summary),
     "labyrinth-seeds": ("labyrinth", every_seed),
     "mazes-icm-summary": ("mazes_icm", summary),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Required, Self, TypedDict
 
 import numpy as np
@@ -20,13 +20,14 @@ from curiosity_algos.archives.fields import (
     check_batch,
     check_elites,
     check_finite,
+    check_keeps,
     check_niche,
     check_widths,
     describe,
     describe_elites,
     describe_extra,
     described_by,
-    described_fields,
+    undo_on_error,
 )
 from curiosity_algos.archives.store import EliteStore
 from curiosity_algos.archives.verify import Verification, verify
@@ -264,27 +265,16 @@ class EliteArchive(ArchiveBase):
         fields = describe_extra(extra_fields)
         common = {k: v for k, v in self._description.items() if k in COMMON}
         is_same = self._description == common | fields
-        if not (self._own_fields <= fields.keys() if self.empty else is_same):
-            raise ValueError(
-                f"`archive` must keep the extra fields {described_fields(fields)} of each elite; "
-                "an empty one without extra fields is given them."
-            )
+        check_keeps(self._own_fields <= fields.keys() if self.empty else is_same, fields)
         if self.empty:
             self._description = common | fields
             self._begin()
         self.net_arch = list(net_arch)
         self._rng = np.random.default_rng(seed)
 
-    @contextmanager
-    def unchanged_on_error(self) -> Iterator[None]:
+    def unchanged_on_error(self) -> AbstractContextManager[None]:
         """Undo what a block that raises did by `prepare`, `clear` and `load_state_dict`."""
-        before, drawn = dict(vars(self)), generator_state(self._rng)  # the rest they replace
-        try:
-            yield
-        except BaseException:
-            vars(self).update(before)
-            load_generator_state(self._rng, drawn)
-            raise
+        return undo_on_error(self)  # the rest they replace
 
     # -- policies -------------------------------------------------------------------------------
 

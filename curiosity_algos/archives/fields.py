@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from numbers import Real
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from ribs.archives import ArrayStore
 
+from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_gym.validation import check_at_least_one
 
 Batch = dict[str, npt.NDArray[Any]]
@@ -163,9 +165,26 @@ def behaviors_of(archive: Any) -> npt.NDArray[np.float64]:
     return behaviors
 
 
-def described_fields(fields: Description) -> str:
-    """The fields in a text."""
-    return ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
+def check_keeps(is_kept: bool, fields: Description) -> None:
+    """Raise ValueError unless an archive keeps, or can be given, the extra fields of a search."""
+    if not is_kept:
+        described = ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
+        raise ValueError(
+            f"`archive` must keep the extra fields {described} of each elite; an empty one without "
+            "extra fields is given them."
+        )
+
+
+@contextmanager
+def undo_on_error(archive: Any) -> Iterator[None]:
+    """Give an archive back its attributes and the state of its draws where a block raises."""
+    before, drawn = dict(vars(archive)), generator_state(archive._rng)
+    try:
+        yield
+    except BaseException:
+        vars(archive).update(before)
+        load_generator_state(archive._rng, drawn)
+        raise
 
 
 def check_widths(net_arch: Sequence[int]) -> list[int]:

@@ -7,8 +7,8 @@ What is read and set here beside pyribs' interface are the attributes that both 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
 
@@ -24,10 +24,11 @@ from curiosity_algos.archives.fields import (
     Description,
     behaviors_of,
     check_elites,
+    check_keeps,
     check_niche,
     describe_elites,
     describe_extra,
-    described_fields,
+    undo_on_error,
 )
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
@@ -76,11 +77,7 @@ class PyribsPart:
         """
         fields, found = describe_extra(extra_fields), self._description
         own = {k: v for k, v in found.items() if k not in COMMON | {"threshold"}}
-        if not (own.keys() <= fields.keys() if self.archive.empty else own == fields):
-            raise ValueError(
-                f"`archive` must keep the extra fields {described_fields(fields)} of each elite; "
-                "an empty one without extra fields is given them."
-            )
+        check_keeps(own.keys() <= fields.keys() if self.archive.empty else own == fields, fields)
         if self.archive.empty:
             common = {k: v for k, v in found.items() if k not in own}
             self.archive._store = ArrayStore({**common, **fields}, self.archive.cells)
@@ -90,16 +87,9 @@ class PyribsPart:
     def _description(self) -> Description:
         return dict(self.archive._store.field_desc)
 
-    @contextmanager
-    def unchanged_on_error(self) -> Iterator[None]:
+    def unchanged_on_error(self) -> AbstractContextManager[None]:
         """Undo what a block that raises did by `prepare` and `load_state_dict`."""
-        before, drawn = dict(vars(self.archive)), generator_state(self.archive._rng)
-        try:
-            yield
-        except BaseException:
-            vars(self.archive).update(before)
-            load_generator_state(self.archive._rng, drawn)
-            raise
+        return undo_on_error(self.archive)
 
     def nearest(self, behavior: npt.ArrayLike) -> npt.NDArray[Any]:
         """The solution whose behavior is nearest to `behavior`, as `EliteArchive.nearest`."""

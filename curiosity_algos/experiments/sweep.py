@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
@@ -19,7 +18,7 @@ import torch as th
 from tqdm import tqdm
 
 from curiosity_algos.experiments.names import find_algorithm
-from curiosity_algos.experiments.training import RunSpec, is_finished, summary, train
+from curiosity_algos.experiments.training import RunSpec, is_finished, summary, train, variant_of
 from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -58,7 +57,7 @@ def grid(
     names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
     swept, settings = swept or {}, settings or {}
     varied = [dict(zip(swept, values, strict=True)) for values in product(*swept.values())]
-    variants = {_variant(each): {**settings, **each} for each in varied}
+    variants = {variant_of(each): {**settings, **each} for each in varied}
     if len(variants) < len(varied):
         raise ValueError(
             f"`hyperparams` must be told apart by letters, digits, commas, dots and signs: {swept}."
@@ -68,12 +67,6 @@ def grid(
         RunSpec(name, env, seed, settings=variants[variant], variant=variant, **common)
         for variant, name, env, seed in places
     ]
-
-
-def _variant(settings: Mapping[str, Any]) -> str:
-    """The name of a folder for runs of these settings."""
-    text = ",".join(f"{name}={value}" for name, value in sorted(settings.items()))
-    return re.sub(r"[^\w.,=+-]+", "-", text)
 
 
 def sweep(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,6 +24,12 @@ from curiosity_algos.experiments.differences import MAY_DIFFER, differences
 from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
+
+
+def variant_of(settings: Mapping[str, Any]) -> str:
+    """The name of a folder for runs of these settings; "" for none."""
+    text = ",".join(f"{name}={value}" for name, value in sorted(settings.items()))
+    return re.sub(r"[^\w.,=+-]+", "-", text)
 
 
 @dataclass(frozen=True)

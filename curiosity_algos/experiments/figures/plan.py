@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from curiosity_algos.experiments.training import RunSpec
+from curiosity_algos.experiments.training import RunSpec, variant_of
 
 MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
 CONTROL = (
@@ -119,7 +119,7 @@ class Series:
     @property
     def variant(self) -> str:
         """Folder of its runs among those with the preset's settings; "" for these."""
-        return ",".join(f"{name}={value}" for name, value in sorted(self.settings.items()))
+        return variant_of(self.settings)
 
 
 def series_of(figure: int) -> dict[str, list[Series]]:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -17,10 +16,9 @@ from matplotlib.lines import Line2D
 from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.reopening import last_checkpoint, make_env
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -63,11 +61,9 @@ def replay_rewarding(run: Path) -> Rewarding:
         FileNotFoundError: If there is no run.
         ValueError: If its environment is not one that is known here.
     """
-    folder = RunFolder(run)
-    described, checkpoint = folder.describe(), folder.checkpoint
-    env = gym.make(decode_spec(described.get("env_spec")))
+    described, checkpoint = last_checkpoint(run)
+    env = make_env(described, trust=False)
     evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
-    assert checkpoint is not None
     with np.load(checkpoint / "rewarding.npz") as kept:
         chosen = _choose(len(kept["return"]))
         parameters, seeds = kept["parameters"][chosen], kept["episode_seed"][chosen]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, TypeGuard, Unpack
 
 import numpy as np
@@ -24,6 +25,7 @@ from curiosity_algos.motivations.base import Motivation
 from curiosity_algos.motivations.phi import Phi, check_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
+from curiosity_algos.search.normalized import NormalizedSearch, with_moments
 from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
@@ -93,6 +95,7 @@ class StrategyKeywords(AlgorithmKeywords, total=False):
     sigma: float
     step: str
     mirrored_sampling: bool
+    normalize_observations: bool
     search: Search | MakeSearch | None
 
 
@@ -108,6 +111,9 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         learning_rate: alpha, above 0: scales the center's step.
         step: "canonical" or "paper" (divided by `sigma n_parents`).
         mirrored_sampling: Draw half of the population opposite to the other half.
+        normalize_observations: Search among policies of observations that are standardized by the
+            mean and deviation of each entry so far. These are worked into the first layer: files
+            and `predict` are as without. For entries of different scales, as velocities of robots.
         search: None: the canonical search (Chrabaszcz et al. 2018), made of the settings above. A
             `Search` for as many parameters as the policy has, or a function of that number and of a
             `numpy.random.SeedSequence` that makes one: the settings above, `population_size` among
@@ -128,6 +134,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         learning_rate: float = 0.5,
         step: str = "canonical",
         mirrored_sampling: bool = False,
+        normalize_observations: bool = False,
         search: Search | MakeSearch | None = None,
         **kwargs: Unpack[AlgorithmKeywords],
     ) -> None:
@@ -136,6 +143,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         self.sigma = sigma
         self.step = step
         self.mirrored_sampling = mirrored_sampling
+        self.normalize_observations = normalize_observations
         self.search = search
         if isinstance(learning_rate, ConstantSchedule):  # as rl-zoo3 gives numbers
             learning_rate = learning_rate.val
@@ -148,6 +156,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(STEPS, step=self.step)
         check_bool(mirrored_sampling=self.mirrored_sampling)
+        check_bool(normalize_observations=self.normalize_observations)
         if not (self.search is None or _is_search(self.search) or callable(self.search)):
             raise ValueError(
                 "`search` must be None, a Search, or a function that makes one, got "
@@ -162,7 +171,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         elif not _is_search(self.search):
             made = made(self.policy.mlp.n_parameters, search_seed)
         self._check_search(made)
-        self._search = made
+        is_normalized = self.normalize_observations
+        self._search = NormalizedSearch(made, self.policy.mlp) if is_normalized else made
         self._make_parts(*own_seeds)
 
     def _check_search(self, search: object) -> None:
@@ -179,6 +189,10 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "search"]  # passed again
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"normalize_observations"}
 
     def _canonical_search(self, seed: np.random.SeedSequence) -> Search:
         return CanonicalSearch(
@@ -202,6 +216,13 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         return standardize(rollouts.returns), {}
 
     def _summarizers(self) -> MakeSummarizers | None:
+        own = self._own_summarizers()
+        if own is None or not isinstance(self._search, NormalizedSearch):
+            return own
+        return partial(with_moments, own)
+
+    def _own_summarizers(self) -> MakeSummarizers | None:
+        """What `_assess` needs of trajectories, see `_summarizers`."""
         return no_summarizers
 
     def _ask(self) -> Float32Array:
@@ -210,6 +231,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         fitness, metrics = self._assess(rollouts)
         self._search.tell(fitness)
+        if isinstance(self._search, NormalizedSearch):
+            self._search.observe(rollouts)
         own = {"search/sigma": self.sigma} if self.search is None else {}
         return {**metrics, **own, "search/norm": float(np.linalg.norm(self._search.center))}
 
@@ -217,11 +240,11 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         return np.asarray(self._search.center, dtype=np.float32)
 
     def _begin_at(self, parameters: Float32Array) -> None:
-        if not isinstance(self._search, CanonicalSearch):
+        if self.search is not None:
             raise ValueError(
                 "`policy` cannot be set alone where `search` was given: let it begin there."
             )
-        self._search.center = parameters.astype(np.float64)
+        self._search.center = parameters.astype(np.float64)  # type: ignore[misc]
 
 
 class MotivatedKeywords(StrategyKeywords, total=False):
@@ -277,7 +300,7 @@ class MotivatedStrategy(EvolutionStrategy):
         self._fitness = Fitness(Phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
 
-    def _summarizers(self) -> MakeSummarizers | None:
+    def _own_summarizers(self) -> MakeSummarizers | None:
         return getattr(self._motivation, "summarizers", None)
 
     def _forget_behaviors(self) -> None:

@@ -1,0 +1,130 @@
+"""A search among policies of standardized observations, whose scales the parameters take up.
+
+A first layer `w` of `(x - mean) / deviation` is one of `x`, with weights `w / deviation` and biases
+less `mean @ w / deviation`. A search moves in the former; evaluators, files and `predict` know the
+latter alone. What it brings where entries differ in scale: Salimans et al. 2017 (arXiv:1703.03864),
+Mania et al. 2018 (arXiv:1803.07055).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch as th
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+
+from curiosity_algos.evaluation.policies import Float32Array, Mlp
+from curiosity_algos.evaluation.rollouts import (
+    MakeSummarizers,
+    Rollouts,
+    Summarizer,
+    Summary,
+    no_summarizers,
+)
+from curiosity_algos.search.base import Search
+
+SMALLEST_DEVIATION = 1e-2
+"""An entry that hardly changes is not blown up."""
+
+
+def moments(rollouts: Rollouts, individuals: slice) -> Summary:
+    """Mean and variance, (P, D) each, of the observations that each policy has acted on."""
+    observations, _ = rollouts.trajectories
+    seen = [each[:n] for each, n in zip(observations, rollouts.lengths, strict=True)]
+    means = np.array([each.mean(axis=0, dtype=np.float64) for each in seen])
+    return means, np.array([each.var(axis=0, dtype=np.float64) for each in seen])
+
+
+def with_moments(make_summarizers: MakeSummarizers, n_individuals: int) -> dict[str, Summarizer]:
+    """Summarizers, and what `NormalizedSearch.observe` needs of trajectories."""
+    return {**make_summarizers(n_individuals), "moments": moments}
+
+
+class NormalizedSearch:
+    """Another search, in the parameters of policies that see standardized observations.
+
+    Args:
+        search: Asked for parameters of such policies; the parameters given here are those of
+            policies that see observations as they are.
+        mlp: The policies' shape.
+    """
+
+    def __init__(self, search: Search, mlp: Mlp) -> None:
+        self.search = search
+        self._n_inputs, self._n_units = int(mlp.sizes[0]), int(mlp.sizes[1])
+        self._seen = RunningMeanStd(shape=(self._n_inputs,))
+
+    @property
+    def center(self) -> Float32Array:
+        """The parameters that act while no individual has found a reward, (n_parameters,)."""
+        return self._as_seen(self.search.center)
+
+    @center.setter
+    def center(self, parameters: npt.NDArray[Any]) -> None:
+        layer, rest = self._first_layer(parameters)
+        weights = layer[:-1] * self._deviation[:, None]
+        biases = layer[-1] + self._seen.mean @ layer[:-1]
+        # That of a `Search` need not be settable.
+        self.search.center = np.r_[weights.ravel(), biases, rest]  # type: ignore[misc]
+
+    def ask(self) -> Float32Array:
+        """A population, shape (P, n_parameters)."""
+        return np.array([self._as_seen(each) for each in self.search.ask()])
+
+    def tell(self, fitness: npt.NDArray[np.float64]) -> None:
+        """Learn from the fitness (P,) of the last population asked for."""
+        self.search.tell(fitness)
+
+    def observe(self, rollouts: Rollouts) -> None:
+        """Count the observations of a generation."""
+        means, variances = rollouts.summary("moments", partial(with_moments, no_summarizers))
+        if not np.isfinite(means).all():
+            raise ValueError("`env` must give finite observations, to be standardized.")
+        for mean, variance, n in zip(means, variances, rollouts.lengths, strict=True):
+            self._seen.update_from_moments(mean, variance, n)
+
+    def state_dict(self) -> dict[str, Any]:
+        """The state of the search, and what was seen."""
+        seen = (self._seen.mean, self._seen.var)
+        mean, var = (th.from_numpy(np.array(each)) for each in seen)
+        count = float(self._seen.count)
+        return {"search": self.search.state_dict(), "mean": mean, "var": var, "count": count}
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If it is of a search without standardized observations, or of others.
+        """
+        if state.keys() != {"search", "mean", "var", "count"}:
+            raise ValueError("`normalize_observations` must be as in the saved model.")
+        mean, var = (state[name].cpu().numpy().copy() for name in ("mean", "var"))
+        if any(
+            each.shape != (self._n_inputs,) or not np.isfinite(each).all() for each in (mean, var)
+        ):
+            raise ValueError(f"`mean` and `var` must be {self._n_inputs} finite numbers each.")
+        self.search.load_state_dict(state["search"], strict)
+        self._seen.mean, self._seen.var, self._seen.count = mean, var, state["count"]
+
+    @property
+    def _deviation(self) -> npt.NDArray[np.float64]:
+        return np.maximum(np.sqrt(self._seen.var), SMALLEST_DEVIATION)
+
+    def _first_layer(
+        self, parameters: npt.NDArray[Any]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[Any]]:
+        """Weights and below them biases, (n_inputs + 1, n_units), and all other parameters."""
+        n = (self._n_inputs + 1) * self._n_units
+        return parameters[:n].reshape(-1, self._n_units).astype(np.float64), parameters[n:]
+
+    def _as_seen(self, parameters: npt.NDArray[Any]) -> Float32Array:
+        """The same policy, for observations as they are."""
+        layer, rest = self._first_layer(parameters)
+        weights = layer[:-1] / self._deviation[:, None]
+        biases = layer[-1] - self._seen.mean @ weights
+        whole: Float32Array = np.r_[weights.ravel(), biases, rest].astype(np.float32)
+        return whole

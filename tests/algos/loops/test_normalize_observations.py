@@ -1,0 +1,69 @@
+"""Strategies that search among policies of standardized observations."""
+
+import numpy as np
+import pytest
+import torch as th
+
+from curiosity_algos import NSES, CanonicalES, CuriosityES
+
+STRATEGIES = [CanonicalES, CuriosityES, NSES]
+
+
+@pytest.fixture(params=STRATEGIES, ids=lambda cls: cls.__name__)
+def model(request, make_model, make_easy_maze):
+    return make_model(request.param, make_easy_maze(), normalize_observations=True)
+
+
+def test_a_run_that_is_loaded_goes_on_bit_for_bit(model, make_easy_maze, tmp_path):
+    model.learn(2000).save(tmp_path / "model")
+    loaded = type(model).load(tmp_path / "model", env=make_easy_maze())
+    for each in (model, loaded):
+        each.learn(2000, reset_num_timesteps=False)
+    np.testing.assert_array_equal(model._search.center, loaded._search.center)
+    np.testing.assert_array_equal(model.policy.vector, loaded.policy.vector)
+
+
+def test_threads_do_not_matter(model, make_model, make_easy_maze):
+    settings = {"normalize_observations": True, "n_threads": 3}
+    other = make_model(type(model), make_easy_maze(), **settings)
+    centers = [each.learn(4000)._search.center for each in (model, other)]
+    np.testing.assert_array_equal(*centers)
+
+
+def test_blocks_do_not_matter(model, make_model, make_easy_maze):
+    other = make_model(type(model), make_easy_maze(), normalize_observations=True)
+    other.evaluator.block_size = 2
+    centers = [each.learn(4000)._search.center for each in (model, other)]
+    np.testing.assert_array_equal(*centers)
+
+
+def test_it_is_another_search(model, make_model, make_easy_maze):
+    plain = make_model(type(model), make_easy_maze()).learn(4000)
+    model.learn(4000)
+    assert np.abs(model._search.center - plain._search.center).max() > 1e-3
+
+
+def test_predict_acts_as_what_was_evaluated(make_model, make_easy_maze):
+    model = make_model(CanonicalES, make_easy_maze(), normalize_observations=True).learn(20_000)
+    assert model.best_return > 0.0
+    evaluated = model.evaluator.evaluate(model.policy.vector[None])
+    assert evaluated.returns[0] == pytest.approx(model.best_return, abs=1e-6)
+
+
+def test_it_begins_with_a_policy(make_model, make_easy_maze):
+    model = make_model(CanonicalES, make_easy_maze(), normalize_observations=True).learn(2000)
+    start = np.random.default_rng(0).normal(size=model.policy.vector.shape).astype(np.float32)
+    parameters = {"policy": {"flat": th.from_numpy(start)}}
+    model.set_parameters(parameters, exact_match=False)
+    np.testing.assert_allclose(model._search.center, start, rtol=1e-4, atol=1e-5)
+
+
+def test_load_cannot_change_it(model, make_easy_maze, tmp_path):
+    model.save(tmp_path / "model")
+    with pytest.raises(ValueError, match="normalize_observations"):
+        type(model).load(tmp_path / "model", env=make_easy_maze(), normalize_observations=False)
+
+
+def test_what_is_no_bool_is_refused(make_model, make_easy_maze):
+    with pytest.raises(ValueError, match="`normalize_observations` must be True or False"):
+        make_model(CanonicalES, make_easy_maze(), normalize_observations="yes")

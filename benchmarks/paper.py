@@ -163,9 +163,7 @@ def _merge(table: pd.DataFrame, keys: list[str], path: Path) -> None:
     if table.empty:
         return
     if path.exists():
-        old = read(path.stem, path.parent)
-        is_old = ~old.set_index(keys).index.isin(table.set_index(keys).index)
-        table = pd.concat([old[is_old], table])
+        table = results.replaced(read(path.stem, path.parent), table, keys)
     path.parent.mkdir(parents=True, exist_ok=True)
     table.sort_values(keys, kind="stable").to_csv(path, index=False, float_format="%.5g")
 

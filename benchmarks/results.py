@@ -33,7 +33,10 @@ HELD = "wrappers.RepeatAction.num_repeats"
 
 
 def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
-    """Write the two files `name` of all runs in a folder; timesteps are the environment's."""
+    """Add all runs in a folder to the two files `name`; timesteps are the environment's.
+
+    What is measured anew replaces what was there.
+    """
     table = load_runs(runs)
     n_held = table[HELD].fillna(1) if HELD in table else pd.Series(1, table.index)
     for column in ("timesteps", "first_success_timesteps"):
@@ -41,8 +44,7 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     table["algorithm"] = _label(table, runs)
     table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
     shares = sorted(column for column in table if column.startswith("coverage."))
-    kept = table[[*RUN, *shares]].sort_values(KEYS)
-    _write(kept, folder / f"{name}.csv")
+    _write(table[[*RUN, *shares]], folder / f"{name}.csv")
     labels = table.set_index("run")["algorithm"]
     curves = load_progress(runs)
     curves[TIMESTEPS] *= curves["run"].map(n_held.set_axis(table["run"]))
@@ -72,9 +74,18 @@ def _thin(curve: pd.DataFrame) -> pd.DataFrame:
     return rows.iloc[np.unique(np.maximum(last, 0))]
 
 
+def replaced(old: pd.DataFrame, new: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """The rows of both, without old ones that have the keys of new ones."""
+    is_kept = ~old.set_index(keys).index.isin(new.set_index(keys).index)
+    return pd.concat([old[is_kept], new])
+
+
 def _write(table: pd.DataFrame, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(path, index=False, float_format="%.6g")
+    if path.exists():
+        old = pd.read_csv(path, dtype={"first_success_timesteps": "Int64"})
+        table = replaced(old, table, KEYS)
+    table.sort_values(KEYS, kind="stable").to_csv(path, index=False, float_format="%.6g")
 
 
 def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:

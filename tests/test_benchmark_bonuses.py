@@ -1,5 +1,7 @@
 """The benchmark of bonuses, whose actions are held by a wrapper of Gymnasium 1.3."""
 
+import shutil
+
 import pandas as pd
 import pytest
 
@@ -17,3 +19,7 @@ def test_steps_of_held_actions_are_counted(tmp_path):
     assert runs["algorithm"].tolist() == labels
     assert runs["timesteps"].tolist() == [2048, 10240]
     assert curves.groupby("algorithm")["timesteps"].max().tolist() == [2048, 10240]
+    written = (tmp_path / "parts.csv").read_text()
+    shutil.rmtree(tmp_path / "ppo_parts" / "num_repeats=1")
+    results.collect(tmp_path / "ppo_parts", "parts", tmp_path)  # the others stay
+    assert (tmp_path / "parts.csv").read_text() == written

@@ -87,6 +87,12 @@ SWEEPS: dict[str, dict[str, Any]] = {
             "learning_rate:1",
         ],
     },
+    "normalized": {
+        "algos": ("CanonicalES",),
+        "envs": ("CuriosityLocomotion-HalfCheetah-v0", "CuriosityLocomotion-Hopper-v0"),
+        "timesteps": 5e5,
+        "hyperparams": ["normalize_observations:False", "normalize_observations:True"],
+    },
 }
 """What is trained for each name, in the words of `curiosity sweep`; before a "/" is its table.
 

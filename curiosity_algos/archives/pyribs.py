@@ -151,6 +151,12 @@ def archive_part(archive: EliteArchive | PyribsArchive) -> EliteArchive | Pyribs
     return archive if isinstance(archive, EliteArchive) else PyribsPart(archive)
 
 
+def archive_settings(archive: EliteArchive | PyribsArchive) -> dict[str, Any]:
+    """What decides who is kept and what the elites score, as JSON can hold it."""
+    offset = {"qd_score_offset": float(archive.qd_score_offset)}
+    return {**archive_part(archive).settings, **offset}
+
+
 def _check_best(best: Batch, elites: Batch, description: Description) -> None:
     """Raise ValueError unless there is a best elite where there are elites, and it is like them."""
     if best.keys() != (elites.keys() if len(elites["index"]) else set()):

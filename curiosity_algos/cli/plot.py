@@ -14,8 +14,8 @@ def plot(
         str,
         typer.Option(
             *("--y", "-y", "--y-axis"),
-            help="What is drawn: coverage, best-return, or survival, which is the share of runs "
-            "without a success yet.",
+            help="What is drawn: coverage, best-return, qd-score, which is the sum of the elites' "
+            "returns, or survival, which is the share of runs without a success yet.",
         ),
     ] = "coverage",
     x: Annotated[

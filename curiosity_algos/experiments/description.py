@@ -21,7 +21,7 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.archives.pyribs import archive_part
+from curiosity_algos.archives.pyribs import archive_part, archive_settings
 from curiosity_algos.evaluation.coverage import behavior_space
 from curiosity_algos.evaluation.environments import (
     VECTOR_KEYWORDS,
@@ -30,6 +30,7 @@ from curiosity_algos.evaluation.environments import (
 )
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.core import entry_names
@@ -50,6 +51,7 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
         **describe_vec_env(model),
         "seed": model.seed,
         "settings": settings_of(model),
+        "archive": describe_archive(model),
         "versions": versions(),
         "git_revision": git_revision(Path.cwd()),
         "machine": {
@@ -157,6 +159,13 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
         own["archive"] = {type(archive).__name__: archive_part(archive).settings}
     settings = _arguments(model, vars(model) | own)
     return settings | ({"preset": model.preset} if isinstance(model, Resumable) else {})
+
+
+def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:
+    """The archive that keeps a model's elites, by its class; None of an algorithm without one."""
+    if not isinstance(model, QualityDiversity):
+        return None
+    return {type(model.archive).__name__: archive_settings(model.archive)}
 
 
 def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:

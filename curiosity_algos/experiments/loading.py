@@ -14,7 +14,10 @@ from curiosity_algos.experiments.reading import read_rows
 from curiosity_algos.experiments.run_folder import RunFolder
 
 KEYS = ("algorithm", "env", "seed")
-NOT_SHOWN = {"run", "env_spec", "behavior_names", "pending_log", "has_transitions", "ended"}
+NOT_SHOWN = {
+    *("run", "env_spec", "behavior_names", "archive"),
+    *("pending_log", "has_transitions", "ended"),
+}
 
 
 def find_runs(folder: str | os.PathLike[str]) -> list[Path]:

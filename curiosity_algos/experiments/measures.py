@@ -66,10 +66,15 @@ def _titles(runs: pd.DataFrame) -> pd.Series:
     names = runs["env"].fillna(runs.get("env_class", "unknown"))
     keywords = runs.filter(regex=r"^(env_kwargs|wrappers)\.")
     texts = keywords.astype(object).where(keywords.notna(), "none").astype(str)
+    return told_apart(names, texts)
+
+
+def told_apart(names: pd.Series, texts: pd.DataFrame) -> pd.Series:
+    """Names, each with the columns in which rows of that name differ: `A, k 5`."""
     titles = names.copy()
     for _, rows in texts.groupby(names):
         for column in rows.columns[rows.nunique() > 1]:
-            titles[rows.index] += f", {column.split('.', 1)[1]} " + rows[column]
+            titles[rows.index] += f", {column.split('.', 1)[-1]} " + rows[column]
     return titles
 
 
@@ -104,7 +109,7 @@ def read_curves(runs: pd.DataFrame, measure: Measure, x: str = "timesteps") -> l
 
 def coverage(run: Folder) -> Points:
     """Share of the reachable cells in which episodes have ended; none before timestep 0."""
-    return _from_zero(*_logged(run, "coverage/reachable"))
+    return _from_zero(*logged(run, "coverage/reachable"))
 
 
 def best_return(run: Folder) -> Points:
@@ -139,7 +144,7 @@ def _highest(states: dict[str, npt.NDArray[Any]], group: npt.NDArray[Any]) -> Po
     return timesteps, np.maximum.reduceat(states["return"], first)
 
 
-def _logged(run: Folder, column: str) -> Points:
+def logged(run: Folder, column: str) -> Points:
     """Timesteps and values of the rows of the log that have both."""
     progress = load_progress(run)
     if len(progress) and column not in progress:
@@ -159,7 +164,7 @@ def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike) -> Points:
 
 def in_seconds(run: Folder, timesteps: npt.ArrayLike) -> Float64:
     """Seconds of training after which a run was at `timesteps` (n,), by its log and its result."""
-    known, seconds = _from_zero(*_logged(run, SECONDS))
+    known, seconds = _from_zero(*logged(run, SECONDS))
     result = RunFolder(run).result()
     if "seconds" in result and result["timesteps"] > known[-1]:
         known, seconds = np.r_[known, result["timesteps"]], np.r_[seconds, result["seconds"]]

@@ -27,6 +27,7 @@ DESCRIPTION: Fields = {
     "behavior_names?": list | None,
     "seed?": int | None,
     "settings?": dict,
+    "archive?": dict | None,
 }
 """Fields of `run.json` that are read; those with a question mark may be missing."""
 RESULT: Fields = {
@@ -44,7 +45,7 @@ FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 """Columns of final states that are read, and their dimensions."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
 """Arrays of `rewarding.npz` and `sample.npz` that are read."""
-READ = ("time/", "coverage/")
+READ = ("time/", "coverage/", "archive/qd_score", "archive/size")
 """Beginnings of the columns of `progress.csv` that are read: they hold numbers."""
 
 

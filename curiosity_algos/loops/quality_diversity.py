@@ -17,7 +17,12 @@ from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
-from curiosity_algos.archives.pyribs import PyribsArchive, PyribsPart, archive_part
+from curiosity_algos.archives.pyribs import (
+    PyribsArchive,
+    PyribsPart,
+    archive_part,
+    archive_settings,
+)
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -364,10 +369,6 @@ def _kinds(*parts: object) -> list[str]:
 def _kind(part: object) -> str:
     """The part's class; of an archive, what it was made with, too."""
     name = type(part).__name__
-    if isinstance(part, EliteArchive):
-        settings = {**part.settings, "qd_score_offset": part.qd_score_offset}
-    elif isinstance(part, PyribsArchive):
-        settings = PyribsPart(part).settings
-    else:
+    if not isinstance(part, EliteArchive | PyribsArchive):
         return name
-    return f"{name} {json.dumps(settings)}"
+    return f"{name} {json.dumps(archive_settings(part))}"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from curiosity_algos.experiments.elites import qd_score, with_archives
 from curiosity_algos.experiments.figures.canvas import (
     add_note,
     add_title,
@@ -36,17 +38,22 @@ from curiosity_algos.experiments.measures import (
 MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
     "coverage": (coverage, "Coverage", "coverage (%)", 0.01),
     "best-return": (best_return, "Highest return so far", "highest return so far", 1.0),
+    "qd-score": (qd_score, "QD score", "QD score", 1.0),
     "survival": (None, "Time to first success", "runs without success (%)", 0.01),
 }
 """By name the reader, the titles of figure and axis, and the value that is 1 on it."""
 Y = tuple(MEASURES)
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
 """By name the title of the axis, and the value that is 1 on it."""
+TITLE_WIDTH = 40
+"""Characters of a line above a panel."""
 NOTE = (
     "Thick: interquartile mean while all runs go on; shaded: its 95 % interval, of three runs or "
     "more; thin: each run; dotted: after the first has ended."
 )
 REPEATED = "\nLeft out, as a seed counts once: {} with the seed of another run."
+ARCHIVES = "\nA panel for each archive: QD scores of different ones are not comparable."
+NO_ARCHIVE = "\nLeft out, as the algorithm keeps no archive of elites: {}."
 SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval, of three runs or more."
 
 
@@ -55,14 +62,15 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
 
     Args:
         folders: Folders of runs, or folders that hold them.
-        y: "coverage", "best-return" (so far) or "survival" (share of runs without success yet;
-            none on a task that reports no success).
+        y: "coverage", "best-return" (so far), "qd-score" (a panel for each archive, as
+            `with_archives` tells them apart, without runs that have none) or "survival" (share of
+            runs without success yet; none on a task that reports no success).
         x: "timesteps" or "seconds".
 
     Raises:
         FileNotFoundError: If a folder holds no run.
-        ValueError: If a run is damaged or has no checkpoint yet, or if coverage is asked for and
-            its environment has none.
+        ValueError: If a run is damaged or has no checkpoint yet, if coverage is asked for and its
+            environment has none, or QD scores and no run has an archive.
     """
     runs = load_compared(folders)
     if not runs["has_begun"].all():
@@ -70,22 +78,36 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
     n_repeated = runs["is_repeated"].sum()
     runs = runs[~runs["is_repeated"]]
+    measure, title, y_label, _ = MEASURES[y]
+    note = NOTE if measure else SURVIVAL_NOTE
+    note += REPEATED.format(n_repeated) if n_repeated else ""
+    if y == "qd-score":
+        runs, about_archives = _by_archive(runs)
+        note += about_archives
     colors = color_labels(runs["label"])
     panels = list(runs.groupby("env", sort=False))
     n_columns = min(3, len(panels))
     figure, axes = make_panels(-(-len(panels) // n_columns), n_columns)
-    measure, title, y_label, _ = MEASURES[y]
     for ax, (env, here) in zip(axes.flat, panels, strict=False):
         (_draw_curves if measure else _draw_survival)(ax, here, colors, y, x)
-        ax.set(title=short_name(str(env)), xlabel=X[x][0])
+        ax.set(title=fill(short_name(str(env)), TITLE_WIDTH), xlabel=X[x][0])
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
     for ax in axes[:, 0]:
         ax.set_ylabel(y_label)
     add_title(figure, title, legend_handles(_samples(runs, colors)))
-    note = NOTE if measure else SURVIVAL_NOTE
-    add_note(figure, note + REPEATED.format(n_repeated) if n_repeated else note)
+    add_note(figure, note)
     return figure
+
+
+def _by_archive(runs: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """The runs with an archive, which is their panel instead of `env`, and a note on the others."""
+    found = with_archives(runs)
+    if found.empty:
+        raise ValueError("`runs` must have an archive of elites, as those of NSLC or MAPElites.")
+    others = ", ".join(sorted(set(runs["label"].drop(found.index))))
+    note = ARCHIVES + (NO_ARCHIVE.format(others) if others else "")
+    return found.assign(env=found["archive"]), note
 
 
 def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:

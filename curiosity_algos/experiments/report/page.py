@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
@@ -65,6 +66,13 @@ NOTES = {
     "Coverage": (
         "The share of the reachable cells in which an episode has ended. The area under its curve "
         "is the mean coverage from the first timestep of a run to its last."
+    ),
+    "QD score": (
+        "The sum of the returns of the elites that an archive holds, less the archive's "
+        "<code>qd_score_offset</code> for each of them. It compares algorithms that fill the same "
+        "archive: the same cells with the same offset. So each archive has a figure of its own, "
+        "and so has each algorithm whose archive has no cells, of which the distance between "
+        "elites decides how many there are."
     ),
     "Where episodes ended": (
         "A cell has the color of the first episode of any run that ended in it; what episodes pass "
@@ -163,8 +171,23 @@ class _Page:
         about = f"Curves of {', '.join(sorted(set(runs['label'])))} over timesteps"
         return (
             f"{summary(runs, self._colors)}<h3>Curves</h3>"
-            f"{self._picture(curves, 'curves', about)}{self._maps(runs, title)}"
+            f"{self._picture(curves, 'curves', about)}{self._elites(runs)}"
+            f"{self._maps(runs, title)}"
         )
+
+    def _elites(self, runs: pd.DataFrame) -> str:
+        """A figure for each archive: QD scores of different ones are not comparable."""
+        figures = "".join(
+            f"<figure><figcaption>{escape(str(archive).removeprefix(f'{env}, '))}</figcaption>"
+            + self._picture(
+                pictures.draw_elites(here, self._colors),
+                "curves",
+                f"QD score and elites, {archive}",
+            )
+            + "</figure>"
+            for (env, archive), here in with_archives(runs).groupby(["env", "archive"])
+        )
+        return f'<h3>Elites</h3><div class="stack">{figures}</div>' if figures else ""
 
     def _maps(self, runs: pd.DataFrame, title: str) -> str:
         plane = pictures.plane_of(runs)

@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from curiosity_algos.experiments.elites import n_elites, qd_score
 from curiosity_algos.experiments.measures import (
     Float64,
+    Measure,
     Points,
     best_return,
     coverage,
@@ -30,6 +32,8 @@ from curiosity_gym.maze.maze_env import MazeEnv
 
 Figure: TypeAlias = dict[str, Any]
 """`data` and `layout`."""
+Panel: TypeAlias = tuple[str, Measure, str]
+"""The title of an axis, what is drawn along it, and the format of its ticks."""
 
 MOST_ROWS = 200
 """Points of the curve of a single run, evenly spaced."""
@@ -60,15 +64,25 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
 
     Those that an environment does not tell are left out.
     """
-    panels = [("best return so far", "~g", best_return)]
+    panels: list[Panel] = [("best return so far", best_return, "~g")]
     if has_coverage(runs):
-        panels.insert(0, ("coverage", "~%", coverage))
-    axes = [(title, ticks) for title, ticks, _ in panels]
-    has_successes = reports_success(runs)
+        panels.insert(0, ("coverage", coverage, "~%"))
+    return _draw(runs, colors, panels, has_successes=reports_success(runs))
+
+
+def draw_elites(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
+    """QD score and number of elites of runs with one archive, one above the other."""
+    return _draw(runs, colors, [("QD score", qd_score, "~g"), ("elites", n_elites, "~g")])
+
+
+def _draw(
+    runs: pd.DataFrame, colors: dict[str, str], panels: list[Panel], has_successes: bool = False
+) -> Figure:
+    axes = [(title, ticks) for title, _, ticks in panels]
     traces = []
     for label, here in runs.groupby("label"):
         style = {"name": label, "legendgroup": label}, colors[str(label)]
-        for i, (_, _, measure) in enumerate(panels):
+        for i, (_, measure, _) in enumerate(panels):
             curves = read_curves(here, measure)
             traces.append(_runs(curves, *style, i))
             traces += _band_and_mean(curve_interval(curves), *style, i)

@@ -14,6 +14,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos import TD3ICM, BonusVecEnvWrapper, CanonicalES, MAPElites
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
     behavior_names,
@@ -60,6 +61,23 @@ def test_objects_are_told_by_their_class(make_model, make_easy_maze):
     assert (settings["policy"], settings["n_cells"]) == ("OwnPolicy", 3)
     assert settings["archive"] == "SparseGridArchive"
     assert settings["emitters"] is None
+
+
+def test_the_archive_of_elites_is_described(make_model, make_easy_maze):
+    env = make_easy_maze()
+    own = make_model(MAPElites, env, n_cells=3)
+    space = env.unwrapped.behavior_space
+    ranges = np.stack([space.low, space.high], axis=1).tolist()
+    grid = {"dims": [3] * len(ranges), "ranges": ranges}
+    described = describe_run(own)["archive"]
+    assert described == {"SparseGridArchive": grid | {"qd_score_offset": 0.0}}
+    archive = SparseGridArchive(
+        solution_dim=own.policy.mlp.n_parameters, qd_score_offset=-5.0, **grid
+    )
+    given = make_model(MAPElites, env, archive=archive)
+    described = describe_run(given)["archive"]
+    assert described == {"SparseGridArchive": grid | {"qd_score_offset": -5.0}}
+    assert describe_run(make_model(CanonicalES, env))["archive"] is None
 
 
 def test_the_environment_has_its_arguments(make_model):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from curiosity_algos import NSLC, CanonicalES, MAPElites
+from curiosity_algos import NSES, NSLC, CanonicalES, MAPElites
 from curiosity_algos.experiments import SaveRun, load_progress, load_runs
 from curiosity_algos.experiments.figures.comparison import compare
 from curiosity_algos.experiments.labels import COLORS, FURTHER
@@ -87,6 +87,21 @@ def test_survival_keeps_the_runs_that_found_nothing(runs, lost):
     ends = [load_runs(run)["timesteps"].item() for run in lost]
     assert never.get_xdata()[-1] == max(ends) / 1e6
     assert figure.axes[0].get_ylabel() == "runs without success (%)"
+
+
+def test_qd_scores_of_each_archive(runs, lost, make_runs):
+    without = make_runs(NSES, seeds=(0,), n_parents=2, k=3)
+    figure = compare([*runs, *lost, *without], y="qd-score")
+    titles = [ax.get_title().replace("\n", " ") for ax in figure.axes]
+    grid, unstructured = "SparseGridArchive", "UnstructuredArchive of NSLC"
+    assert titles == [f"US, goal_radius 91.5, {grid}", f"US, goal_radius 2.0, {unstructured}"]
+    assert labels(figure) == ["MAPElites (3 runs)", "NSLC (2 runs)"]
+    thin = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 0.6]
+    ends = [load_progress(run)["archive/qd_score"].iloc[-1] for run in runs]
+    assert [line.get_ydata()[-1] for line in thin] == ends
+    assert "no archive of elites: NSES." in figure.get_supxlabel()
+    with pytest.raises(ValueError, match="`runs` must have an archive of elites"):
+        compare(without, y="qd-score")
 
 
 def test_a_task_without_success_has_no_survival(tmp_path):

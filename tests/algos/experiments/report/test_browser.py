@@ -140,7 +140,7 @@ def test_a_page_is_readable_and_fits(show, width, scheme):
         " plot.querySelector('.main-svg').getBoundingClientRect().right > innerWidth).length"
     )
     assert wide == 0
-    size = find(driver, "figure .nsewdrag").size  # of a square maze
+    size = find(driver, ".map .nsewdrag").size  # of a square maze
     assert size["width"] > 180
     assert size["width"] == pytest.approx(size["height"], abs=1)
 

@@ -16,6 +16,7 @@ from curiosity_algos.experiments.run_folder import RunFolder
 
 pytestmark = pytest.mark.extra("report")
 
+MEASURED = ("coverage/reachable", "archive/qd_score", "archive/size")
 BUDGET = 15_000_000
 """Bytes of a page about a hundred runs, plotly included."""
 
@@ -85,7 +86,9 @@ def test_controls_and_pictures_have_names(page, elements):
 def test_each_environment_has_what_it_tells(page):
     pole, maze, mountain, *_ = page.read_text().split('<section class="card"')[1:]
     assert "No maps" in pole
-    assert [part.count("<figure>") for part in (pole, maze, mountain)] == [0, 2, 1]
+    assert [part.count("<figure>") for part in (pole, maze, mountain)] == [0, 3, 2]
+    assert [part.count("<h3>Elites</h3>") for part in (pole, maze, mountain)] == [0, 1, 1]
+    assert ">SparseGridArchive</figcaption>" in maze
     assert "Not begun, and left out" in maze
     assert "</span> goal" in maze
     assert "</span> goal" not in mountain
@@ -159,7 +162,7 @@ def test_rows_of_other_callbacks_are_left_out(runs_folder, tmp_path):
     apart = []
     for row in rows:
         at = dict(zip(names, row, strict=True))
-        seconds = at | dict.fromkeys(["coverage/reachable"], "")
+        seconds = at | dict.fromkeys(MEASURED, "")
         apart += [seconds, at | {"time/seconds": ""}]
     text = [",".join(names), *(",".join(each.values()) for each in apart), ""]
     log.write_text("\n".join(text))

@@ -2,13 +2,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from curiosity_algos.experiments import load_final_states
+from curiosity_algos.experiments import load_final_states, load_progress
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.pictures import (
     N_CELLS,
     Plane,
     draw_curves,
+    draw_elites,
     draw_map,
     evenly,
     plane_of,
@@ -50,6 +51,16 @@ def test_curves_are_those_of_the_runs(maze):
     assert (mean["y"] <= high["y"] + 1e-9).all()
     survival = traces_of(figure, 3)
     assert survival[0]["y"].tolist() == [1.0, 1.0]
+
+
+def test_elites_are_those_of_the_log(maze):
+    alone = maze[maze["algorithm"] == "MAPElites"]
+    figure = draw_elites(alone, color_labels(alone["label"]))
+    log = load_progress(alone["run"].item())
+    for panel, column in enumerate(("archive/qd_score", "archive/size"), 1):
+        thin, mean = traces_of(figure, panel)
+        np.testing.assert_allclose(thin["y"][:-1], log[column])
+        assert mean["y"][-1] == pytest.approx(log[column].iloc[-1])
 
 
 def test_indices_are_evenly_spaced():

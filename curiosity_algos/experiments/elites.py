@@ -1,0 +1,57 @@
+"""The archives of runs side by side: which can be compared, and their curves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from curiosity_algos.experiments.measures import Folder, Points, logged, told_apart
+from curiosity_algos.experiments.reading import damaged
+from curiosity_algos.experiments.run_folder import RunFolder
+
+CELLS = {"dims", "centroids"}
+"""Settings of archives that say which cells they have."""
+
+
+def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
+    """The rows of `load_compared` whose algorithm has an archive of elites, with its `archive`.
+
+    QD scores can be compared where that is the same: on one environment, in an archive of one class
+    with the same cells and `qd_score_offset`. Without cells, as in `UnstructuredArchive`, the
+    number of elites itself is what a distance between them comes to, so that each label counts as
+    an archive of its own; as it does where an older folder does not say what the archive was.
+    """
+    kept = [_archive_of(*each) for each in zip(runs["run"], runs["label"], strict=True)]
+    texts = pd.DataFrame(kept, index=runs.index).dropna(how="all").astype(object)
+    texts = texts.where(texts.notna(), "none").reindex(columns=["archive", *texts.columns[1:]])
+    found = runs.loc[texts.index]
+    names = found["env"] + ", " + texts.pop("archive")
+    return found.assign(archive=told_apart(names, texts))
+
+
+def _archive_of(run: Folder, label: str) -> dict[str, str]:
+    """The class of a run's `archive` and its settings, in words; empty where there is none."""
+    folder = RunFolder(run)
+    described: dict[str, Any] = folder.describe()
+    if "archive" not in described:
+        has_archive = described.get("settings", {}).get("archive") is not None
+        return {"archive": f"archive of {label}"} if has_archive else {}
+    match [*(described["archive"] or {}).items()]:
+        case []:
+            return {}
+        case [(name, dict(settings))] if settings.keys() & CELLS:
+            return {"archive": name} | {key: str(value) for key, value in settings.items()}
+        case [(name, dict())]:
+            return {"archive": f"{name} of {label}"}
+    raise damaged(folder.path / "run.json")
+
+
+def qd_score(run: Folder) -> Points:
+    """Sum of the elites' returns, less the archive's `qd_score_offset` for each of them."""
+    return logged(run, "archive/qd_score")
+
+
+def n_elites(run: Folder) -> Points:
+    """Number of elites."""
+    return logged(run, "archive/size")

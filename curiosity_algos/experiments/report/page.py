@@ -15,6 +15,7 @@ from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
+from curiosity_algos.experiments.report.pairs import AHEAD, BEHIND, pairs
 from curiosity_algos.experiments.report.tables import summary, swatch
 from curiosity_gym.extras import import_extra
 
@@ -57,6 +58,15 @@ NOTES = {
         "areas their 95 % intervals, thin lines single runs. Click on a name to hide it; drag over "
         "a curve to zoom in, and double-click to zoom out."
     ),
+    "Who is ahead of whom": (
+        "The probability of improvement (Agarwal et al. 2021): the share of the pairs of a run of "
+        "the first and a run of the second in which the first has the higher best return, the "
+        "higher coverage at its end, or the earlier first success; ties count one half. Runs "
+        "without a success count as later than all that had one, however long they ran. The "
+        "interval says what other seeds might have given: with three or four runs it is too "
+        "narrow, and of twenty pairs that are alike about one is marked by chance. There is a row "
+        "for each two with three runs or more."
+    ),
     "Success": (
         "That an episode ended in, where the environment reports it; where returns differ from 0 "
         "and no run had a success, the environment does not. Runs that had none are not dropped: "
@@ -85,6 +95,10 @@ NOTES = {
 KEY = (
     '<p class="key">First episode that ended in a cell: at the start <span class="ramp"></span> '
     "after {:,.0f} timesteps{}</p>"
+)
+PAIRS_KEY = (
+    f'<p class="key">How likely a run of the first is ahead of a run of the second; where the 95 % '
+    f"interval excludes one half: {AHEAD} the first is ahead, {BEHIND} the second is</p>"
 )
 MARKS = (
     '<span class="mark" style="background: {}"></span> start '
@@ -170,10 +184,14 @@ class _Page:
         curves = pictures.draw_curves(runs, self._colors)
         about = f"Curves of {', '.join(sorted(set(runs['label'])))} over timesteps"
         return (
-            f"{summary(runs, self._colors)}<h3>Curves</h3>"
+            f"{summary(runs, self._colors)}{self._pairs(runs)}<h3>Curves</h3>"
             f"{self._picture(curves, 'curves', about)}{self._elites(runs)}"
             f"{self._maps(runs, title)}"
         )
+
+    def _pairs(self, runs: pd.DataFrame) -> str:
+        table = pairs(runs, self._colors)
+        return f"<h3>Who is ahead of whom</h3>{PAIRS_KEY}{table}" if table else ""
 
     def _elites(self, runs: pd.DataFrame) -> str:
         """A figure for each archive: QD scores of different ones are not comparable."""

@@ -1,4 +1,4 @@
-"""The table of a report, as HTML: results of runs."""
+"""The tables of a report, as HTML; here that of the results of runs."""
 
 from __future__ import annotations
 
@@ -27,10 +27,15 @@ def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
         f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, has_successes)
         for label, here in runs.groupby("label")
     }
+    return scrolling(rows, "Interquartile means (IQM) of runs, with 95 % intervals")
+
+
+def scrolling(rows: dict[str, dict[str, str]], about: str, kind: str = "") -> str:
+    """A table that scrolls within itself where it is wide, of rows by their names, all HTML."""
     table = pd.DataFrame.from_dict(rows, orient="index")
     html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
-    about = "Interquartile means (IQM) of runs, with 95 % intervals"
-    return f'<div class="scroll" role="region" tabindex="0" aria-label="{about}">{html}</div>'
+    place = f'class="scroll {kind}" role="region" tabindex="0" aria-label="{about}"'
+    return f"<div {place}>{html}</div>"
 
 
 def swatch(color: str) -> str:

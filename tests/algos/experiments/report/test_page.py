@@ -119,6 +119,19 @@ def test_a_seed_counts_once_and_lengths_are_told(runs_folder, tmp_path):
     assert (row["Runs"], row["Timesteps of a run"]) == ("3", "1,500 to 9,999")
 
 
+def test_two_algorithms_with_three_runs_each_are_compared(page, runs_folder, tmp_path):
+    title = "<h3>Who is ahead of whom</h3>"
+    assert title not in page.read_text()
+    shutil.copytree(runs_folder / "NSES", tmp_path / "runs")
+    for path in tmp_path.glob("runs/*/?/run.json"):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"algorithm": "Copy"}))
+    write_report([runs_folder / "NSES", tmp_path / "runs"], tmp_path / "report.html")
+    _, after = (tmp_path / "report.html").read_text().split(title)
+    _, row = first_table(after.split("<h3>")[0].split("<table", 1)[1])
+    assert row[0] == "Copyover NSES"
+    assert [text[:4] for text in row[1:]] == ["0.50"] * 3
+
+
 def test_a_task_without_success_has_no_count_of_successes(runs_folder, tmp_path):
     write_report([runs_folder / "CanonicalES"], tmp_path / "report.html")
     head, row = cells(tmp_path / "report.html")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import os
 import re
@@ -25,11 +26,21 @@ from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 
+LONGEST_NAME = 255
+"""Bytes of a file's name, at most, in most file systems."""
+
 
 def variant_of(settings: Mapping[str, Any]) -> str:
-    """The name of a folder for runs of these settings; "" for none."""
+    """The name of a folder for runs of these settings; "" for none.
+
+    One that a file system would refuse ends in a digest of all settings instead.
+    """
     text = ",".join(f"{name}={value}" for name, value in sorted(settings.items()))
-    return re.sub(r"[^\w.,=+-]+", "-", text)
+    name = re.sub(r"[^\w.,=+-]+", "-", text)
+    if len(name.encode()) <= LONGEST_NAME:
+        return name
+    digest = hashlib.sha256(repr(sorted(settings.items())).encode()).hexdigest()
+    return f"{name[:50]}-{digest[:16]}"
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from ribs.emitters import GaussianEmitter
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
-from curiosity_algos.experiments.training import RunSpec, is_finished, train
+from curiosity_algos.experiments.training import RunSpec, is_finished, train, variant_of
 
 US = "CuriosityMaze-US-v0"
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
@@ -58,6 +58,20 @@ def test_the_folder_is_named_by_what_is_trained(tmp_path):
         expected = tmp_path / variant / "MAPElites" / "CuriosityMaze-US-v0" / "3"
         assert path.folder(tmp_path) == expected
     assert RunSpec("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
+
+
+def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
+    assert variant_of({}) == ""
+    assert variant_of({"sigma": 0.1, "k": 5}) == "k=5,sigma=0.1"
+    longest = {"k": "a" * 253}
+    assert variant_of(longest) == "k=" + "a" * 253
+    (tmp_path / variant_of(longest)).mkdir()
+    values = [[*range(100)], [*range(99), -99], str([*range(100)]), "a" * 254, "\U00020000" * 64]
+    names = [variant_of({"k": value, "sigma": 0.1}) for value in values]
+    assert names[0].startswith("k=-0,-1,-2,-3,-4,")
+    for name in names:
+        (tmp_path / name).mkdir()  # raises where the name is too long, or that of another
+    assert names == [variant_of({"sigma": 0.1, "k": value}) for value in values]
 
 
 def test_ctrl_c_leaves_a_checkpoint(tmp_path, monkeypatch):

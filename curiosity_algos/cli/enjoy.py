@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from curiosity_algos.cli.options import Trust
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -36,9 +37,7 @@ def enjoy(
     ] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
     seed: Annotated[int, typer.Option(help="Seed of the environment.")] = 0,
-    trust: Annotated[
-        bool, typer.Option("--trust", help="Also run code that the run's folder names or holds.")
-    ] = False,
+    trust: Trust = False,
 ) -> None:
     """Show or record an episode of a trained policy.
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from curiosity_algos.cli.options import Trust
 from curiosity_gym.validation import check_choice
 
 
@@ -22,9 +23,7 @@ def export(
     n_policies: Annotated[
         int, typer.Option(help="Whose episodes, at most; drawn where there are more.")
     ] = 1000,
-    trust: Annotated[
-        bool, typer.Option("--trust", help="Run code that the run's folder names or holds.")
-    ] = False,
+    trust: Trust = False,
 ) -> None:
     """Write episodes of a run for Minari, or its policy as ONNX.
 

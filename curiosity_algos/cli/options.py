@@ -54,6 +54,9 @@ Preset = Annotated[
 Device = Annotated[
     str | None, typer.Option(help="Device that neural networks are on: auto, cpu or cuda.")
 ]
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Also run code that the run's folder names or holds.")
+]
 Interval = Annotated[float, typer.Option(help="Seconds between two checkpoints of a run.")]
 
 

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.experiments.export.population_run import Policies
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.reopening import last_checkpoint, make_env
@@ -65,21 +66,13 @@ def replay_rewarding(run: Path) -> Rewarding:
     env = make_env(described, trust=False)
     evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
     with np.load(checkpoint / "rewarding.npz") as kept:
-        chosen = _choose(len(kept["return"]))
-        parameters, seeds = kept["parameters"][chosen], kept["episode_seed"][chosen]
+        parameters, seeds = Policies(kept["parameters"], kept["episode_seed"]).draw(N_POLICIES)
     n_observed = FlatObservations(env.observation_space).size
-    states = np.empty((len(chosen), N_STATES, n_observed), dtype=np.float32)
-    returns = np.empty(len(chosen))
+    states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)
+    returns = np.empty(len(seeds))
     for batch, rollouts in _play(evaluator, parameters, seeds):
         states[batch], returns[batch] = last_states(rollouts), rollouts.returns
     return Rewarding(states, returns)
-
-
-def _choose(n: int) -> npt.NDArray[np.int64]:
-    """Indices of those of n policies that are played."""
-    if n <= N_POLICIES:
-        return np.arange(n)
-    return np.sort(np.random.default_rng(0).choice(n, N_POLICIES, replace=False))
 
 
 def _play(

@@ -34,13 +34,13 @@ from curiosity_algos.experiments.statistics import (
 ROOT = Path(__file__).parents[1]
 RESULTS = (
     *("mazes", "variants", "labyrinth", "settings"),
-    *("control", "robots", "speed", "speed_of_learning"),
+    *("control", "robots", "bonuses", "speed", "speed_of_learning"),
 )
 PAGES = (
     "README.md",
     "docs/index.md",
     *(f"docs/results/{name}.md" for name in RESULTS),
-    *("docs/bonuses.md", "docs/clusters.md", "docs/paper.md"),
+    *("docs/clusters.md", "docs/paper.md"),
 )
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 

@@ -47,7 +47,7 @@ def ppo(
     n_steps: int = 64,
     **bonus_kwargs: Any,
 ) -> PPO:
-    """SB3's PPO with or without a bonus, as docs/bonuses.md has it for sparse rewards."""
+    """SB3's PPO with or without a bonus, as docs/bonuses_sb3.md has it for sparse rewards."""
     venv = make_vec_env(env, 16, seed, wrapper_class=lambda each: RepeatAction(each, num_repeats))
     if bonus is not None:
         venv = BonusVecEnvWrapper(

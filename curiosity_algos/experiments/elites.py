@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pandas as pd
 
+from curiosity_algos.experiments.loading import load_progress
 from curiosity_algos.experiments.measures import Folder, Points, logged, told_apart
 from curiosity_algos.experiments.reading import damaged
 from curiosity_algos.experiments.run_folder import RunFolder
 
+QD_SCORE, SIZE = "archive/qd_score", "archive/size"
+"""Columns of the log."""
 CELLS = {"dims", "centroids"}
 """Settings of archives that say which cells they have."""
 
 
 def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
-    """The rows of `load_compared` whose algorithm has an archive of elites, with its `archive`.
+    """The rows of `load_compared` whose logs have a QD score, with their `archive` of elites.
 
     QD scores can be compared where that is the same: on one environment, in an archive of one class
     with the same cells and `qd_score_offset`. Without cells, as in `UnstructuredArchive`, the
@@ -31,15 +32,13 @@ def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def _archive_of(run: Folder, label: str) -> dict[str, str]:
-    """The class of a run's `archive` and its settings, in words; empty where there is none."""
+    """The class of a run's `archive` and its settings, in words; empty without a QD score."""
+    if not {QD_SCORE, SIZE} <= {*load_progress(run)}:
+        return {}
     folder = RunFolder(run)
-    described: dict[str, Any] = folder.describe()
-    if "archive" not in described:
-        has_archive = described.get("settings", {}).get("archive") is not None
-        return {"archive": f"archive of {label}"} if has_archive else {}
-    match [*(described["archive"] or {}).items()]:
+    match [*(folder.describe().get("archive") or {}).items()]:
         case []:
-            return {}
+            return {"archive": f"archive of {label}"}
         case [(name, dict(settings))] if settings.keys() & CELLS:
             return {"archive": name} | {key: str(value) for key, value in settings.items()}
         case [(name, dict())]:
@@ -49,9 +48,9 @@ def _archive_of(run: Folder, label: str) -> dict[str, str]:
 
 def qd_score(run: Folder) -> Points:
     """Sum of the elites' returns, less the archive's `qd_score_offset` for each of them."""
-    return logged(run, "archive/qd_score")
+    return logged(run, QD_SCORE)
 
 
 def n_elites(run: Folder) -> Points:
     """Number of elites."""
-    return logged(run, "archive/size")
+    return logged(run, SIZE)

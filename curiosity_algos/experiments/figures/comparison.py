@@ -53,7 +53,7 @@ NOTE = (
 )
 REPEATED = "\nLeft out, as a seed counts once: {} with the seed of another run."
 ARCHIVES = "\nA panel for each archive: QD scores of different ones are not comparable."
-NO_ARCHIVE = "\nLeft out, as the algorithm keeps no archive of elites: {}."
+NO_ARCHIVE = "\nLeft out, as their logs have no QD score: {}."
 SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval, of three runs or more."
 
 
@@ -63,7 +63,7 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
     Args:
         folders: Folders of runs, or folders that hold them.
         y: "coverage", "best-return" (so far), "qd-score" (a panel for each archive, as
-            `with_archives` tells them apart, without runs that have none) or "survival" (share of
+            `with_archives` tells them apart, of runs that have a score) or "survival" (share of
             runs without success yet; none on a task that reports no success).
         x: "timesteps" or "seconds".
 
@@ -104,7 +104,7 @@ def _by_archive(runs: pd.DataFrame) -> tuple[pd.DataFrame, str]:
     """The runs with an archive, which is their panel instead of `env`, and a note on the others."""
     found = with_archives(runs)
     if found.empty:
-        raise ValueError("`runs` must have an archive of elites, as those of NSLC or MAPElites.")
+        raise ValueError("`runs` must have a QD score, as those of NSLC or MAPElites.")
     others = ", ".join(sorted(set(runs["label"].drop(found.index))))
     note = ARCHIVES + (NO_ARCHIVE.format(others) if others else "")
     return found.assign(env=found["archive"]), note

@@ -107,6 +107,14 @@ def test_an_older_folder_does_not_say_what_its_archive_was(change):
     assert "NSES" not in str(panels(change("NSES", lambda run: run.pop("archive"))))
 
 
+def test_an_algorithm_that_logs_no_score_is_left_out(runs, tmp_path):
+    (run,) = runs[runs["label"] == "NSLC"]["run"].head(1)
+    shutil.copytree(run, tmp_path / "run")
+    log = tmp_path / "run" / "progress.csv"
+    log.write_text(log.read_text().replace("archive/qd_score", "archive/own"))
+    assert with_archives(load_compared([tmp_path])).empty
+
+
 @pytest.mark.parametrize("archive", [{"A": 1}, {"A": {}, "B": {}}, 5])
 def test_an_archive_that_no_run_would_have_written_is_one_sentence(change, archive):
     with pytest.raises(ValueError, match=r"run\.json is damaged"):

@@ -99,8 +99,8 @@ def test_qd_scores_of_each_archive(runs, lost, make_runs):
     thin = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 0.6]
     ends = [load_progress(run)["archive/qd_score"].iloc[-1] for run in runs]
     assert [line.get_ydata()[-1] for line in thin] == ends
-    assert "no archive of elites: NSES." in figure.get_supxlabel()
-    with pytest.raises(ValueError, match="`runs` must have an archive of elites"):
+    assert "have no QD score: NSES." in figure.get_supxlabel()
+    with pytest.raises(ValueError, match="`runs` must have a QD score"):
         compare(without, y="qd-score")
 
 

@@ -40,7 +40,7 @@ PAGES = (
     "README.md",
     "docs/index.md",
     *(f"docs/results/{name}.md" for name in RESULTS),
-    *("docs/clusters.md", "docs/paper.md"),
+    *("docs/clusters.md", "docs/paper.md", "docs/paper_claims.md"),
 )
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 

@@ -17,6 +17,7 @@ from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.bonuses.base import Bonus, record_bonus, train
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
+from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
@@ -76,7 +77,7 @@ class TD3ICM(ResumableTD3):
     def __init__(
         self,
         env: AnyEnv | None,
-        policy: str | type[TD3Policy] = "MlpPolicy",
+        policy: str | type[TD3Policy] | None = None,
         *,
         bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
@@ -128,7 +129,7 @@ class TD3ICM(ResumableTD3):
         self._bonus = make_bonus(
             self.bonus,
             {"learning_rate": BONUS_LEARNING_RATE, **self.bonus_kwargs},
-            self.observation_space,
+            View(self.observation_space).space,
             self.action_space,
             seed=integer_seed(networks_seed),
             device=self.device,

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
-from gymnasium.vector.utils import batch_space, concatenate, create_empty_array, iterate
+from gymnasium.vector.utils import concatenate, create_empty_array
 from stable_baselines3.common.utils import is_vectorized_observation
 
 Float32Array = npt.NDArray[np.float32]
@@ -56,7 +56,6 @@ class FlatObservations:
         if self.size == 0:
             raise ValueError(_refused(space, "it must have at least one entry."))
         self._is_vector = is_vector(space)
-        self._batched = batch_space(self._own, 1)
 
     @cached_property
     def space(self) -> spaces.Box[Any]:
@@ -77,15 +76,21 @@ class FlatObservations:
                 return np.asarray(spaces.flatten(self._own, observation))
         except (IndexError, KeyError, TypeError, ValueError):
             pass  # what follows says more
-        raise ValueError(
-            f"`env` must give observations of its space {self._own}, got {observation!r:.60}."
+        raise self._wrong(observation)
+
+    def _wrong(self, observed: Any) -> ValueError:
+        return ValueError(
+            f"`env` must give observations of its space {self._own}, got {observed!r:.60}."
         )
 
     def many(self, observations: Any) -> npt.NDArray[Any]:
         """The vectors (n, O) of n observations, as vector environments of either API give them."""
         if self._is_vector:
             return np.array(observations)
-        return np.array([self.one(each) for each in iterate(self._batched, observations)])
+        try:
+            return _rows(self._own, observations)
+        except (IndexError, KeyError, TypeError, ValueError):
+            raise self._wrong(observations) from None
 
     def own(self, vectors: npt.NDArray[Any]) -> Any:
         """The observations that vectors (n, O) are of, stacked as vector environments do."""
@@ -214,6 +219,28 @@ def _fits(entry: Space, value: Any) -> bool:
     if isinstance(entry, spaces.Discrete | spaces.MultiDiscrete):
         return bool(entry.contains(value))
     return bool(np.shape(value) == entry.shape)
+
+
+def _rows(space: Space, values: Any) -> npt.NDArray[Any]:
+    """Of n observations of a space what Gymnasium's `flatten` gives of each, (n, O)."""
+    if isinstance(space, spaces.Dict | spaces.Tuple):
+        entries = [_rows(entry, values[name]) for name, entry in _named_entries(space)]
+        return np.concatenate(entries, axis=1)
+    values = np.asarray(values)
+    n, size = len(values), spaces.flatdim(space)
+    if values.shape[1:] != space.shape:
+        raise ValueError
+    if isinstance(space, spaces.Box | spaces.MultiBinary):
+        numbers: npt.NDArray[Any] = values.astype(space.dtype).reshape(n, size)
+        return numbers
+    assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
+    n_choices = np.ravel(space.n if isinstance(space, spaces.Discrete) else space.nvec)
+    chosen = values.reshape(n, len(n_choices)) - np.ravel(space.start)
+    if (chosen < 0).any() or (chosen >= n_choices).any():
+        raise ValueError
+    rows = np.zeros((n, size), dtype=space.dtype)
+    rows[np.arange(n)[:, None], chosen + np.cumsum(n_choices) - n_choices] = 1
+    return rows
 
 
 def _check_entry(space: Space, name: str | int, entry: Space) -> None:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
@@ -21,24 +20,24 @@ from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import draw_steps, horizon_of
-from curiosity_algos.checkpoints.plain_files import check_plain, plain, read_plain, write_plain
+from curiosity_algos.bonuses.views import View
+from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import generator_state, integer_seed, load_generator_state
+from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
+from curiosity_algos.sb3.held_observations import Array, check_sb3_takes
+from curiosity_algos.sb3.ordered_replay_buffer import IntArray, OrderedReplayBuffer
+from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
 from curiosity_algos.sb3.scale import BonusScale, check_discount
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
 
 N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
-COLUMNS = ("observations", "actions", "rewards", "dones", "timeouts")
 COUNTERS = ("metrics", "_n_untrained", "_has_trained")
 """What else a file holds, by the name of its attribute."""
-FORMAT = "curiosity replay buffer 2"
-Array = npt.NDArray[Any]
-IntArray = npt.NDArray[np.int64]
 
 
-class BonusReplayBuffer(ReplayBuffer):
+class BonusReplayBuffer(OrderedReplayBuffer):
     """Keeps the rewards of the task, and gives `reward + weight * bonus` with the bonus of now.
 
     A bonus stored with its transition would be that of a module long since trained on. Any
@@ -55,7 +54,9 @@ class BonusReplayBuffer(ReplayBuffer):
     Args:
         buffer_size: Transitions kept of all environments, the newest: one of each at least, and two
             with `optimize_memory_usage`.
-        observation_space: Of a single environment: Box of one dimension, or of images.
+        observation_space: Of a single environment: Box, MultiBinary, Discrete or MultiDiscrete from
+            0, or a Dict of such, which `MultiInputPolicy` takes. Samples are SB3's own; the bonus
+            sees images as they are, and others as vectors.
         action_space: Box with bounds, or Discrete.
         device: Where samples go, and the networks of a bonus that is named.
         n_envs: Environments side by side.
@@ -63,6 +64,7 @@ class BonusReplayBuffer(ReplayBuffer):
         handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`.
         bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the spaces, which
             this then trains.
+        observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
         bonus_kwargs: Of a bonus that is named, as `BonusVecEnvWrapper` has them.
         weight: Of the bonus, above 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
@@ -85,6 +87,7 @@ class BonusReplayBuffer(ReplayBuffer):
             knows it.
     """
 
+    observation_key: str | None = None
     _ahead: Iterator[tuple[IntArray, Array]] = iter(())
 
     def __init__(
@@ -99,6 +102,7 @@ class BonusReplayBuffer(ReplayBuffer):
         *,
         bonus: str | Bonus = "icm",
         bonus_kwargs: dict[str, Any] | None = None,
+        observation_key: str | None = None,
         weight: float = 1.0,
         extrinsic: bool = True,
         gamma: float | None = 0.99,
@@ -112,6 +116,8 @@ class BonusReplayBuffer(ReplayBuffer):
         check_bool(extrinsic=extrinsic)
         _check_schedule(gamma, train_interval, n_updates, batch_size)
         _check_size(buffer_size, n_envs, optimize_memory_usage)
+        check_sb3_takes(observation_space)
+        shown = View(observation_space, observation_key).space
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
         seed = _sequence(seed)
@@ -122,7 +128,7 @@ class BonusReplayBuffer(ReplayBuffer):
         self.bonus = make_bonus(
             bonus,
             bonus_kwargs,
-            observation_space,
+            shown,
             action_space,
             seed=integer_seed(networks_seed),
             device=device,
@@ -136,14 +142,15 @@ class BonusReplayBuffer(ReplayBuffer):
             n_envs,
             optimize_memory_usage,
             handle_timeout_termination,
+            np.random.default_rng(seed),
         )
+        self.observation_key = observation_key
         self.weight = float(weight)
         self.extrinsic = bool(extrinsic)
         self.train_interval = train_interval
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.metrics: dict[str, float] = {}
-        self._rng = np.random.default_rng(seed)
         self._scale = None if gamma is None else BonusScale(n_envs, gamma=gamma)
         self._n_untrained = 0  # steps of every environment
         self._has_trained = train_interval is None
@@ -152,8 +159,8 @@ class BonusReplayBuffer(ReplayBuffer):
 
     def add(
         self,
-        obs: Array,
-        next_obs: Array,
+        obs: Any,
+        next_obs: Any,
         action: Array,
         reward: Array,
         done: Array,
@@ -164,26 +171,14 @@ class BonusReplayBuffer(ReplayBuffer):
         Raises:
             ValueError: If an observation or a reward is not finite.
         """
-        check_observations(obs)
-        check_observations(next_obs)
+        for each in (obs, next_obs):
+            for entry in each.values() if isinstance(each, dict) else [each]:
+                check_observations(entry)
         check_rewards(reward)
-        self._end_what_was_left(obs)
         super().add(obs, next_obs, action, reward, done, infos)
         self._n_untrained += 1
         if self.train_interval and self._n_untrained * self.n_envs >= self.train_interval:
             self._train()
-
-    def _end_what_was_left(self, obs: Array) -> None:
-        """Truncate episodes before that this step does not go on with: no span goes over a gap."""
-        if not self.size():
-            return
-        newest = (self.pos - 1) % self.buffer_size
-        obs = np.asarray(obs, self.observations.dtype)  # as it is held
-        before = self._next_observations(np.full(self.n_envs, newest), np.arange(self.n_envs))
-        is_left = (before != obs).reshape(self.n_envs, -1).any(axis=1) & (self.dones[newest] == 0)
-        self.dones[newest, is_left] = 1.0
-        if not self.optimize_memory_usage:  # whose last observation is overwritten now
-            self.timeouts[newest, is_left] = 1.0
 
     def _train(self) -> None:
         """Train the bonus with what came since the last time, and see what it says of that."""
@@ -213,14 +208,22 @@ class BonusReplayBuffer(ReplayBuffer):
         if self.extrinsic:
             rewards = rewards + self._normalize_reward(self.rewards[rows, envs], env)
         ended = self.dones[rows, envs] * (1.0 - self.timeouts[rows, envs])
-        values: tuple[Any, ...] = (
-            self._normalize_obs(self.observations[rows, envs], env),
-            self.actions[rows, envs],
-            self._normalize_obs(self._next_observations(rows, envs), env),
-            ended[:, None],
-            rewards.astype(np.float32)[:, None],
+        is_dict = isinstance(self.observation_space, spaces.Dict)
+        samples: Any = DictReplayBufferSamples if is_dict else ReplayBufferSamples
+        return samples(  # type: ignore[no-any-return]
+            self._sampled(self.observations[rows, envs], env),
+            self.to_torch(self.actions[rows, envs]),
+            self._sampled(self._next_observations(rows, envs), env),
+            self.to_torch(ended[:, None]),
+            self.to_torch(rewards.astype(np.float32)[:, None]),
         )
-        return ReplayBufferSamples(*map(self.to_torch, values))
+
+    def _sampled(self, held: Array, env: VecNormalize | None) -> th.Tensor | dict[str, th.Tensor]:
+        """Observations as SB3's policies take them."""
+        shown = self._normalize_obs(self._held.sampled(held), env)
+        if isinstance(shown, dict):
+            return {name: self.to_torch(entry) for name, entry in shown.items()}
+        return self.to_torch(shown)
 
     @contextmanager
     def drawn_ahead(self, n_batches: int, batch_size: int) -> Iterator[None]:
@@ -247,7 +250,7 @@ class BonusReplayBuffer(ReplayBuffer):
     @property
     def _n_scored(self) -> int:
         """Transitions whose bonus is computed in one call; of images a batch is more than these."""
-        return 1 if len(self.observation_space.shape or ()) > 1 else N_SCORED
+        return 1 if self._shows_images else N_SCORED
 
     def _bonus_of(self, drawn: IntArray) -> Array:
         """Bonus (n,) of transitions, scaled, before it is weighted."""
@@ -283,46 +286,12 @@ class BonusReplayBuffer(ReplayBuffer):
         actions = actions.reshape(batch_size, -1).astype(np.float32, copy=False)
         return th.from_numpy(before), th.from_numpy(actions), th.from_numpy(after)
 
-    def _steps_left(self, windows: IntArray, envs: IntArray) -> IntArray:
-        """Steps (n,) of each window (n, H) until its episode ends, or the newest transition."""
-        newest = (self.pos - 1) % self.buffer_size
-        is_last = (self.dones[windows, envs[:, None]] > 0) | (windows == newest)
-        is_last[:, -1] = True
-        steps: IntArray = is_last.argmax(axis=1) + 1
-        return steps
-
     def newest(self, n: int) -> tuple[Array, ...]:
         """The last n steps of every environment, (n * n_envs, ...); fewer where fewer are held.
 
         In the order of their steps, and in each of their environments.
         """
         return self._transitions(*self._newest(n))
-
-    def _newest(self, n: int) -> tuple[IntArray, IntArray]:
-        """Rows and environments of these."""
-        n = min(n, self._n_held)
-        rows = (self.pos - n + np.arange(n)) % self.buffer_size
-        return np.repeat(rows, self.n_envs), np.tile(np.arange(self.n_envs), n)
-
-    # -- places ---------------------------------------------------------------------------------
-
-    @property
-    def _n_held(self) -> int:
-        """Steps of every environment whose next observation is held, too."""
-        return self.size() - (self.optimize_memory_usage and self.full)
-
-    def _draw(self, n: int) -> IntArray:
-        """Numbers of transitions that are held, drawn uniformly."""
-        if not self._n_held:
-            raise ValueError("`sample` must come after `add`: no transition is held yet.")
-        return self._rng.integers(self._n_held * self.n_envs, size=n)
-
-    def _places(self, drawn: IntArray) -> tuple[IntArray, IntArray]:
-        """Row and environment of each transition of such a number."""
-        rows, envs = np.divmod(drawn, self.n_envs)
-        if self._n_held < self.size():  # the newest next observation is in the oldest's place
-            rows = (self.pos + 1 + rows) % self.buffer_size
-        return rows, envs
 
     def _transitions(self, rows: IntArray, envs: IntArray) -> tuple[Array, ...]:
         """Observations, actions and next observations, as a bonus takes them."""
@@ -332,17 +301,18 @@ class BonusReplayBuffer(ReplayBuffer):
             self._seen(self._next_observations(rows, envs)),
         )
 
-    def _next_observations(self, rows: IntArray, envs: IntArray) -> Array:
-        if not self.optimize_memory_usage:
-            held: Array = self.next_observations[rows, envs]
-            return held
-        goes_on = self.dones[rows, envs] == 0  # where not, the next row begins another episode
-        after: Array = self.observations[(rows + goes_on) % self.buffer_size, envs]
-        return after
+    @cached_property
+    def _view(self) -> View:
+        return View(self.observation_space, self.observation_key)
 
-    def _seen(self, observations: Array) -> Array:
-        is_image = ImageInputs.of(self.observation_space) is not None
-        return observations if is_image else observations.astype(np.float32, copy=False)
+    @cached_property
+    def _shows_images(self) -> bool:
+        return ImageInputs.of(self._view.space) is not None
+
+    def _seen(self, held: Array) -> Array:
+        """Observations as the bonus sees them."""
+        seen = self._view(self._held.own(held))
+        return seen if self._shows_images else seen.astype(np.float32, copy=False)
 
     def _taken(self, actions: Array) -> Array:
         """Actions as the environment takes them: (n, A) of a Box, (n,) of a Discrete."""
@@ -354,40 +324,6 @@ class BonusReplayBuffer(ReplayBuffer):
 
     # -- save and load --------------------------------------------------------------------------
 
-    def state_dict(self) -> dict[str, Any]:
-        """Transitions held, oldest first, the bonus with its scale, and the state of the draws."""
-        rows = (self.pos - self._n_held + np.arange(self._n_held)) % self.buffer_size
-        held = {name: getattr(self, name)[rows] for name in COLUMNS}
-        every = np.broadcast_to(np.arange(self.n_envs), (len(rows), self.n_envs))
-        held["next_observations"] = self._next_observations(rows[:, None], every)
-        buffer = {name: th.from_numpy(column) for name, column in held.items()}
-        return {
-            "buffer": {**buffer, "pos": self.pos, "full": self.full},
-            "rng": generator_state(self._rng),
-        }
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave; transitions left out of the file are none."""
-        load_generator_state(self._rng, state["rng"])
-        if "buffer" not in state:
-            return
-        held = {**state["buffer"]}
-        position, full = held.pop("pos"), held.pop("full")
-        n, most = len(held["actions"]), self.buffer_size - self.optimize_memory_usage
-        kept = min(n, most)
-        if not (n == most if full else n == position < self.buffer_size):  # of another capacity
-            position, full = kept % self.buffer_size, kept == most
-        self.pos, self.full = position, full
-        rows = (position - kept + np.arange(kept)) % self.buffer_size
-        columns = {name: column.cpu().numpy()[n - kept :] for name, column in held.items()}
-        after = columns.pop("next_observations")
-        for name, column in columns.items():
-            getattr(self, name)[rows] = column
-        if not self.optimize_memory_usage:
-            self.next_observations[rows] = after
-        elif kept:
-            self.observations[position] = after[-1]
-
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write transitions and bonus to a file that `restore` reads without running code.
 
@@ -395,12 +331,14 @@ class BonusReplayBuffer(ReplayBuffer):
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If the state of a bonus of your own holds what no file of torch may.
         """
-        state = self.bonus.state_dict()
-        check_plain(state, "bonus")
-        scale = None if self._scale is None else self._scale.state_dict()
-        counters = {name: getattr(self, name) for name in COUNTERS}
-        parts = {"made": self._made, "bonus": state, "scale": scale, "counters": counters}
-        write_plain(path, {**self.state_dict(), **parts}, FORMAT)
+        write_buffer(
+            path,
+            made=self._made,
+            bonus=self.bonus.state_dict(),
+            scale=None if self._scale is None else self._scale.state_dict(),
+            counters={name: getattr(self, name) for name in COUNTERS},
+            transitions=self.state_dict(),
+        )
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.
@@ -410,15 +348,11 @@ class BonusReplayBuffer(ReplayBuffer):
             ValueError: If it is damaged, or another's, or its bonus was made with other keywords;
                 this buffer is then as it was.
         """
-        saved = read_plain(path, FORMAT, what=type(self).__name__)
-        if saved.get("made") != self._made:
-            raise ValueError(
-                f"`path` must be saved of a buffer with the bonus {self._made}, {path} has "
-                f"{saved.get('made')}."
-            )
+        saved = read_buffer(path, self._made)
         before = self.bonus.state_dict()
+        own = {"next_observations": self.observations, **vars(self)}
         try:
-            self._check(saved)
+            check_buffer(saved, own, {name: own[name] for name in COUNTERS})
             self.bonus.load_state_dict(saved["bonus"])
             if self._scale is not None:
                 self._scale.load_state_dict(saved["scale"])
@@ -430,20 +364,6 @@ class BonusReplayBuffer(ReplayBuffer):
             ) from error
         self.load_state_dict(saved)
         vars(self).update(saved["counters"])
-
-    def _check(self, saved: Mapping[str, Any]) -> None:
-        """Raise ValueError unless transitions and counters are such as this buffer has."""
-        n = len(saved["buffer"]["actions"])
-        for name in (*COLUMNS, "next_observations"):
-            column = saved["buffer"][name].numpy()
-            own = getattr(self, name, self.observations)
-            is_alike = column.dtype == own.dtype and column.shape == (n, *own.shape[1:])
-            if not is_alike or not np.isfinite(column).all():
-                raise ValueError(f"`{name}` must be {n} rows of {own.shape[1:]}, finite.")
-        load_generator_state(np.random.default_rng(0), saved["rng"])
-        types = {name: type(getattr(self, name)) for name in COUNTERS}
-        if {name: type(value) for name, value in saved["counters"].items()} != types:
-            raise ValueError(f"`counters` must be {types}.")
 
 
 def _check_schedule(

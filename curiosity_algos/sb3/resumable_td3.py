@@ -24,7 +24,7 @@ from stable_baselines3.common.type_aliases import (
 )
 from stable_baselines3.common.utils import should_collect_more_steps
 from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.td3 import CnnPolicy, MlpPolicy
+from stable_baselines3.td3 import CnnPolicy, MlpPolicy, MultiInputPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.checkpoints.environment_state import (
@@ -51,6 +51,7 @@ from curiosity_algos.sb3.td3_envs import (
     GaussianActionNoise,
     check_env,
     check_length,
+    default_policy,
     longest_episode,
 )
 from curiosity_gym.validation import (
@@ -72,7 +73,8 @@ class ResumableTD3(Resumable, TD3):
     Args:
         env: An environment id, a Gymnasium env, or an SB3 VecEnv or Gymnasium VectorEnv of one.
             Actions must be a bounded Box.
-        policy: "MlpPolicy", "CnnPolicy", or a subclass of either.
+        policy: "MlpPolicy", "CnnPolicy", "MultiInputPolicy", or a subclass of one of these; None:
+            the last where observations are a Dict, else the first.
         learning_rate: Adam's, of actor and critics, or a schedule as in SB3.
         buffer_size: Transitions kept.
         learning_starts: Steps of random actions before the first training.
@@ -99,12 +101,13 @@ class ResumableTD3(Resumable, TD3):
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {
         "MlpPolicy": MlpPolicy,
         "CnnPolicy": CnnPolicy,
+        "MultiInputPolicy": MultiInputPolicy,
     }
 
     def __init__(
         self,
         env: AnyEnv | None,
-        policy: str | type[TD3Policy] = "MlpPolicy",
+        policy: str | type[TD3Policy] | None = None,
         *,
         learning_rate: float | Schedule = 1e-3,
         buffer_size: int = 1_000_000,
@@ -128,13 +131,13 @@ class ResumableTD3(Resumable, TD3):
         **unknown: Never,
     ) -> None:
         check_keywords_known(self, unknown)
-        check_order(self, env, policy)
+        check_order(self, env, policy or "MlpPolicy")
         check_common(seed, device, verbose)
         env = open_env(env)
         if env is not None or _init_setup_model:
             check_env(env)
         super().__init__(
-            policy,
+            policy or default_policy(env),
             env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
             learning_rate=learning_rate,
             buffer_size=buffer_size,

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.vector import most_steps
+from curiosity_algos.sb3.held_observations import check_sb3_takes
 
 NOISE = 0.1
 """Standard deviation of the action noise, in halves of the action space."""
@@ -37,18 +38,23 @@ def check_length(n_steps: int, limit: float) -> None:
 
 
 def check_env(env: object) -> None:
-    """Raise ValueError unless `env` is one environment with Boxes of observations and actions."""
+    """Raise ValueError unless `env` is one environment whose spaces TD3 takes."""
     observation_space, action_space = describe(env)
     if not isinstance(action_space, spaces.Box) or not _can_be_learned(action_space):
         raise ValueError(
             "`env` must have a bounded one-dimensional Box of actions, at least one entry, of "
             f"floats, with `low` below `high`, got {action_space}."
         )
-    if not isinstance(observation_space, spaces.Box):
-        raise ValueError(f"`env` must have a Box of observations, got {observation_space}.")
+    check_sb3_takes(observation_space)
     n_envs = getattr(env, "num_envs", 1)
     if n_envs != 1:
         raise ValueError(f"`env` must be one environment, got {n_envs}: rollouts are episodes.")
+
+
+def default_policy(env: object) -> str:
+    """The policy of Stable-Baselines3 that takes an environment's observations."""
+    has_entries = isinstance(getattr(env, "observation_space", None), spaces.Dict)
+    return "MultiInputPolicy" if has_entries else "MlpPolicy"
 
 
 def _can_be_learned(actions: spaces.Box[Any]) -> bool:

@@ -7,11 +7,13 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
-from toys import SPACES, Toy
+from stable_baselines3.td3 import MultiInputPolicy
+from toys import OFF_POLICY, SPACES, Toy
 
 from curiosity_algos import (
     NSES,
@@ -34,7 +36,8 @@ OBSERVATIONS = {
     "Box of another shape": spaces.Box(-1, 1, (2, 2)),
     "image of 36 by 36": spaces.Box(0, 255, (36, 36, 1), np.uint8),
     "image of 84 by 84": spaces.Box(0, 255, (84, 84, 3), np.uint8),
-    "Discrete": spaces.Discrete(3, start=2),
+    "Discrete from 0": spaces.Discrete(3),
+    "Discrete from elsewhere": spaces.Discrete(3, start=2),
     "MultiBinary": spaces.MultiBinary(3),
     "MultiDiscrete": spaces.MultiDiscrete([2, 3]),
     "Dict": spaces.Dict(a=BOX, b=spaces.Discrete(2)),
@@ -109,6 +112,38 @@ class TestEveryAlgorithm:
         assert together.dtype == env.action_space.dtype
         mean_return, _ = evaluate_policy(model, model.get_env(), n_eval_episodes=1)
         assert mean_return == model.best_return
+
+
+class TestTD3ICM:
+    @pytest.mark.parametrize("name", OFF_POLICY)
+    def test_a_run_resumes_in_every_bit(self, name, make_model, tmp_path, assert_same_run):
+        model = make_model(TD3ICM, Toy(name), learning_starts=10).learn(25)
+        model.save(tmp_path / "model")
+        resumed = TD3ICM.load(tmp_path / "model", env=Toy(name))
+        for each in (model, resumed):
+            each.learn(25, reset_num_timesteps=False)
+        assert_same_run(model, resumed)
+        assert model._n_updates == resumed._n_updates > 0
+
+    @pytest.mark.parametrize("name", OFF_POLICY)
+    def test_it_predicts_for_the_environments_own_observations(self, name, make_model):
+        env, model = Toy(name), make_model(TD3ICM, Toy(name))
+        observations = [env.observation_space.sample() for _ in range(4)]
+        singly = [model.predict(each, deterministic=True)[0] for each in observations]
+        assert all(map(env.action_space.contains, singly))
+        together, _ = model.predict(batch_of(env.observation_space, observations), None, None, True)
+        np.testing.assert_allclose(together, singly, rtol=1e-5, atol=1e-6)
+
+    def test_a_dictionary_has_its_policy(self, make_model):
+        assert isinstance(make_model(TD3ICM, Toy("task")).policy, MultiInputPolicy)
+        with pytest.raises(ValueError, match="You must use `MultiInputPolicy`"):
+            make_model(TD3ICM, Toy("task"), policy="MlpPolicy")
+
+    @pytest.mark.parametrize("bonus", ["apt", "disagreement", "icm", "ramp", "rnd"])
+    def test_every_bonus_learns(self, bonus, make_model):
+        model = make_model(TD3ICM, Toy("tiles"), bonus=bonus, learning_starts=10).learn(30)
+        assert model.trained_bonus.shape == (4 + 3 + 9,)
+        assert model._n_updates > 0
 
 
 @pytest.mark.parametrize("bonus", BONUSES)
@@ -214,6 +249,18 @@ def test_point_maze(algorithm, make_model, tmp_path, assert_same_run):
     make_env = functools.partial(make_real, "PointMaze_UMaze-v3")
     model = make_model(algorithm, make_env, **({"behavior": "final"} if algorithm is NSES else {}))
     assert_resumes(algorithm, model, make_env, tmp_path / "model", assert_same_run)
+
+
+@pytest.mark.extra("robotics")
+def test_td3_learns_in_point_maze(make_model, tmp_path, assert_same_run):
+    make_env = functools.partial(make_real, "PointMaze_UMaze-v3")
+    model = make_model(TD3ICM, make_env, learning_starts=20).learn(40)
+    model.save(tmp_path / "model")
+    resumed = TD3ICM.load(tmp_path / "model", env=make_env)
+    assert isinstance(resumed.policy, MultiInputPolicy)
+    assert model._n_updates == resumed._n_updates > 0
+    before, after = (th.cat([p.flatten() for p in m.policy.parameters()]) for m in (model, resumed))
+    assert th.equal(before, after)
 
 
 def test_equal_dictionaries_are_seen_alike():

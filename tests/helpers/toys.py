@@ -34,6 +34,23 @@ SPACES = {
     "image": (spaces.Box(0, 255, (7, 7, 3), np.uint8), spaces.MultiDiscrete([[2, 2], [3, 2]])),
 }
 """By name, the spaces of observations and of actions that a toy has."""
+BOX = spaces.Box(-1, 1, (2,))
+OFF_POLICY = {
+    "numbers": (spaces.Discrete(4), BOX),
+    "options": (spaces.MultiDiscrete([2, 3]), BOX),
+    "switches": (spaces.MultiBinary([2, 2]), BOX),
+    "rows": (spaces.Box(-1, 1, (2, 3), np.float64), BOX),
+    "tiles": (
+        spaces.Dict(
+            direction=spaces.Discrete(4),
+            doors=spaces.MultiBinary(3),
+            map=spaces.Box(0, 9, (3, 3), np.int8),
+        ),
+        BOX,
+    ),
+    "task": (GOAL, BOX),
+}
+"""Those that SB3's off-policy algorithms take beside vectors and images."""
 
 
 class Toy(gym.Env):
@@ -42,8 +59,9 @@ class Toy(gym.Env):
     It takes actions of its space alone, and ends sooner the more it rewards.
     """
 
-    def __init__(self, name):
-        self.observation_space, self.action_space = copy.deepcopy(SPACES[name])
+    def __init__(self, name, action_space=None):
+        self.observation_space, own = copy.deepcopy((SPACES | OFF_POLICY)[name])
+        self.action_space = own if action_space is None else action_space
         if name != "goal":
             self.behavior_space = spaces.Box(-50.0, 50.0, (2,))
 

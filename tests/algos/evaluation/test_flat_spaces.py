@@ -82,6 +82,21 @@ class TestRefusals:
         with pytest.raises(ValueError, match="`env` must give observations of its space"):
             FlatObservations(space).one(observation)
 
+    @pytest.mark.parametrize(
+        ("space", "batch"),
+        [
+            (spaces.Discrete(3), np.array([0, 3])),
+            (spaces.Discrete(3, start=1), np.array([0, 1])),
+            (spaces.MultiDiscrete([2, 3]), np.array([[0, 2], [2, 0]])),
+            (spaces.Box(0, 1, (2, 2)), np.zeros((3, 4))),
+            (spaces.Dict(a=spaces.Discrete(2)), {"b": np.array([0])}),
+        ],
+        ids=str,
+    )
+    def test_several_of_which_one_is_of_another_space(self, space, batch):
+        with pytest.raises(ValueError, match="`env` must give observations of its space"):
+            FlatObservations(space).many(batch)
+
     def test_what_predict_is_given_may_be_neither(self):
         with pytest.raises(ValueError, match="`observation` must be of the space"):
             FlatObservations(spaces.Dict(a=spaces.Discrete(2))).is_batch({"b": 1})

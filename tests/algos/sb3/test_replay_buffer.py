@@ -11,10 +11,12 @@ import sb3_contrib
 import stable_baselines3
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.buffers import DictReplayBuffer, ReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch_threads import heavy_threads
+from toys import OFF_POLICY, Toy
 
 from curiosity_algos import ICM, ExplorationCallback
 from curiosity_algos.sb3 import replay_buffer as module
@@ -467,7 +469,9 @@ class TestTraining:
         ({"batch_size": 0}, "`batch_size` must be"),
         ({"seed": -1}, "`seed` must be"),
         ({"action_space": spaces.MultiBinary(3)}, "action"),
-        ({"observation_space": spaces.Dict({"x": OBSERVATIONS})}, "observation"),
+        ({"observation_space": spaces.Tuple([OBSERVATIONS])}, "policies take"),
+        ({"observation_space": spaces.Dict(x=spaces.Text(3))}, "policies take"),
+        ({"observation_key": "x"}, "`observation_key` must be None"),
     ],
 )
 def test_bad_settings_are_named(settings, said):
@@ -522,6 +526,155 @@ def test_a_training_scores_images_some_at_a_time(monkeypatch):
     assert buffer.bonus.seen == scored == [8, 8, 4]
 
 
+def batches(space, n_envs, n_steps):
+    """Observations as a vector environment gives them, step by step."""
+    space.seed(3)
+    for _ in range(n_steps):
+        rows = [space.sample() for _ in range(n_envs)]
+        empty = gym.vector.utils.create_empty_array(space, n_envs)
+        yield gym.vector.utils.concatenate(space, rows, empty)
+
+
+def rows_of(space, batch):
+    return list(gym.vector.utils.iterate(gym.vector.utils.batch_space(space, 1), batch))
+
+
+def assert_equal(one, other):
+    """Tensors or arrays, or dictionaries of such, of one type."""
+    assert type(one) is type(other)
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            assert_equal(one[key], other[key])
+    else:
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", OFF_POLICY)
+class TestOtherSpaces:
+    def fill(self, space, n_steps, *buffers):
+        seen = list(batches(space, buffers[0].n_envs, n_steps + 1))
+        zeros = np.zeros(buffers[0].n_envs)
+        for step, (before, after) in enumerate(pairwise(seen)):
+            for buffer in buffers:
+                action = np.full((buffer.n_envs, 1), step / 10, np.float32)
+                given = before, after, action, zeros + step, zeros
+                buffer.add(*copy.deepcopy(given), [{}] * buffer.n_envs)  # SB3's changes it
+        return seen
+
+    @pytest.mark.parametrize("n_envs", [1, 4])
+    def test_samples_are_sb3s_own(self, name, n_envs):
+        space, _ = OFF_POLICY[name]
+        kind = DictReplayBuffer if isinstance(space, spaces.Dict) else ReplayBuffer
+        theirs = kind(40, space, ACTIONS, "cpu", n_envs)
+        ours = make_buffer(40, space, n_envs=n_envs)
+        ours.bonus.factor = 0.0
+        self.fill(space, 14, theirs, ours)  # beyond what the four hold
+        for key in space if isinstance(space, spaces.Dict) else (Ellipsis,):
+            for column in ("observations", "next_observations"):
+                held = [getattr(buffer, column)[key] for buffer in (ours, theirs)]
+                np.testing.assert_array_equal(*held)
+        rows, envs = ours._places(copy.deepcopy(ours)._draw(30))
+        sample = ours.sample(30)
+        drawn = iter((rows, envs))
+        theirs_sample = _at(theirs, *drawn)
+        assert type(sample) is type(theirs_sample)
+        for one, other in zip(sample[:5], theirs_sample[:5], strict=True):
+            assert_equal(one, other)
+
+    @pytest.mark.parametrize("optimize", [False, True])
+    def test_the_bonus_sees_vectors(self, name, optimize):
+        space, _ = OFF_POLICY[name]
+        buffer = make_buffer(40, space, n_envs=4, optimize_memory_usage=optimize)
+        seen = self.fill(space, 5, buffer)
+        flat = [
+            [spaces.flatten(space, row) for step in steps for row in rows_of(space, step)]
+            for steps in (seen[:-1], seen[1:])
+        ]
+        before, _, after = buffer.newest(5)
+        for shown, expected in zip((before, after), flat, strict=True):
+            assert shown.dtype == np.float32
+            np.testing.assert_array_equal(shown, np.array(expected, dtype=np.float32))
+
+    @pytest.mark.parametrize("n_envs", [1, 4])
+    def test_a_run_goes_on_bit_for_bit(self, name, n_envs, tmp_path):
+        algorithm, action_space = stable_baselines3.SAC, None
+        if name in ("tiles", "numbers"):
+            algorithm, action_space = stable_baselines3.DQN, spaces.Discrete(3)
+        space, _ = OFF_POLICY[name]
+        policy = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "MlpPolicy"
+        envs = DummyVecEnv([lambda: Toy(name, copy.deepcopy(action_space))] * n_envs)
+        model = algorithm(policy, envs, **copy.deepcopy(SETTINGS)).learn(64)
+        assert_goes_on(model, 64, tmp_path)
+
+    def test_its_own_file_is_of_its_space(self, name, tmp_path):
+        space, _ = OFF_POLICY[name]
+        buffer = make_buffer(40, space, n_envs=2, bonus="rnd")
+        self.fill(space, 5, buffer)
+        buffer.save(tmp_path / "buffer.pt")
+        twin = make_buffer(40, space, n_envs=2, bonus="rnd", seed=1)
+        twin.restore(tmp_path / "buffer.pt")
+        for one, other in zip(buffer.sample(9)[:5], twin.sample(9)[:5], strict=True):
+            assert_equal(one, other)
+        for another in {"numbers", "options", "tiles", "task"} - {name}:
+            space, _ = OFF_POLICY[another]
+            other = make_buffer(40, space, n_envs=2, bonus="rnd")
+            with pytest.raises(ValueError, match="`path` must be saved of a BonusReplayBuffer"):
+                other.restore(tmp_path / "buffer.pt")
+            assert other.size() == 0
+
+
+def _at(buffer, rows, envs):
+    """What SB3's own buffer samples where it draws these."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(np.random, "randint", lambda *_, **__: envs)
+        return buffer._get_samples(rows)
+
+
+def test_the_bonus_may_see_one_entry():
+    space, _ = OFF_POLICY["task"]
+    buffer = make_buffer(40, space, observation_key="achieved_goal")
+    seen = TestOtherSpaces().fill(space, 3, buffer)
+    before, _, _ = buffer.newest(3)
+    expected = np.concatenate([each["achieved_goal"] for each in seen[:-1]])
+    np.testing.assert_array_equal(before, expected.astype(np.float32))
+
+
+def test_entries_of_a_dictionary_must_be_finite():
+    space, _ = OFF_POLICY["task"]
+    buffer = make_buffer(40, space)
+    good = next(batches(space, 1, 1))
+    bad = {**good, "achieved_goal": np.full((1, 2), np.nan)}
+    for before, after in [(good, bad), (bad, good)]:
+        with pytest.raises(ValueError, match="`env` must give finite observations"):
+            buffer.add(before, after, np.zeros((1, 1)), np.zeros(1), np.zeros(1), [{}])
+    assert buffer.size() == 0
+
+
+def test_spans_of_dictionaries_stop_where_an_episode_was_left():
+    space = spaces.Dict(x=spaces.Box(0, 99, (1,)), y=spaces.Discrete(2))
+    buffer = make_buffer(40, space)
+    for x in (0, 1, 10, 11):
+        before, after = ({"x": np.array([[x + i]]), "y": np.array([1])} for i in (0, 1))
+        buffer.add(before, after, np.zeros((1, 1)), np.zeros(1), np.zeros(1), [{}])
+    assert buffer.dones[:4, 0].tolist() == buffer.timeouts[:4, 0].tolist() == [0, 1, 0, 0]
+
+
+def test_normalizing_spares_what_the_bonus_sees_of_dictionaries():
+    space, _ = OFF_POLICY["task"]
+    buffer = make_buffer(40, space)
+    seen = TestOtherSpaces().fill(space, 1, buffer)
+    venv = VecNormalize(DummyVecEnv([lambda: Toy("task")]))
+    for each in venv.obs_rms.values():
+        each.mean = each.mean + 1.0
+    sample = buffer.sample(1, venv)
+    for name, entry in venv.normalize_obs(seen[0]).items():
+        np.testing.assert_allclose(sample.observations[name], entry, rtol=1e-6)
+    flat = [spaces.flatten(space, row) for step in seen for row in rows_of(space, step)]
+    assert sample.rewards.item() == pytest.approx(0.5 * (2 * flat[0][0] + 4 * flat[1][0]), rel=1e-5)
+
+
 # -- with the algorithms of others ----------------------------------------------------------------
 
 CONTINUOUS = dict.fromkeys(("SAC", "TD3", "DDPG", "TQC", "CrossQ"), "Pendulum-v1")
@@ -542,6 +695,22 @@ def make_model(name, n_envs=2, **settings):
         replay_buffer_class=BonusReplayBuffer,
         replay_buffer_kwargs={"bonus": "rnd", **kwargs},
     )
+
+
+SETTINGS = {
+    "learning_starts": 20,
+    "batch_size": 16,
+    "seed": 0,
+    "device": "cpu",
+    "policy_kwargs": {"net_arch": [8]},
+    "replay_buffer_class": BonusReplayBuffer,
+    "replay_buffer_kwargs": {
+        "bonus": "rnd",
+        "train_interval": 32,
+        "n_updates": 2,
+        "batch_size": 16,
+    },
+}
 
 
 def weights(model):
@@ -576,23 +745,26 @@ def test_sb3_saves_and_loads_it(name, bonus, tmp_path):
 @pytest.mark.parametrize("bonus", BONUSES)
 @pytest.mark.parametrize("name", ["SAC", "TD3", "DQN"])
 def test_a_loaded_model_goes_on_bit_for_bit(name, bonus, n_envs, tmp_path):
+    assert_goes_on(make_model(name, n_envs, bonus=bonus).learn(80), 80, tmp_path)
+
+
+def assert_goes_on(model, n_steps, tmp_path):
     """With its environments and generators as they stood, which SB3's files leave out."""
-    model = make_model(name, n_envs, bonus=bonus).learn(80)
     model.save(tmp_path / "model")
     model.replay_buffer.save(tmp_path / "buffer.pt")
     envs, choices = copy.deepcopy(model.get_env()), copy.deepcopy(model.action_space)
     torch_state, numpy_state = th.get_rng_state(), np.random.get_state()  # noqa: NPY002  # SB3's
-    model.learn(80, reset_num_timesteps=False)
+    model.learn(n_steps, reset_num_timesteps=False)
 
     twin = type(model).load(tmp_path / "model", envs, force_reset=False, device="cpu")
     twin.replay_buffer.restore(tmp_path / "buffer.pt")
     twin.action_space = choices
     th.set_rng_state(torch_state)
     np.random.set_state(numpy_state)  # noqa: NPY002
-    twin.learn(80, reset_num_timesteps=False)
+    twin.learn(n_steps, reset_num_timesteps=False)
     assert th.equal(weights(model), weights(twin))
-    assert model.replay_buffer.metrics == twin.replay_buffer.metrics
-    assert model.num_timesteps == twin.num_timesteps == 160
+    assert model.replay_buffer.metrics == twin.replay_buffer.metrics != {}
+    assert model.num_timesteps == twin.num_timesteps == 2 * n_steps
 
 
 @pytest.mark.parametrize("optimize", [False, True])

@@ -360,11 +360,21 @@ class TestEnvironments:
         with pytest.raises(ValueError, match="`observation_space` must have at least one entry"):
             make(env)
 
-    def test_observations_must_be_a_box(self, make, make_maze):
-        env = make_maze()
-        space = spaces.Dict({"x": env.observation_space})
-        env = gym.wrappers.TransformObservation(env, lambda x: {"x": x}, space)
-        with pytest.raises(ValueError, match="`env` must have a Box of observations"):
+    @pytest.mark.parametrize(
+        "space",
+        [
+            spaces.Tuple([spaces.Discrete(2)]),
+            spaces.Discrete(2, start=1),
+            spaces.MultiDiscrete([[2, 3]]),
+            spaces.Dict(x=spaces.MultiDiscrete([2], start=[1])),
+            spaces.Dict(),
+        ],
+        ids=str,
+    )
+    def test_observations_must_be_such_as_sb3s_policies_take(self, make, space):
+        env = PendulumEnv()
+        env.observation_space = space
+        with pytest.raises(ValueError, match=r"observation space .* Stable-Baselines3's policies"):
             make(env)
 
     def test_an_env_is_needed(self, make):

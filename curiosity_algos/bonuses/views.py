@@ -29,13 +29,11 @@ class View:
         space: Of what is seen.
 
     Raises:
-        ValueError: If the key is none of the space, or an entry is neither Box, Discrete,
-            MultiBinary nor MultiDiscrete.
+        ValueError: If the key is none of the space, or it cannot become vectors, see
+            `FlatObservations`.
     """
 
     def __init__(self, space: spaces.Space[Any], key: str | None = None) -> None:
-        if isinstance(space, spaces.Dict):
-            _check_entries(space)
         self._key = key
         if key is not None:
             space = _entry(space, key)
@@ -66,11 +64,3 @@ def _becomes_flat(space: spaces.Space[Any]) -> bool:
         is_small = spaces.flatdim(space) <= MAX_ENTRIES
         return is_small and not (is_vector(space) or is_image_space(space))
     return isinstance(space, (*ENTRIES, spaces.Dict, spaces.Tuple))
-
-
-def _check_entries(space: spaces.Dict) -> None:
-    if not space.spaces or not all(isinstance(each, ENTRIES) for each in space.values()):
-        raise ValueError(
-            "`venv` must observe a Dict of Box, Discrete, MultiBinary or MultiDiscrete entries, "
-            f"got {space}."
-        )

@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, VectorEnv
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.evaluation.flat_spaces import FlatObservations
+from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 VECTOR_KEYWORDS = {
@@ -31,13 +31,12 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 """`make()`: a new environment each time."""
 
 
-class MadeVecEnv(DummyVecEnv):
+class MadeVecEnv(SingleVecEnv):
     """An environment that an id or a function made, and how to make more of its kind."""
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
-        FlatObservations(env.observation_space)  # raises where SB3 would not say what is wrong
-        super().__init__([lambda: Monitor(env)])
+        super().__init__(Monitor(env))
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:
@@ -61,7 +60,7 @@ def _needs_no_arguments(function: Any) -> bool:
     return True
 
 
-class GymnasiumView(DummyVecEnv):
+class GymnasiumView(SingleVecEnv):
     """A Gymnasium VectorEnv for SB3, which does not take it: one env of the same kind.
 
     The VectorEnv itself, `vector_env`, is what evaluates populations.
@@ -69,8 +68,7 @@ class GymnasiumView(DummyVecEnv):
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
         self.vector_env = vector_env
-        env = _single_env_maker(vector_env)()
-        super().__init__([lambda: Monitor(env)])
+        super().__init__(Monitor(_single_env_maker(vector_env)()))
 
 
 def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:

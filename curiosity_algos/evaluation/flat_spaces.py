@@ -38,7 +38,8 @@ class FlatObservations:
     One-hot where values are counted; a Dict's entries in the order of their names.
 
     Args:
-        space: Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such.
+        space: Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such, or of
+            others of these two.
 
     Attributes:
         size: O, length of a vector.
@@ -48,10 +49,9 @@ class FlatObservations:
     """
 
     def __init__(self, space: Space) -> None:
-        for name, entry in _named_entries(space):
+        for name, entry in _leaves(space):
             _check_entry(space, name, entry)
-        # Gymnasium sorts a plain dictionary: spaces that are equal may come in another order.
-        self._own = spaces.Dict(dict(space.spaces)) if isinstance(space, spaces.Dict) else space
+        self._own = _sorted(space)
         self.size = spaces.flatdim(self._own)
         if self.size == 0:
             raise ValueError(_refused(space, "it must have at least one entry."))
@@ -199,19 +199,38 @@ class FlatActions:
         return np.array([spaces.flatten(self._own, each) for each in actions], dtype=np.float32)
 
 
-def _named_entries(space: Space) -> list[tuple[str | int, Space]]:
-    """The entries of a Dict or Tuple by their keys; none of another space, but itself."""
+def _named_entries(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str | int, Space]]:
+    """The entries of a Dict or Tuple by their keys."""
     if isinstance(space, spaces.Dict):
         return list(space.spaces.items())
+    return list(enumerate(space.spaces))
+
+
+def _leaves(space: Space, name: str = "") -> Iterator[tuple[str, Space]]:
+    """The entries that hold no others, those of inner Dicts and Tuples too, as in "robot.arm"."""
+    if not isinstance(space, spaces.Dict | spaces.Tuple):
+        yield name, space
+        return
+    for key, entry in _named_entries(space):
+        yield from _leaves(entry, f"{name}.{key}" if name else str(key))
+
+
+def _sorted(space: Space) -> Space:
+    """The space, its Dicts in the order of their names, as equal ones may come in another."""
+    if isinstance(space, spaces.Dict):  # Gymnasium sorts a plain dictionary
+        return spaces.Dict({name: _sorted(entry) for name, entry in space.spaces.items()})
     if isinstance(space, spaces.Tuple):
-        return list(enumerate(space.spaces))
-    return [("", space)]
+        return spaces.Tuple([_sorted(entry) for entry in space.spaces])
+    return space
 
 
 def _entries(space: Space, observation: Any) -> Iterator[tuple[Space, Any]]:
-    """The spaces of entries, and what an observation has in each."""
+    """The spaces of entries that hold no others, and what an observation has in each."""
+    if not isinstance(space, spaces.Dict | spaces.Tuple):
+        yield space, observation
+        return
     for name, entry in _named_entries(space):
-        yield entry, observation if entry is space else observation[name]
+        yield from _entries(entry, observation[name])
 
 
 def _fits(entry: Space, value: Any) -> bool:
@@ -243,7 +262,7 @@ def _rows(space: Space, values: Any) -> npt.NDArray[Any]:
     return rows
 
 
-def _check_entry(space: Space, name: str | int, entry: Space) -> None:
+def _check_entry(space: Space, name: str, entry: Space) -> None:
     if isinstance(entry, ENTRIES):
         return
     if entry is space:
@@ -251,9 +270,7 @@ def _check_entry(space: Space, name: str | int, entry: Space) -> None:
             "it must be Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such."
         )
         raise ValueError(_refused(space, known))
-    how = "flatten it with gymnasium.wrappers.FlattenObservation"
-    if not isinstance(entry, spaces.Dict | spaces.Tuple):
-        how = "leave it out with gymnasium.wrappers.FilterObservation"
+    how = "leave it out with gymnasium.wrappers.FilterObservation"
     kind = type(entry).__name__
     raise ValueError(_refused(space, f"its entry {name!r} is a {kind}, no vector: {how}."))
 

@@ -11,7 +11,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.evaluation.environments import MadeVecEnv
+from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.vector_env import ControlVectorEnv
@@ -52,7 +52,7 @@ def without_monitors(env: Any) -> Any:
             f"`env` is wrapped in {type(env).__name__}, which the evaluators cannot see through: "
             "wrap each environment before it is vectorized instead."
         )
-    if isinstance(env, MadeVecEnv) or (type(env) is DummyVecEnv and _are_alike(env.envs)):
+    if isinstance(env, SingleVecEnv) or (type(env) is DummyVecEnv and _are_alike(env.envs)):
         return without_monitors(env.envs[0])
     # What it records is SB3's, not ours.
     return without_monitors(env.env) if isinstance(env, Monitor) else env

@@ -18,7 +18,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import EpisodeSeeds
@@ -40,6 +40,7 @@ from curiosity_algos.evaluation.evaluator import (
 )
 from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
+from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
 from curiosity_gym.validation import check_at_least_one, check_choice
@@ -180,7 +181,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         if not isinstance(env, gym.Env):
             return PopulationModel._wrap_env(env, verbose, monitor_wrapper)
         has_monitor = is_wrapped(env, Monitor) or not monitor_wrapper
-        return DummyVecEnv([lambda: env if has_monitor else Monitor(env)])
+        return SingleVecEnv(env if has_monitor else Monitor(env))
 
     def _check_settings(self) -> None:
         """Check what the constructor was given, and what `load` may have replaced."""

@@ -93,7 +93,8 @@ def check_sb3_takes(space: Space) -> None:
         raise ValueError(
             f"The observation space {space} is not supported: Stable-Baselines3's policies take "
             "Box, MultiBinary, Discrete from 0, MultiDiscrete from 0 and of one dimension, and a "
-            "Dict of such."
+            "Dict of such (gymnasium.wrappers.FlattenObservation makes vectors of others, "
+            "FilterObservation leaves entries of a Dict out)."
         )
 
 

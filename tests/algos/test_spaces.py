@@ -22,6 +22,7 @@ from curiosity_algos import (
     BonusReplayBuffer,
     BonusVecEnvWrapper,
     CuriosityES,
+    GymnasiumVecEnv,
     make_evaluator,
 )
 from curiosity_algos.bonuses.make import BONUSES
@@ -42,6 +43,7 @@ OBSERVATIONS = {
     "MultiDiscrete": spaces.MultiDiscrete([2, 3]),
     "Dict": spaces.Dict(a=BOX, b=spaces.Discrete(2)),
     "Tuple": spaces.Tuple([BOX, spaces.Discrete(2)]),
+    "Dict or Tuple in another": spaces.Dict(a=spaces.Dict(b=BOX), c=spaces.Tuple([BOX])),
 }
 ACTIONS = {
     "Box, a vector with bounds": BOX,
@@ -209,6 +211,8 @@ class TestEvaluators:
 
     @pytest.mark.parametrize("vector", VECTORS)
     def test_a_plain_loop(self, name, vector):
+        if (name, vector) == ("nested", "dummy"):
+            pytest.skip("SB3's own vector environments have no room for nested spaces")
         self.check(name, VECTORS[vector](functools.partial(Toy, name)))
 
     @pytest.mark.parametrize("name", ["tuple"])
@@ -303,7 +307,11 @@ def makers(observation_space, action_space, make_model, algorithms):
         [functools.partial(make_model, each, make_env()) for each in algorithms],
         [functools.partial(make_model, TD3ICM, make_env())],
         [
-            lambda bonus=bonus: BonusVecEnvWrapper(DummyVecEnv([make_env]), bonus=bonus, **settings)
+            lambda bonus=bonus: BonusVecEnvWrapper(
+                GymnasiumVecEnv(SyncVectorEnv([make_env], autoreset_mode=AutoresetMode.SAME_STEP)),
+                bonus=bonus,
+                **settings,
+            )
             for bonus in BONUSES
         ],
         [functools.partial(BonusReplayBuffer, **both, bonus=b, **settings) for b in off_policy],

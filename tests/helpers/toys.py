@@ -30,6 +30,13 @@ SPACES = {
     ),
     "table": (spaces.MultiDiscrete([[2, 3], [3, 2]]), spaces.Box(-0.1, 0.3, (2,), np.float64)),
     "minigrid": (MINIGRID, spaces.Discrete(7)),
+    "nested": (
+        spaces.Dict(
+            robot=spaces.Dict(arm=spaces.Box(-1, 1, (2, 2)), gear=spaces.Discrete(3, start=1)),
+            seen=spaces.Tuple([spaces.MultiBinary(2), spaces.Dict(x=spaces.Box(0, 1, (1,)))]),
+        ),
+        spaces.Box(-1, 1, (2,)),
+    ),
     "goal": (GOAL, spaces.Box(-1, 1, (2,))),
     "image": (spaces.Box(0, 255, (7, 7, 3), np.uint8), spaces.MultiDiscrete([[2, 2], [3, 2]])),
 }

@@ -18,6 +18,14 @@ OBSERVATIONS = {
         [7, 8, 0, 1],  # in the order of their names
     ),
     "tuple": (spaces.Tuple([spaces.Discrete(3), spaces.Discrete(2)]), (2, 0), [0, 0, 1, 1, 0]),
+    "nested": (
+        spaces.Dict(
+            a=spaces.Dict([("z", spaces.Discrete(2)), ("b", spaces.Box(0, 9, (2,)))]),
+            c=spaces.Tuple([spaces.Dict(d=spaces.MultiBinary(2)), spaces.Discrete(2, start=1)]),
+        ),
+        {"a": {"z": 0, "b": [7, 8]}, "c": ({"d": [0, 1]}, 2)},
+        [7, 8, 1, 0, 0, 1, 0, 1],
+    ),
 }
 """A space, one of its observations, and what is seen of it by hand."""
 WRONG = {
@@ -48,9 +56,12 @@ ACTIONS = {
 def as_batch(observations, space):
     """Some observations as vector environments give them."""
     if isinstance(space, spaces.Dict):
-        return {name: np.array([each[name] for each in observations]) for name in space}
+        return {
+            name: as_batch([each[name] for each in observations], space[name]) for name in space
+        }
     if isinstance(space, spaces.Tuple):
-        return tuple(np.array(column) for column in zip(*observations, strict=True))
+        columns = zip(zip(*observations, strict=True), space, strict=True)
+        return tuple(as_batch(column, entry) for column, entry in columns)
     return np.array(observations)
 
 
@@ -109,9 +120,9 @@ class TestRefusals:
             FlatObservations(space)
         assert FlatObservations(spaces.Dict(MINIGRID)).space.shape == (4 + 147,)
 
-    def test_dictionaries_within_others_are_to_be_flattened(self):
-        nested = spaces.Dict(a=spaces.Tuple([spaces.Discrete(2)]))
-        with pytest.raises(ValueError, match=r"its entry 'a' is a Tuple, .*FlattenObservation\.$"):
+    def test_an_inner_entry_has_its_whole_name(self):
+        nested = spaces.Dict(a=spaces.Tuple([spaces.Dict(b=spaces.Sequence(spaces.Discrete(2)))]))
+        with pytest.raises(ValueError, match=r"its entry 'a\.0\.b' is a Sequence, no vector"):
             FlatObservations(nested)
 
     @pytest.mark.parametrize(

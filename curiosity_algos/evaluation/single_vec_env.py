@@ -1,0 +1,58 @@
+"""One environment as a VecEnv of Stable-Baselines3, whatever it observes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import concatenate, create_empty_array
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
+
+
+class SingleVecEnv(DummyVecEnv):
+    """SB3's DummyVecEnv of one environment, also of spaces within spaces, for which it has no room.
+
+    Those observations are stacked as Gymnasium's vector environments stack them.
+
+    Args:
+        env: The environment.
+
+    Raises:
+        ValueError: If its observations cannot become vectors, see `FlatObservations`.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        space = env.observation_space
+        FlatObservations(space)  # raises where SB3 would not say what is wrong
+        self._stacks_itself = _is_nested(space)
+        if not self._stacks_itself:
+            super().__init__([lambda: env])
+            return
+        self.envs = [env]
+        VecEnv.__init__(self, 1, space, env.action_space)
+        self.buf_dones, self.buf_rews = np.zeros(1, dtype=np.bool_), np.zeros(1, dtype=np.float32)
+        self.buf_infos = [{}]
+        self.metadata = env.metadata
+
+    def _save_obs(self, env_idx: int, obs: Any) -> None:
+        if not self._stacks_itself:
+            super()._save_obs(env_idx, obs)
+            return
+        empty: Any = create_empty_array(self.observation_space, n=1)
+        self._stacked = concatenate(self.observation_space, [obs], empty)
+
+    def _obs_from_buf(self) -> Any:
+        return self._stacked if self._stacks_itself else super()._obs_from_buf()
+
+
+def _is_nested(space: spaces.Space[Any]) -> bool:
+    """Whether there is a Dict or Tuple in a Dict or Tuple."""
+    many = (spaces.Dict, spaces.Tuple)
+    if not isinstance(space, many):
+        return False
+    entries = space.spaces.values() if isinstance(space, spaces.Dict) else space.spaces
+    return any(isinstance(each, many) for each in entries)

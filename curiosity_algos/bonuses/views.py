@@ -14,6 +14,7 @@ from curiosity_algos.evaluation.flat_spaces import (
     MAX_ENTRIES,
     FlatObservations,
     is_vector,
+    warn_of_what_is_left_out,
 )
 from curiosity_gym.validation import check_choice
 
@@ -37,6 +38,7 @@ class View:
         self._key = key
         if key is not None:
             space = _entry(space, key)
+        warn_of_what_is_left_out(space)
         self._flat = FlatObservations(space) if _becomes_flat(space) else None
         self.space = space if self._flat is None else self._flat.space
 

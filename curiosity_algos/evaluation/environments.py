@@ -98,6 +98,8 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     """
     if isinstance(env, VectorEnv):
         return env.single_observation_space, env.single_action_space
+    if isinstance(env, SingleVecEnv):  # which may have left entries out
+        return describe(env.envs[0])
     if isinstance(env, gym.Env | VecEnv):
         return env.observation_space, env.action_space
     raise ValueError(

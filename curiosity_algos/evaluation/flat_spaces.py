@@ -5,6 +5,7 @@ What is a vector already is taken as it is. Numbers keep their unit: images are 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, TypeGuard
@@ -21,6 +22,8 @@ Space = spaces.Space[Any]
 
 ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
 """What becomes numbers; a Dict or a Tuple may hold several of them."""
+OF_NO_SIZE = spaces.Graph, spaces.OneOf, spaces.Sequence
+"""What holds numbers, but now more of them and then fewer."""
 MAX_ENTRIES = 4096
 """Numbers that networks take of an observation which is no vector: 64 by 64 pixels of gray."""
 LARGEST_INTEGER = 2**24
@@ -32,6 +35,34 @@ def is_vector(space: Space) -> TypeGuard[spaces.Box[Any]]:
     return isinstance(space, spaces.Box) and len(space.shape) == 1
 
 
+def numeric(space: Space) -> Space:
+    """The space without those entries of Dicts that are no numbers, such as a text.
+
+    Itself where there are none. What observations have of such entries is not looked at.
+    """
+    if not any(_is_no_number(entry) for _, entry in _leaves(space)):
+        return space
+    if isinstance(space, spaces.Tuple):
+        return spaces.Tuple([numeric(entry) for entry in space.spaces])
+    if not isinstance(space, spaces.Dict):
+        return space
+    kept = {name: numeric(each) for name, each in space.items() if not _is_no_number(each)}
+    return spaces.Dict({name: each for name, each in kept.items() if each != spaces.Dict()})
+
+
+def warn_of_what_is_left_out(space: Space) -> None:
+    """Warn, once, of the entries that `numeric` leaves out of a space, if there are any."""
+    kept = {name for name, _ in _leaves(numeric(space))}
+    left = [f"{name!r}, {entry}" for name, entry in _leaves(space) if name not in kept]
+    if left:
+        warnings.warn(
+            f"Nothing is learned from what is no number in the observations: {'; '.join(left)}. "
+            "Wrap the environment to make numbers of it (gymnasium.wrappers.TransformObservation), "
+            "or to leave it out without this warning (gymnasium.wrappers.FilterObservation).",
+            stacklevel=2,
+        )
+
+
 class FlatObservations:
     """Makes vectors of the observations of a space.
 
@@ -39,7 +70,7 @@ class FlatObservations:
 
     Args:
         space: Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such, or of
-            others of these two.
+            others of these two. What is no number in a Dict is left out, see `numeric`.
 
     Attributes:
         size: O, length of a vector.
@@ -49,12 +80,13 @@ class FlatObservations:
     """
 
     def __init__(self, space: Space) -> None:
-        for name, entry in _leaves(space):
+        shown = numeric(space)
+        for name, entry in _leaves(shown):
             _check_entry(space, name, entry)
-        self._own = _sorted(space)
+        self._own = _sorted(shown)
         self.size = spaces.flatdim(self._own)
         if self.size == 0:
-            raise ValueError(_refused(space, "it must have at least one entry."))
+            raise ValueError(_refused(space, "it must have at least one entry of numbers."))
         self._is_vector = is_vector(space)
 
     @cached_property
@@ -213,6 +245,10 @@ def _leaves(space: Space, name: str = "") -> Iterator[tuple[str, Space]]:
         return
     for key, entry in _named_entries(space):
         yield from _leaves(entry, f"{name}.{key}" if name else str(key))
+
+
+def _is_no_number(space: Space) -> bool:
+    return not isinstance(space, (*ENTRIES, *OF_NO_SIZE, spaces.Dict, spaces.Tuple))
 
 
 def _sorted(space: Space) -> Space:

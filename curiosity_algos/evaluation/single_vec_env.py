@@ -10,13 +10,18 @@ from gymnasium import spaces
 from gymnasium.vector.utils import concatenate, create_empty_array
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
-from curiosity_algos.evaluation.flat_spaces import FlatObservations
+from curiosity_algos.evaluation.flat_spaces import (
+    FlatObservations,
+    numeric,
+    warn_of_what_is_left_out,
+)
 
 
 class SingleVecEnv(DummyVecEnv):
-    """SB3's DummyVecEnv of one environment, also of spaces within spaces, for which it has no room.
+    """SB3's DummyVecEnv of one environment, also of spaces for which it has no room.
 
-    Those observations are stacked as Gymnasium's vector environments stack them.
+    These are spaces within spaces, which are stacked as Gymnasium's vector environments stack them,
+    and entries of a Dict that are no numbers, which are left out with a warning.
 
     Args:
         env: The environment.
@@ -28,12 +33,14 @@ class SingleVecEnv(DummyVecEnv):
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         space = env.observation_space
         FlatObservations(space)  # raises where SB3 would not say what is wrong
-        self._stacks_itself = _is_nested(space)
+        warn_of_what_is_left_out(space)
+        shown = numeric(space)
+        self._stacks_itself = shown is not space or _is_nested(space)
         if not self._stacks_itself:
             super().__init__([lambda: env])
             return
         self.envs = [env]
-        VecEnv.__init__(self, 1, space, env.action_space)
+        VecEnv.__init__(self, 1, shown, env.action_space)
         self.buf_dones, self.buf_rews = np.zeros(1, dtype=np.bool_), np.zeros(1, dtype=np.float32)
         self.buf_infos = [{}]
         self.metadata = env.metadata

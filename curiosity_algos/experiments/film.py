@@ -12,10 +12,10 @@ from typing import Any, TypeAlias
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
+from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained
@@ -96,7 +96,8 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
         )
     policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
     env = make_env(described, trust=trust, **rendering)
-    if spaces.flatdim(policy.observation_space) != spaces.flatdim(env.observation_space):
+    sizes = {FlatObservations(each.observation_space).size for each in (policy, env)}
+    if len(sizes) > 1:
         name = described["env"]
         raise ValueError(f"`run` must be of its environment: {name} has other observations.")
     return policy, env

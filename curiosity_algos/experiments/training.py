@@ -6,6 +6,7 @@ import hashlib
 import inspect
 import os
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -87,7 +88,8 @@ class RunSpec:
         if str(self.settings.get("device")).startswith("cuda") and not th.cuda.is_available():
             raise ValueError("`device` must be auto or cpu where there is no GPU, got cuda.")
         try:
-            check_learning(self.make().get_env(), self.timesteps, None)
+            with warnings.catch_warnings(action="ignore"):  # the run itself warns
+                check_learning(self.make().get_env(), self.timesteps, None)
         except RuntimeError as error:  # torch's, of a device
             raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
         except (AssertionError, TypeError) as error:  # of classes that take what they are given
@@ -127,7 +129,9 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
     stored = RunFolder(folder)
     if stored.is_empty():
         return False
-    if others := differences(stored.describe(), describe_run(run.make())):
+    with warnings.catch_warnings(action="ignore"):  # the run itself warns
+        described = describe_run(run.make())
+    if others := differences(stored.describe(), described):
         raise ValueError(
             f"`folder` must be empty or that of this run: in {folder} {', '.join(others)}."
         )

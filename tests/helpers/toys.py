@@ -16,6 +16,27 @@ GOAL = spaces.Dict(
 MINIGRID = spaces.Dict(
     {"image": spaces.Box(0, 255, (7, 7, 3), np.uint8), "direction": spaces.Discrete(4)}
 )
+
+
+class Words(spaces.Space):
+    """A space of one's own, as MiniGrid's missions."""
+
+    def __init__(self):
+        super().__init__(dtype=str)
+
+    def sample(self, mask=None, probability=None):
+        return str(self.np_random.choice(["get the key", "open the door"]))
+
+    def contains(self, x):
+        return isinstance(x, str)
+
+    def __eq__(self, other):
+        return isinstance(other, Words)
+
+    def __repr__(self):
+        return "Words()"
+
+
 SPACES = {
     "matrix": (spaces.Box(-1, 1, (2, 2)), spaces.Box(-1, 1, (2, 2), np.float64)),
     "discrete": (spaces.Discrete(4, start=2), spaces.Discrete(3, start=5)),
@@ -34,6 +55,15 @@ SPACES = {
         spaces.Dict(
             robot=spaces.Dict(arm=spaces.Box(-1, 1, (2, 2)), gear=spaces.Discrete(3, start=1)),
             seen=spaces.Tuple([spaces.MultiBinary(2), spaces.Dict(x=spaces.Box(0, 1, (1,)))]),
+        ),
+        spaces.Box(-1, 1, (2,)),
+    ),
+    "mission": (spaces.Dict({**MINIGRID, "mission": Words()}), spaces.Discrete(7)),
+    "texts": (
+        spaces.Dict(
+            inner=spaces.Dict(place=spaces.Box(-1, 1, (2,)), says=Words()),
+            letter=spaces.Dict(text=spaces.Text(5)),
+            text=spaces.Text(5),
         ),
         spaces.Box(-1, 1, (2,)),
     ),

@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from curiosity_algos.evaluation.flat_spaces import FlatObservations
+from curiosity_algos.evaluation.flat_spaces import FlatObservations, numeric
 from curiosity_algos.experiments.description import versions
 from curiosity_algos.experiments.export.episodes import Episode, play
 from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
@@ -84,7 +84,10 @@ def _write(
         whole = Path(folder, "dataset")
         whole.mkdir()
         storage = storages.MinariStorage.new(
-            whole / "data", env.observation_space, env.action_space, _as_json_spec(env.spec)
+            whole / "data",
+            numeric(env.observation_space),
+            env.action_space,
+            _as_json_spec(env.spec),
         )
         storage.update_metadata(
             {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}

@@ -85,7 +85,6 @@ def test_errors_name_the_key():
     "entries",
     [
         {},
-        {"mission": spaces.Text(5)},
         {"several": spaces.Sequence(spaces.Discrete(2))},
     ],
     ids=str,

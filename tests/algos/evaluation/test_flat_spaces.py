@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
+from toys import Words
 
-from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
+from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations, numeric
 
 MINIGRID = {"image": spaces.Box(0, 255, (7, 7, 3), np.uint8), "direction": spaces.Discrete(4)}
 OBSERVATIONS = {
@@ -112,13 +113,25 @@ class TestRefusals:
         with pytest.raises(ValueError, match="`observation` must be of the space"):
             FlatObservations(spaces.Dict(a=spaces.Discrete(2))).is_batch({"b": 1})
 
-    def test_an_entry_that_is_no_vector_is_named(self):
-        space = spaces.Dict(MINIGRID | {"mission": spaces.Text(9)})
+    @pytest.mark.parametrize(
+        ("entry", "kind"),
+        [
+            (spaces.Sequence(spaces.Discrete(2)), "Sequence"),
+            (spaces.Graph(spaces.Discrete(2), None), "Graph"),
+            (spaces.OneOf([spaces.Discrete(2)]), "OneOf"),
+        ],
+    )
+    def test_an_entry_of_no_fixed_size_is_named(self, entry, kind):
+        space = spaces.Dict(MINIGRID | {"cards": entry})
         with pytest.raises(
-            ValueError, match=r"its entry 'mission' is a Text.*FilterObservation\.$"
+            ValueError, match=rf"its entry 'cards' is a {kind}.*FilterObservation\.$"
         ):
             FlatObservations(space)
         assert FlatObservations(spaces.Dict(MINIGRID)).space.shape == (4 + 147,)
+
+    def test_a_tuple_cannot_leave_entries_out(self):
+        with pytest.raises(ValueError, match="its entry '1' is a Text"):
+            FlatObservations(spaces.Tuple([spaces.Discrete(2), spaces.Text(5)]))
 
     def test_an_inner_entry_has_its_whole_name(self):
         nested = spaces.Dict(a=spaces.Tuple([spaces.Dict(b=spaces.Sequence(spaces.Discrete(2)))]))
@@ -134,7 +147,11 @@ class TestRefusals:
         ):
             FlatObservations(space)
 
-    @pytest.mark.parametrize("space", [spaces.Box(-1, 1, (0,)), spaces.Dict()], ids=str)
+    @pytest.mark.parametrize(
+        "space",
+        [spaces.Box(-1, 1, (0,)), spaces.Dict(), spaces.Dict(a=spaces.Text(5), b=Words())],
+        ids=str,
+    )
     def test_nothing_to_see(self, space):
         with pytest.raises(ValueError, match=r"observation space .* must have at least one entry"):
             FlatObservations(space)
@@ -145,6 +162,21 @@ class TestRefusals:
     def test_actions(self, space):
         with pytest.raises(ValueError, match=r"action space .* it must be Discrete, MultiDiscrete"):
             FlatActions(space)
+
+
+class TestNumeric:
+    def test_what_is_no_number_is_left_out_of_dictionaries(self):
+        place = spaces.Box(-1, 1, (2,))
+        inner = spaces.Dict(says=Words(), place=place)
+        space = spaces.Dict(inner=inner, letter=spaces.Dict(text=spaces.Text(5)), says=Words())
+        assert numeric(space) == spaces.Dict(inner=spaces.Dict(place=place))
+        observation = {"inner": {"says": "go", "place": [1, 2]}, "letter": {"text": ""}, "says": ""}
+        np.testing.assert_array_equal(FlatObservations(space).one(observation), [1, 2])
+        assert not FlatObservations(space).is_batch(observation)
+
+    @pytest.mark.parametrize(("space", "observation", "expected"), OBSERVATIONS.values())
+    def test_others_stay(self, space, observation, expected):
+        assert numeric(space) is space
 
 
 @pytest.mark.parametrize(("space", "outputs", "seen", "taken"), ACTIONS.values(), ids=ACTIONS)

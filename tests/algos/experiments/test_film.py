@@ -1,4 +1,5 @@
 import sys
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -89,6 +90,20 @@ def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
     del sys.modules["my_mazes"]
     with pytest.raises(ValueError, match="`run` must be of an environment that can be made: "):
         play(tmp_path / "run", seed=0, trust=True)
+
+
+def test_an_environment_with_a_mission_needs_its_id_alone(tmp_path):
+    gym.register("Mission-v0", "toys:Toy", kwargs={"name": "mission"})
+    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    for timesteps in (30, 60):
+        run = RunSpec("curiosity_es", "Mission-v0", 0, timesteps, {}, settings)
+        with warnings.catch_warnings(action="error"):
+            run.check()
+        with pytest.warns(UserWarning, match=r"'mission', Words\(\)") as warned:
+            train(run, tmp_path)
+        assert sum("mission" in str(each.message) for each in warned) == 1
+    assert play(tmp_path, seed=0) == RunFolder(tmp_path).result()["best_return"]
+    del gym.registry["Mission-v0"]
 
 
 def test_wrappers_are_made_again(tmp_path, make_model):

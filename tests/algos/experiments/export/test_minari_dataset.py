@@ -16,7 +16,7 @@ from stable_baselines3 import PPO
 from toys import SPACES
 
 from curiosity_algos import NSLC, TD3ICM, CanonicalES, MAPElites
-from curiosity_algos.evaluation.flat_spaces import FlatObservations
+from curiosity_algos.evaluation.flat_spaces import FlatObservations, numeric
 from curiosity_algos.experiments import RunFolder, SaveRun
 from curiosity_algos.experiments.export import export_minari, minari_dataset
 from curiosity_algos.experiments.export.stages import SimulatedStage, make_stage
@@ -125,7 +125,8 @@ def test_an_environment_of_other_spaces_gives_its_episodes_again(
     train(make_model, gym.make(register_toy(name)), folder, 60)
     dataset = export_minari(folder, ID, policies="sample")
     env = dataset.recover_environment()
-    space = env.observation_space
+    space = numeric(env.observation_space)
+    assert dataset.observation_space == space
     for episode, seed in zip(dataset, seeds_of(dataset), strict=True):
         n_steps = len(episode.rewards)
         seen = [*iterate(batch_space(space, n_steps + 1), episode.observations)]

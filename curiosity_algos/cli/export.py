@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,11 +18,17 @@ def export(
         str, typer.Option(help="Id of the dataset, such as curiosity/us-v0, or the .onnx file.")
     ],
     policies: Annotated[
-        str, typer.Option(help="Whose episodes: elites, rewarding, or a sample of all.")
-    ] = "rewarding",
+        str | None,
+        typer.Option(
+            help="Whose episodes: elites, rewarding, or a sample of all.", show_default="rewarding"
+        ),
+    ] = None,
     n_policies: Annotated[
-        int, typer.Option(help="Whose episodes, at most; drawn where there are more.")
-    ] = 1000,
+        int | None,
+        typer.Option(
+            help="Whose episodes, at most; drawn where there are more.", show_default="1000"
+        ),
+    ] = None,
     trust: Trust = False,
 ) -> None:
     """Write episodes of a run for Minari, or its policy as ONNX.
@@ -36,9 +42,13 @@ def export(
     from curiosity_algos.experiments.export import export_minari, export_onnx
 
     check_choice(("minari", "onnx"), to=to)
+    given: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
+    given = {name: value for name, value in given.items() if value is not None}
     if to == "onnx":
+        for name in given:
+            raise ValueError(f"`{name}` must be left out with --to onnx, of the best policy alone.")
         export_onnx(run, out, trust=trust)
         typer.echo(out)
         return
-    dataset = export_minari(run, out, policies=policies, n_policies=n_policies, trust=trust)
+    dataset = export_minari(run, out, **given, trust=trust)
     typer.echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")

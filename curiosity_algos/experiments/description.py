@@ -144,7 +144,12 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
         return None
     wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
     kwargs = {name: value for name, value in spec.kwargs.items() if name not in VECTOR_KEYWORDS}
-    made_by: EnvSpec = replace(spec, additional_wrappers=wrappers, kwargs=kwargs)
+    limit = spec.max_episode_steps
+    if isinstance(env, GymnasiumView):  # a vector entry has it among its keywords, a single one not
+        limit = kwargs.pop("max_episode_steps", limit)
+    made_by: EnvSpec = replace(
+        spec, additional_wrappers=wrappers, kwargs=kwargs, max_episode_steps=limit
+    )
     return made_by
 
 

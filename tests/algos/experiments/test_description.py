@@ -24,6 +24,7 @@ from curiosity_algos.experiments.description import (
     settings_of,
 )
 from curiosity_algos.experiments.differences import differences
+from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_gym import BehaviorWrapper
 
 
@@ -155,6 +156,16 @@ def test_a_vector_environment_is_told_by_its_id():
     described = describe_env(TD3ICM._wrap_env(envs))
     assert described["env"] == "CuriosityMaze-US-v0"
     assert "num_envs" not in described["env_kwargs"]
+
+
+@pytest.mark.parametrize(("given", "limit"), [({}, 500), ({"max_episode_steps": 20}, 20)])
+def test_a_limit_of_a_vector_entry_is_that_of_a_single_one(given, limit):
+    mode = {"vectorization_mode": "vector_entry_point"}
+    envs = gym.make_vec("CartPole-v1", num_envs=2, **mode, **given)
+    described = describe_env(TD3ICM._wrap_env(envs))
+    assert described["env_kwargs"] == {"max_episode_steps": limit}
+    env = gym.make(decode_spec(described["env_spec"]))
+    assert env.get_wrapper_attr("_max_episode_steps") == limit
 
 
 def test_td3s_settings_keep_their_values(make_model, make_easy_maze):

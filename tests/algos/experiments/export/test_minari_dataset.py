@@ -147,6 +147,12 @@ def test_gymnasiums_own_robots_are_simulated(make_model, folder):
     assert_is_played_again(export_minari(folder, ID, policies="sample"))
 
 
+def test_a_run_in_a_vector_entry_gives_its_episodes_again(make_model, folder):
+    envs = gym.make_vec("CartPole-v1", num_envs=4, vectorization_mode="vector_entry_point")
+    train(make_model, envs, folder, 150)
+    assert_is_played_again(export_minari(folder, ID, policies="sample"))
+
+
 def test_ends_are_told_apart(make_model, folder):
     train(make_model, ENVS["maze"](), folder)
     for episode in export_minari(folder, ID, policies="sample"):

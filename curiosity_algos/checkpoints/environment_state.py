@@ -6,14 +6,17 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecTransposeImage
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecTransposeImage
 
 from curiosity_gym import BehaviorWrapper
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
-STATELESS = (OrderEnforcing, PassiveEnvChecker, BehaviorWrapper)
+_HOLDS = vars(gym.wrappers).get("RepeatAction")  # since gymnasium 1.3
+STATELESS = (OrderEnforcing, PassiveEnvChecker, BehaviorWrapper, *([_HOLDS] if _HOLDS else []))
 """Wrappers whose only state is that an episode has begun."""
 
 State = dict[str, Any]
@@ -23,12 +26,19 @@ def environment_states(venv: VecEnv) -> list[State] | None:
     """The state of each environment; None where one cannot give it.
 
     An environment can if it is in this process and was reset, has `state_dict` and
-    `load_state_dict`, as those of `curiosity_gym` have, and is wrapped in nothing but Monitor and
-    `STATELESS`.
+    `load_state_dict`, as those of `curiosity_gym` have, and is wrapped in nothing but Monitor,
+    VecMonitor and `STATELESS`; so can those that a vector environment of `curiosity_gym` steps.
     """
-    states = [_state(env) for env in _single_envs(venv)]
+    inner, monitors = _within(venv)
+    batched = _batched(inner)
+    states = _rows(batched) if batched else [_state(env) for env in _single_envs(inner)]
     known = [state for state in states if state is not None]
-    return known if states and len(known) == len(states) else None
+    if not states or len(known) < len(states):
+        return None
+    for i, state in enumerate(known if monitors else []):
+        counted = [(each.episode_returns[i], each.episode_lengths[i]) for each in monitors]
+        state["monitored"] = [[float(total), int(length)] for total, length in counted]
+    return known
 
 
 def load_environment_states(venv: VecEnv, states: Sequence[State]) -> None:
@@ -37,17 +47,58 @@ def load_environment_states(venv: VecEnv, states: Sequence[State]) -> None:
     Raises:
         ValueError: If their number, kind or wrappers are not those of the saved ones.
     """
-    envs = _single_envs(venv)
-    if len(envs) != len(states):
-        raise ValueError(f"`venv` must have {len(states)} environments, got {len(envs)}.")
-    for env, state in zip(envs, states, strict=True):
-        _load_state(env, state)
+    inner, monitors = _within(venv)
+    if inner.num_envs != len(states):
+        raise ValueError(f"`venv` must have {len(states)} environments, got {inner.num_envs}.")
+    if any(len(state.get("monitored", [])) != len(monitors) for state in states):
+        raise ValueError("`venv` must be in as many VecMonitors as when its state was taken.")
+    if batched := _batched(inner):
+        _load_rows(batched, states)
+    else:
+        for env, state in zip(_single_envs(inner), states, strict=True):
+            _load_state(env, state)
+    for m, monitor in enumerate(monitors):
+        counted = [state["monitored"][m] for state in states]
+        monitor.episode_returns[:], monitor.episode_lengths[:] = zip(*counted, strict=True)
+
+
+def _within(venv: VecEnv) -> tuple[VecEnv, list[VecMonitor]]:
+    """What wrappers without a state are around, and those that count episodes."""
+    monitors = []
+    while isinstance(venv, VecMonitor | VecTransposeImage):
+        if isinstance(venv, VecMonitor):
+            monitors.append(venv)
+        venv = venv.venv
+    return venv, monitors
+
+
+def _batched(venv: VecEnv) -> EpisodicVectorEnv | None:
+    """The vector environment that steps all of a `GymnasiumVecEnv` at once, if one does."""
+    env = None if isinstance(venv, DummyVecEnv) else getattr(venv, "vector_env", None)
+    return env if isinstance(env, EpisodicVectorEnv) else None
+
+
+def _rows(env: EpisodicVectorEnv) -> list[State | None]:
+    try:
+        every = env.state_dict()
+    except ResetNeeded:
+        return []
+    return [
+        {"env": {name: rows[i : i + 1] for name, rows in every.items()}, "rewards": []}
+        for i in range(env.num_envs)
+    ]
+
+
+def _load_rows(env: EpisodicVectorEnv, states: Sequence[State]) -> None:
+    names = env.state_dict().keys()
+    if any(state["env"].keys() != names or state["rewards"] for state in states):
+        raise ValueError("`venv` must step its environments at once, as when its state was taken.")
+    each = {name: [state["env"][name] for state in states] for name in names}
+    env.load_state_dict({name: np.concatenate(rows) for name, rows in each.items()})
 
 
 def _single_envs(venv: VecEnv) -> list[gym.Env[Any, Any]]:
     """The environments of a VecEnv; none where they are in other processes or it changes them."""
-    while isinstance(venv, VecTransposeImage):
-        venv = venv.venv
     return list(venv.envs) if isinstance(venv, DummyVecEnv) else []
 
 

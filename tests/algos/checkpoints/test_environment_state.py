@@ -1,15 +1,19 @@
+from functools import partial
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.wrappers import TimeLimit
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecFrameStack
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecFrameStack, VecMonitor
 
 from curiosity_algos.checkpoints.environment_state import (
     environment_states,
     load_environment_states,
 )
+from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 from curiosity_gym import BehaviorWrapper
 
 MAZE = "CuriosityMaze-US-v0"
@@ -39,6 +43,52 @@ def test_episodes_go_on_elsewhere(env_id):
         assert info["episode"]["l"] == 50  # the Monitor's rewards went with it
 
 
+def make_batched(env_id=MAZE, horizon=50, num_envs=2):
+    mode = {"vectorization_mode": "vector_entry_point", "autoreset_mode": "SameStep"}
+    envs = gym.make_vec(env_id, num_envs=num_envs, horizon=horizon, **mode)
+    return VecMonitor(GymnasiumVecEnv(envs))
+
+
+def make_held(horizon=50):
+    held = lambda: gym.wrappers.RepeatAction(gym.make(MAZE, horizon=horizon), 1)  # noqa: E731
+    return VecMonitor(DummyVecEnv([held, held]))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        make_batched,
+        pytest.param(
+            partial(make_batched, "CuriosityControl-BallInCup-v0"),
+            id="control",
+            marks=pytest.mark.extra("control"),
+        ),
+        pytest.param(
+            make_held,
+            marks=pytest.mark.skipif(
+                not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3"
+            ),
+        ),
+    ],
+)
+def test_episodes_that_are_stepped_at_once_or_held_go_on_too(make):
+    one, other = make(), make()
+    one.reset()
+    other.reset()
+    step_n(one, 30, seed=0)
+    one.episode_returns[:] = [0.5, 0.25]
+    load_environment_states(other, decode(encode(environment_states(one))))
+    ends = [step_n(venv, 20, seed=1) for venv in (one, other)]
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    for info, begun in zip(ends[1][3], [0.5, 0.25], strict=True):
+        assert info["episode"]["l"] == 50  # the monitor's counts went with it
+        assert info["episode"]["r"] >= begun
+
+
+def test_what_is_stepped_at_once_has_no_state_before_it_begins():
+    assert environment_states(make_batched()) is None
+
+
 def test_a_state_is_a_copy():
     venv = DummyVecEnv([lambda: Monitor(gym.make(MAZE))])
     venv.reset()
@@ -48,6 +98,24 @@ def test_a_state_is_a_copy():
     step_n(venv, 5, seed=0)
     assert states[0]["rewards"] == [[]]
     assert states[0]["env"]["steps"] == 0
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda: make_vec_env(MAZE, n_envs=2, env_kwargs={"horizon": 50}),
+        lambda: VecMonitor(DummyVecEnv([lambda: gym.make(MAZE, horizon=50)] * 2)),
+        lambda: make_batched(num_envs=3),
+    ],
+)
+def test_what_is_stepped_otherwise_is_refused(other):
+    one, other = make_batched(), other()
+    for venv in (one, other):
+        venv.reset()
+    with pytest.raises(ValueError, match=r"`(env|state|venv)` must"):
+        load_environment_states(other, environment_states(one))
+    with pytest.raises(ValueError, match=r"`(env|state|venv)` must"):
+        load_environment_states(one, environment_states(other))
 
 
 class TestNoState:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from curiosity_algos.experiments.training import RunSpec
+    from curiosity_algos.experiments.run_spec import RunSpec
 
 Timesteps = Annotated[
     float,
@@ -57,6 +57,25 @@ Device = Annotated[
 Trust = Annotated[
     bool, typer.Option("--trust", help="Also run code that the run's folder names or holds.")
 ]
+BonusKeywords = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME:VALUE",
+        help="A keyword of the bonus or of what adds it to the reward, such as weight:0.5, and its "
+        "value. Give the option once for each.",
+    ),
+]
+NEnvs = Annotated[
+    int,
+    typer.Option(
+        help="Environments side by side, for an algorithm of Stable-Baselines3's own. Those of "
+        "this package are stepped at once."
+    ),
+]
+RepeatAction = Annotated[
+    int,
+    typer.Option(help="Steps for which each action is held. Timesteps then count actions."),
+]
 Interval = Annotated[float, typer.Option(help="Seconds between two checkpoints of a run.")]
 
 
@@ -68,28 +87,43 @@ def make_runs(
     timesteps: float,
     env_kwargs: list[str] | None,
     hyperparams: list[str] | None,
+    bonuses: Sequence[str],
+    bonus_kwargs: list[str] | None,
+    n_envs: int,
+    repeat_action: int,
     **others: Any,
 ) -> list[RunSpec]:
-    """A run of each algorithm, environment, seed and setting, all of which can begin.
+    """A run of each algorithm, bonus, environment, seed and setting, all of which can begin.
 
     Keywords of the algorithms that other options give count more than `hyperparams`.
     """
     from curiosity_algos.experiments.sweep import grid
 
-    made_with = keywords("env-kwargs", env_kwargs)
     given = {name: value for name, value in others.items() if value is not None}
     found = alternatives("hyperparams", hyperparams)
     swept = {n: values for n, values in found.items() if len(values) > 1 and n not in given}
     settings = {name: values[0] for name, values in found.items() if name not in swept} | given
-    common = {"timesteps": timesteps, "env_kwargs": made_with}
-    runs = grid(algos, envs, seeds, swept, settings=settings, **common)
+    runs = grid(
+        algos,
+        envs,
+        seeds,
+        swept,
+        settings=settings,
+        bonuses=[None if name == "none" else name for name in bonuses],
+        timesteps=timesteps,
+        env_kwargs=keywords("env-kwargs", env_kwargs),
+        bonus_kwargs=keywords("bonus-kwargs", bonus_kwargs),
+        n_envs=n_envs,
+        repeat_action=repeat_action,
+    )
     check_all(runs)
     return runs
 
 
 def check_all(runs: Sequence[RunSpec]) -> None:
-    """Check that runs can begin, one of each algorithm and environment."""
-    for run in {(run.variant, run.algorithm, run.env): run for run in runs}.values():
+    """Check that runs can begin, one of each algorithm, bonus and environment."""
+    kinds = {(run.variant, run.algorithm, run.bonus, run.env): run for run in runs}
+    for run in kinds.values():
         run.check()
 
 

@@ -26,6 +26,16 @@ def sweep(
     log_folder: options.LogFolder = Path("runs"),
     env_kwargs: options.EnvKeywords = None,
     hyperparams: options.Alternatives = None,
+    bonus: Annotated[
+        str,
+        typer.Option(
+            help="Bonuses that algorithms explore by, with commas between them, such as "
+            "none,apt,rnd: all are tried."
+        ),
+    ] = "none",
+    bonus_kwargs: options.BonusKeywords = None,
+    n_envs: options.NEnvs = 1,
+    repeat_action: options.RepeatAction = 1,
     preset: options.Preset = None,
     device: options.Device = None,
     jobs: Annotated[
@@ -54,6 +64,8 @@ def sweep(
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
 
     Example: curiosity sweep --algos nses --hyperparams sigma:0.1 --hyperparams sigma:0.3
+
+    Example: curiosity sweep --algos ppo --bonus none,apt,rnd --n-envs 16 -n 1e6
     """
     from curiosity_algos.experiments import sweep as sweeps
 
@@ -64,6 +76,10 @@ def sweep(
         timesteps=timesteps,
         env_kwargs=env_kwargs,
         hyperparams=hyperparams,
+        bonuses=bonus.split(","),
+        bonus_kwargs=bonus_kwargs,
+        n_envs=n_envs,
+        repeat_action=repeat_action,
         preset=preset,
         device=device,
     )

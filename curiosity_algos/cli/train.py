@@ -14,7 +14,8 @@ def train(
     algo: Annotated[
         str,
         typer.Option(
-            help="Name of the algorithm, in any spelling: curiosity_es, NSES, map-elites."
+            help="Name of the algorithm, in any spelling: curiosity_es, map-elites, and of "
+            "Stable-Baselines3 ppo or SAC."
         ),
     ] = "curiosity_es",
     env: Annotated[
@@ -26,6 +27,16 @@ def train(
     log_folder: options.LogFolder = Path("runs"),
     env_kwargs: options.EnvKeywords = None,
     hyperparams: options.Keywords = None,
+    bonus: Annotated[
+        str,
+        typer.Option(
+            help="Bonus that the algorithm explores by, such as apt or rnd: for one of "
+            "Stable-Baselines3's own it is added to the reward. Without it, the algorithm as it is."
+        ),
+    ] = "none",
+    bonus_kwargs: options.BonusKeywords = None,
+    n_envs: options.NEnvs = 1,
+    repeat_action: options.RepeatAction = 1,
     preset: options.Preset = None,
     device: options.Device = None,
     num_threads: Annotated[
@@ -40,6 +51,8 @@ def train(
     A run that was interrupted goes on when the same command is given again.
 
     Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7 -P
+
+    Example: curiosity train --algo ppo --bonus apt --env CuriosityMaze-US-v0 -n 1e6 --n-envs 16
     """
     from curiosity_algos.experiments import training
 
@@ -51,6 +64,10 @@ def train(
         timesteps=timesteps,
         env_kwargs=env_kwargs,
         hyperparams=hyperparams,
+        bonuses=[bonus],
+        bonus_kwargs=bonus_kwargs,
+        n_envs=n_envs,
+        repeat_action=repeat_action,
         preset=preset,
         device=device,
         n_threads=num_threads,

@@ -129,6 +129,28 @@ class SpaceGenerator:
         load_generator_state(self._space.np_random, state["rng"])
 
 
+def global_state(device: th.device) -> dict[str, Any]:
+    """The states of numpy's and torch's global generators, and of a GPU's where `device` is one."""
+    numbers = np.random.get_state(legacy=False)  # noqa: NPY002
+    numbers["state"]["key"] = th.from_numpy(numbers["state"]["key"].astype(np.int64))
+    state = {"numpy": numbers, "torch": th.get_rng_state()}
+    if device.type == "cuda":
+        state["cuda"] = th.cuda.get_rng_state(device)
+    return state
+
+
+def load_global_state(state: Mapping[str, Any], device: th.device) -> None:
+    """Bring the global generators to what `global_state` gave."""
+    numbers = state["numpy"]
+    key = numbers["state"]["key"].cpu().numpy().astype(np.uint32)
+    np.random.set_state(  # noqa: NPY002
+        {**numbers, "state": {**numbers["state"], "key": key}}
+    )
+    th.set_rng_state(state["torch"].cpu())
+    if device.type == "cuda" and "cuda" in state:
+        th.cuda.set_rng_state(state["cuda"].cpu(), device)
+
+
 class GlobalGenerators:
     """torch's and numpy's global generators, as one run of Stable-Baselines3 sees them.
 
@@ -144,7 +166,7 @@ class GlobalGenerators:
     def __init__(self, seed: np.random.SeedSequence, device: th.device) -> None:
         self._device = device
         self._is_lent = False
-        self._own = self._capture()
+        self._own = global_state(self._device)
         self.seed(seed)
 
     def seed(self, seed: np.random.SeedSequence) -> None:
@@ -167,40 +189,22 @@ class GlobalGenerators:
             RuntimeError: If a model learns in another thread.
         """
         with sole_learner():
-            outside = self._capture()
-            self._restore(self._own)
+            outside = global_state(self._device)
+            load_global_state(self._own, self._device)
             self._is_lent = True
             try:
                 yield
             finally:
-                self._own = self._capture()
+                self._own = global_state(self._device)
                 self._is_lent = False
-                self._restore(outside)
+                load_global_state(outside, self._device)
 
     def state_dict(self) -> dict[str, Any]:
         """The states that the run's next draw begins from."""
-        return self._capture() if self._is_lent else dict(self._own)
+        return global_state(self._device) if self._is_lent else dict(self._own)
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave; draws on another kind of device go on as they were."""
         self._own = {**self._own, **state}
         if self._is_lent:
-            self._restore(self._own)
-
-    def _capture(self) -> dict[str, Any]:
-        numbers = np.random.get_state(legacy=False)  # noqa: NPY002
-        numbers["state"]["key"] = th.from_numpy(numbers["state"]["key"].astype(np.int64))
-        state = {"numpy": numbers, "torch": th.get_rng_state()}
-        if self._device.type == "cuda":
-            state["cuda"] = th.cuda.get_rng_state(self._device)
-        return state
-
-    def _restore(self, state: Mapping[str, Any]) -> None:
-        numbers = state["numpy"]
-        key = numbers["state"]["key"].cpu().numpy().astype(np.uint32)
-        np.random.set_state(  # noqa: NPY002
-            {**numbers, "state": {**numbers["state"], "key": key}}
-        )
-        th.set_rng_state(state["torch"].cpu())
-        if self._device.type == "cuda" and "cuda" in state:
-            th.cuda.set_rng_state(state["cuda"].cpu(), self._device)
+            load_global_state(self._own, self._device)

@@ -18,15 +18,22 @@ from stable_baselines3.common.vec_env import (
 )
 
 from curiosity_algos.experiments.run_folder import write_arrays
+from curiosity_algos.experiments.under_way import write_transitions, write_under_way
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import bonus_wrapper
+from curiosity_algos.sb3.resumable import Resumable
 
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
 
 
-def write_model(model: Recordable, folder: Path, exclude: list[str]) -> None:
-    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint."""
+def write_model(
+    model: Recordable, folder: Path, exclude: list[str], *, save_replay_buffer: bool
+) -> None:
+    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint.
+
+    Of Stable-Baselines3's own algorithms also what their file lacks of the run.
+    """
     model.save(folder / "model", exclude)
     bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
     if bonus is not None:
@@ -37,6 +44,10 @@ def write_model(model: Recordable, folder: Path, exclude: list[str]) -> None:
         policy, best_return = model.policy, np.array(model.best_return)
         best = {"parameters": policy.vector, "net_arch": policy.net_arch, "return": best_return}
         write_arrays(folder / "best_policy.npz", best)
+    elif not isinstance(model, Resumable):
+        write_under_way(model, folder)
+        if save_replay_buffer and "buffer" not in exclude:
+            write_transitions(model, folder)
 
 
 def check_recordable(model: object) -> None:

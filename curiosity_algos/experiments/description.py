@@ -32,6 +32,7 @@ from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_algos.sb3.callbacks import bonus_wrapper
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.core import entry_names
 from curiosity_gym.processors import available_cpus
@@ -63,9 +64,11 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 
 
 def algorithm_name(model: BaseAlgorithm) -> str:
-    """The name of its class, and of the bonus in its reward: `PPO + ICM`."""
-    wrapper = bonus_wrapper(model)
-    added = "" if wrapper is None else f" + {type(wrapper.bonus).__name__}"
+    """The name of its class, and of the bonus that was added to it: `PPO + ICM`, `SAC + APT`."""
+    buffer = getattr(model, "replay_buffer", None)
+    is_added = isinstance(buffer, BonusReplayBuffer) and not isinstance(model, Resumable)
+    holder = bonus_wrapper(model) or (buffer if is_added else None)
+    added = "" if holder is None else f" + {type(holder.bonus).__name__}"
     return f"{type(model).__name__}{added}"
 
 
@@ -145,7 +148,8 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
     wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
     kwargs = {name: value for name, value in spec.kwargs.items() if name not in VECTOR_KEYWORDS}
     limit = spec.max_episode_steps
-    if isinstance(env, GymnasiumView):  # a vector entry has it among its keywords, a single one not
+    # A vector environment has it among its keywords, a single one not.
+    if isinstance(env, GymnasiumView) or "num_envs" in spec.kwargs:
         limit = kwargs.pop("max_episode_steps", limit)
     made_by: EnvSpec = replace(
         spec, additional_wrappers=wrappers, kwargs=kwargs, max_episode_steps=limit

@@ -5,7 +5,7 @@ All raise FileNotFoundError if there is no run, ValueError if it cannot be playe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,7 +17,8 @@ from stable_baselines3.common.policies import BasePolicy
 
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
-from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
+from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
+from curiosity_algos.experiments.names import KNOWN, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.reopening import last_checkpoint, make_env
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -25,7 +26,8 @@ from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 
 Frame = npt.NDArray[np.uint8]
-
+SEEN_THROUGH = {"BonusVecEnvWrapper", "VecTransposeImage"}
+"""Wrappers of a VecEnv below which a policy acts as it does above."""
 
 Source: TypeAlias = Path | tuple[str, str]
 """The folder of a run, or the algorithm and environment of a policy of the package."""
@@ -44,6 +46,8 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
     check_choice((".gif", ".mp4"), out=path.suffix)
     policy, env = _open(source, trust, render_mode="rgb_array")
     frames, total = [], 0.0
+    if env.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
+        stride = max(1, stride // env.get_wrapper_attr("num_repeats"))
     for t, reward in enumerate(_rewards(policy, env, seed)):
         total += reward
         if t % stride == 0:
@@ -89,13 +93,12 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
     if isinstance(source, tuple):
         return load_pretrained(*source), gym.make(source[1], **rendering)
     described, checkpoint = last_checkpoint(source)
-    if described["algorithm"] not in ALGORITHMS:
-        raise ValueError(
-            f"`run` must be of an algorithm of this package, {source} is of "
-            f"{described['algorithm']}: load its model, and call `predict`."
-        )
-    policy = _load_policy(described["algorithm"], checkpoint, trust=trust)
+    cls = _algorithm(described)
     env = make_env(described, trust=trust, **rendering)
+    if is_baseline(cls) and not trust:
+        policy = load_baseline_policy(cls, checkpoint, described, env)
+    else:
+        policy = _load_policy(cls, checkpoint, trust=trust)
     sizes = {FlatObservations(each.observation_space).size for each in (policy, env)}
     if len(sizes) > 1:
         name = described["env"]
@@ -103,17 +106,33 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
     return policy, env
 
 
-def _load_policy(algorithm: str, checkpoint: Path, *, trust: bool) -> BasePolicy:
-    cls = find_algorithm(algorithm)
+def _load_policy(cls: type[Any], checkpoint: Path, *, trust: bool) -> BasePolicy:
     if issubclass(cls, EvolutionaryAlgorithm):
         return cls.load(checkpoint / "model", allow_pickle=trust).policy
     if not trust:
         raise ValueError(
-            f"`trust` must be given if you know who made the run: the file of a {algorithm} may "
+            f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
             "run any code."
         )
     policy: BasePolicy = cls.load(checkpoint / "model").policy
     return policy
+
+
+def _algorithm(described: Mapping[str, Any]) -> type[Any]:
+    """The class of a run's algorithm, whose policy sees what the environment gives."""
+    name = described["algorithm"].partition(" + ")[0]
+    if name not in KNOWN:
+        raise ValueError(
+            f"`run` must be of an algorithm that `curiosity list` names, it is of {name}: load its "
+            "model, and call `predict`."
+        )
+    between = {*described.get("vec_env", {}).get("wrappers", {})} - SEEN_THROUGH
+    if between:
+        raise ValueError(
+            "`run` must be of a policy that sees the environment's own observations, it saw those "
+            f"of {', '.join(sorted(between))}: load its model, and call `predict`."
+        )
+    return find_algorithm(name)
 
 
 def _frame(env: gym.Env[object, object]) -> Frame:

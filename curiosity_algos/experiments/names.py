@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from importlib import import_module
 from typing import Any
 
 from curiosity_gym.registration import SPECS
@@ -19,6 +20,18 @@ ALGORITHMS = (
     "NSLC",
     "TD3ICM",
 )
+"""Those of this package."""
+STABLE_BASELINES = ("A2C", "DDPG", "DQN", "PPO", "SAC", "TD3")
+"""Those of Stable-Baselines3."""
+CONTRIB = ("CrossQ", "QRDQN", "TQC", "TRPO")
+"""Those of sb3-contrib, which need not be installed."""
+_PACKAGES: dict[str, str] = {
+    **dict.fromkeys(ALGORITHMS, "curiosity_algos"),
+    **dict.fromkeys(STABLE_BASELINES, "stable_baselines3"),
+    **dict.fromkeys(CONTRIB, "sb3_contrib"),
+}
+KNOWN = tuple(_PACKAGES)
+"""All of them."""
 ENVIRONMENTS = tuple(SPECS)
 
 
@@ -27,15 +40,19 @@ def find_algorithm(name: str) -> type[Any]:
 
     Raises:
         ValueError: If there is none; the nearest name is suggested.
+        ImportError: If it is of sb3-contrib, which is not installed.
     """
-    import curiosity_algos
-
-    name = find_known("algo", name, ALGORITHMS, spelled=_plain)
-    found: type[Any] = getattr(curiosity_algos, name)
+    name = find_known("algo", name, KNOWN, spelled=plain_name)
+    try:
+        package = import_module(_PACKAGES[name])
+    except ImportError as error:
+        raise ImportError(f"`algo` {name} needs sb3-contrib: pip install sb3-contrib") from error
+    found: type[Any] = getattr(package, name)
     return found
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """A name without what does not count in its spelling."""
     return name.lower().replace("-", "").replace("_", "")
 
 

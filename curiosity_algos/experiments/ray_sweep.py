@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
+from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import Outcome, Train
-from curiosity_algos.experiments.training import RunSpec
 from curiosity_gym.validation import check_positive
 
 MAX_RETRIES = 5

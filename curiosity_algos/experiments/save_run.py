@@ -42,10 +42,10 @@ class SaveRun(BaseCallback):
         rest = 1e7 - model.num_timesteps
         model.learn(rest, callback=SaveRun("runs/hard"), reset_num_timesteps=False)
 
-    An algorithm of Stable-Baselines3's own, or of sb3-contrib's, goes on too, but not bit for bit:
-    its replay buffer, its random draws and the episodes under way begin anew. Beside its `model`
-    the checkpoint holds `bonus.pt` of a `BonusVecEnvWrapper` and `vecnormalize.pkl` of a
-    VecNormalize, to wrap the environments with.
+    An algorithm of Stable-Baselines3's own, or of sb3-contrib's, goes on by `load_baseline`, its
+    random draws and, with `save_replay_buffer`, its transitions, too. Beside its `model` the
+    checkpoint holds `bonus.pt` of a `BonusVecEnvWrapper`, and `vecnormalize.pkl` of a VecNormalize,
+    which `load_baseline` leaves to you.
 
     Args:
         folder: Folder of the run: empty or missing, or that of the run that the model goes on with.
@@ -54,6 +54,8 @@ class SaveRun(BaseCallback):
             there collects them anew, and the model warns of it.
         n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
         n_sampled: Policies of all that are evaluated which are kept, a uniform sample.
+        save_replay_buffer: Whether checkpoints hold the replay buffer of Stable-Baselines3's own
+            algorithms; this package's always do. The last one does not.
         verbose: As in SB3.
 
     Raises:
@@ -71,6 +73,7 @@ class SaveRun(BaseCallback):
         interval: float = 60.0,
         n_rewarding: int = 5000,
         n_sampled: int = 1000,
+        save_replay_buffer: bool = False,
         verbose: int = 0,
     ) -> None:
         super().__init__(verbose)
@@ -80,6 +83,7 @@ class SaveRun(BaseCallback):
         self.interval = interval
         self.n_rewarding = n_rewarding
         self.n_sampled = n_sampled
+        self.save_replay_buffer = save_replay_buffer
         self._log: ProgressLog | None = None
         self._lock: FileLock | None = None
 
@@ -240,7 +244,8 @@ class SaveRun(BaseCallback):
         self._saved = time.monotonic()
 
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
-        write_model(self.model, folder, exclude)
+        keeps = self.save_replay_buffer
+        write_model(self.model, folder, exclude, save_replay_buffer=keeps)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
         if isinstance(self.model, EvolutionaryAlgorithm) and self._sample.size:
             write_arrays(folder / "sample.npz", self._sample.arrays())

@@ -17,8 +17,10 @@ from typing import Any, TypeAlias
 import torch as th
 from tqdm import tqdm
 
+from curiosity_algos.experiments.baselines import find_bonus
 from curiosity_algos.experiments.names import find_algorithm
-from curiosity_algos.experiments.training import RunSpec, is_finished, summary, train, variant_of
+from curiosity_algos.experiments.run_spec import RunSpec, variant_of
+from curiosity_algos.experiments.training import is_finished, summary, train
 from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -37,9 +39,10 @@ def grid(
     swept: Mapping[str, Sequence[Any]] | None = None,
     *,
     settings: Mapping[str, Any] | None = None,
+    bonuses: Sequence[str | None] = (None,),
     **common: Any,
 ) -> list[RunSpec]:
-    """A run for each algorithm, environment, seed and combination of settings, none twice.
+    """A run for each algorithm, bonus, environment, seed and combination of settings, none twice.
 
     Args:
         algorithms: Names of algorithms.
@@ -48,6 +51,7 @@ def grid(
         swept: The values of each setting that is to be varied. They name the run's `variant`:
             `k=5,sigma=0.1`.
         settings: Those that all runs have.
+        bonuses: Names of bonuses; None: none.
         **common: Further arguments of each `RunSpec`.
 
     Raises:
@@ -62,10 +66,11 @@ def grid(
         raise ValueError(
             f"`hyperparams` must be told apart by letters, digits, commas, dots and signs: {swept}."
         )
-    places = product(variants, names, dict.fromkeys(envs), dict.fromkeys(seeds))
+    found = dict.fromkeys(None if bonus is None else find_bonus(bonus) for bonus in bonuses)
+    places = product(variants, names, found, dict.fromkeys(envs), dict.fromkeys(seeds))
     return [
-        RunSpec(name, env, seed, settings=variants[variant], variant=variant, **common)
-        for variant, name, env, seed in places
+        RunSpec(name, env, seed, settings=variants[variant], variant=variant, bonus=bonus, **common)
+        for variant, name, bonus, env, seed in places
     ]
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from curiosity_algos.experiments.training import RunSpec, variant_of
+from curiosity_algos.experiments.run_spec import RunSpec, variant_of
 
 MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
 CONTROL = (

@@ -86,10 +86,38 @@ def test_starts_and_success_of_a_control_task_are_keywords(run_here, tmp_path, m
     assert run["env_kwargs.success_threshold"] == 0.5
 
 
+@pytest.mark.extra("report")
+def test_stable_baselines_algorithms_are_compared_with_ours(run_here, refused, tmp_path):
+    """Trained, gone on with, played, and shown beside an algorithm of this package."""
+    maze = ["--env", "CuriosityMaze-US-v0", "--env-kwargs", "horizon:50"]
+    small = ["--hyperparams", "n_steps:32", "--hyperparams", "batch_size:64"]
+    ppo = ["train", "--algo", "ppo", "--bonus", "APT", "--n-envs", "4", *maze, *small]
+    ppo += ["--bonus-kwargs", "weight:0.5", "--bonus-kwargs", "power:2.0"]
+    for timesteps in ("256", "384"):  # from the beginning, and on from there
+        status, printed, errors = run_here(*ppo, "-n", timesteps)
+        assert status == 0, errors
+    folder = str(pathlib.Path("runs", "PPO+apt", "CuriosityMaze-US-v0", "0"))
+    assert printed.startswith(f"{folder}: best return 0.000, no success, coverage reachable")
+    assert run_here(*ppo, "-n", "384")[1] == f"{folder} is finished.\n"
+    assert run_here("enjoy", folder, "--no-render")[1] == "Return 0.000\n"
+    assert "of an algorithm that evolves policies" in refused(
+        *("export", folder, "--to", "onnx", "--out", "policy.onnx")
+    )
+    ours = ["--algo", "map_elites", "--hyperparams", "population_size:8", "-n", "400"]
+    assert run_here("train", *ours, *maze)[0] == 0
+    runs = load_runs(tmp_path / "runs").set_index("algorithm")
+    assert list(runs.index) == ["MAPElites", "PPO + APT"]
+    assert runs.at["PPO + APT", "timesteps"] == 384
+    assert runs.at["PPO + APT", "vec_env.wrappers.BonusVecEnvWrapper.weight"] == 0.5
+    assert run_here("plot", "runs")[0] == 0
+    assert run_here("report", "runs")[:2] == (0, "2 runs on 1 environment: report.html\n")
+    assert "PPO + APT" in (tmp_path / "report.html").read_text()
+
+
 def test_list(run_here):
     status, listed, _ = run_here("list")
     assert status == 0
-    for name in ("CuriosityMaze-Hard-v0", "CuriosityES", "paper"):
+    for name in ("CuriosityMaze-Hard-v0", "CuriosityES", "PPO", "QRDQN", "apt", "paper"):
         assert f"\n  {name}\n" in listed
 
 
@@ -191,6 +219,17 @@ class TestSweep:
         assert sorted(label_runs(runs)) == [
             f"{name}, sigma {sigma}" for name in ("MAPElites", "NSLC") for sigma in (0.1, 0.5)
         ]
+
+    def test_bonuses_are_swept_too(self, run_here, tmp_path):
+        words = ["--algos", "ppo,a2c", "--bonus", "none,rnd", "--seeds", "0", "-n", "64"]
+        words += ["--jobs", "1", "--n-envs", "2", "--hyperparams", "n_steps:32", *SMALL[:2]]
+        status, _, errors = run_here("sweep", *words)
+        assert status == 0, errors
+        trained = load_runs(tmp_path / "runs")["algorithm"]
+        assert sorted(trained) == ["A2C", "A2C + RND", "PPO", "PPO + RND"]
+        assert {path.name for path in (tmp_path / "runs").iterdir()} == {
+            *("A2C", "A2C+rnd", "PPO", "PPO+rnd")
+        }
 
     def test_one_that_fails_leaves_the_others(self, run_here, tmp_path):
         (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)

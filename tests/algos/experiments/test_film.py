@@ -12,7 +12,8 @@ from curiosity_algos.experiments import SaveRun
 from curiosity_algos.experiments import film as filming
 from curiosity_algos.experiments.film import film, play, watch
 from curiosity_algos.experiments.run_folder import RunFolder
-from curiosity_algos.experiments.training import RunSpec, train
+from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.experiments.training import train
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,17 @@ def test_an_episode_moves(folder, tmp_path):
 def test_a_video_can_be_written(folder, tmp_path):
     film(folder, tmp_path / "best.mp4", stride=20, seed=0)
     assert b"ftyp" in (tmp_path / "best.mp4").read_bytes()[:16]
+
+
+@pytest.mark.extra("render")
+@pytest.mark.skipif(not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3")
+def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
+    settings = {"n_steps": 10, "batch_size": 10, "device": "cpu"}
+    run = RunSpec("ppo", "CuriosityMaze-US-v0", 0, 10, {"horizon": 60}, settings, repeat_action=5)
+    train(run, tmp_path / "run")
+    assert film(tmp_path / "run", tmp_path / "best.gif", stride=20, seed=0) == 0.0
+    with Image.open(tmp_path / "best.gif") as picture:
+        assert picture.n_frames == 4  # as without
 
 
 def test_an_episode_needs_no_picture(folder):
@@ -154,5 +166,15 @@ def test_what_cannot_be_filmed_is_refused(folder, tmp_path):
     with pytest.raises(ValueError, match="`run` must have a checkpoint"):
         film(tmp_path, tmp_path / "best.gif", stride=20, seed=0)
     (tmp_path / "checkpoints" / "1").mkdir(parents=True)
-    with pytest.raises(ValueError, match=r"of an algorithm of this package, .* is of PPO"):
+    with pytest.raises(FileNotFoundError):
         play(tmp_path, seed=0)
+    for changes, what in [
+        (
+            {"algorithm": "RecurrentPPO"},
+            "that `curiosity list` names, it is of Rec",
+        ),
+        ({"vec_env": {"wrappers": {"VecNormalize": {}}}}, "it saw those of VecNormalize"),
+    ]:
+        RunFolder(tmp_path).begin(described | {"algorithm": "PPO"} | changes)
+        with pytest.raises(ValueError, match=what):
+            play(tmp_path, seed=0)

@@ -5,9 +5,9 @@ from ribs.emitters import GaussianEmitter
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
-from curiosity_algos.experiments.training import RunSpec, is_finished, train, variant_of
+from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.experiments.training import is_finished, train
 
-US = "CuriosityMaze-US-v0"
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
 
@@ -52,28 +52,6 @@ def test_another_run_is_refused(tmp_path):
             train(other, tmp_path)
 
 
-def test_the_folder_is_named_by_what_is_trained(tmp_path):
-    for variant in ("", "phi=0.0"):
-        path = RunSpec("map-elites", "module:CuriosityMaze-US-v0", 3, 1, variant=variant)
-        expected = tmp_path / variant / "MAPElites" / "CuriosityMaze-US-v0" / "3"
-        assert path.folder(tmp_path) == expected
-    assert RunSpec("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
-
-
-def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
-    assert variant_of({}) == ""
-    assert variant_of({"sigma": 0.1, "k": 5}) == "k=5,sigma=0.1"
-    longest = {"k": "a" * 253}
-    assert variant_of(longest) == "k=" + "a" * 253
-    (tmp_path / variant_of(longest)).mkdir()
-    values = [[*range(100)], [*range(99), -99], str([*range(100)]), "a" * 254, "\U00020000" * 64]
-    names = [variant_of({"k": value, "sigma": 0.1}) for value in values]
-    assert names[0].startswith("k=-0,-1,-2,-3,-4,")
-    for name in names:
-        (tmp_path / name).mkdir()  # raises where the name is too long, or that of another
-    assert names == [variant_of({"sigma": 0.1, "k": value}) for value in values]
-
-
 def test_ctrl_c_leaves_a_checkpoint(tmp_path, monkeypatch):
     def press(self, *args):
         if self.generation == 2:
@@ -95,37 +73,6 @@ def test_gradients_are_trained_too(tmp_path):
     run = RunSpec("td3icm", "CuriosityMaze-US-v0", 0, 100, {"horizon": 50}, {"device": "cpu"})
     assert train(run, tmp_path)
     assert RunFolder(tmp_path).describe()["algorithm"] == TD3ICM.__name__
-
-
-@pytest.mark.parametrize(
-    ("run", "message"),
-    [
-        (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), "did you mean CuriosityMaze-US-v0"),
-        (RunSpec("nses", "Nothing-v3", 0, 1), "`env` "),
-        (small(sigm=1), "`hyperparams` sigm is unknown: did you mean sigma"),
-        (small(sigma=-1.0), "`sigma` must be"),
-        (small(preset="best"), "`preset` must be one of"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"target_noise_clip": "abc"}), "`target_noise_clip`"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"stats_window_size": "abc"}), "`stats_window_size`"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"extrinsic": "no"}), "True or False"),
-        (small(device="gpu"), "`device` must be"),
-        (small(timesteps=-1), "`total_timesteps` must be finite and at least 0"),
-        (
-            RunSpec("nses", US, 0, 1, {"horizn": 3}),
-            "`env_kwargs` must be keywords",
-        ),
-    ],
-)
-def test_mistakes_are_found_before_it_begins(run, message):
-    with pytest.raises(ValueError, match=message):
-        run.check()
-
-
-def test_what_is_right_passes():
-    for algorithm in ("curiosity_es", "td3_icm"):
-        RunSpec(algorithm, "CuriosityMaze-US-v0", 0, 1).check()
-    RunSpec("curiosity_es", "CartPole-v1", 0, 1).check()
 
 
 def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_same):

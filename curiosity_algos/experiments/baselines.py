@@ -1,0 +1,155 @@
+"""Stable-Baselines3's own algorithms as runs: their bonuses, models and policies."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.preprocessing import is_image_space
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.vec_env import VecEnv
+
+from curiosity_algos.bonuses.make import BONUSES, NETWORK_KEYWORDS
+from curiosity_algos.experiments.names import find_known, plain_name
+from curiosity_algos.experiments.under_way import restore_under_way
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
+from curiosity_algos.sb3.resumable import Resumable
+
+SMALLEST_IMAGE = 36
+"""Pixels of a side that Stable-Baselines3's CnnPolicy takes."""
+
+
+def is_baseline(cls: type[Any]) -> bool:
+    """Whether an algorithm is one of Stable-Baselines3's own, or of sb3-contrib's."""
+    is_theirs = issubclass(cls, OnPolicyAlgorithm | OffPolicyAlgorithm)
+    return is_theirs and not issubclass(cls, Resumable)
+
+
+# -- bonuses --------------------------------------------------------------------------------------
+
+
+def find_bonus(name: str) -> str:
+    """The known name of a bonus, in any spelling.
+
+    Raises:
+        ValueError: If there is none; the nearest is suggested.
+    """
+    return find_known("bonus", name, BONUSES, spelled=plain_name)
+
+
+def _split(
+    holder: type[Any], bonus: str, bonus_kwargs: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Keywords of what holds a bonus, and of the bonus itself."""
+    of_holder = _keyword_only(holder) - {"bonus", "bonus_kwargs", "device", "seed"}
+    of_bonus = {*_keyword_only(BONUSES[bonus]), *NETWORK_KEYWORDS} - {"device", "seed"}
+    for name in bonus_kwargs:
+        find_known("bonus_kwargs", name, sorted(of_holder | of_bonus))
+    held = {name: value for name, value in bonus_kwargs.items() if name in of_holder}
+    return held, {name: value for name, value in bonus_kwargs.items() if name not in held}
+
+
+def _keyword_only(made: Any) -> set[str]:
+    parameters = inspect.signature(made).parameters.values()
+    return {each.name for each in parameters if each.kind is each.KEYWORD_ONLY}
+
+
+# -- models ---------------------------------------------------------------------------------------
+
+
+def make_baseline(
+    cls: type[Any],
+    venv: VecEnv,
+    *,
+    bonus: str | None,
+    bonus_kwargs: Mapping[str, Any],
+    seed: int,
+    **settings: Any,
+) -> BaseAlgorithm:
+    """A model that has not trained; one that is off-policy adds its bonus when it samples.
+
+    Raises:
+        ValueError: If there is no such bonus, or neither it nor its holder takes a keyword.
+    """
+    settings = {"policy": _default_policy(venv.observation_space), "seed": seed, **settings}
+    if bonus is None and bonus_kwargs:
+        raise ValueError("`bonus_kwargs` must be left out where there is no `bonus`.")
+    if bonus is not None and issubclass(cls, OffPolicyAlgorithm):
+        held, own = _split(BonusReplayBuffer, find_bonus(bonus), bonus_kwargs)
+        given = {"bonus": find_bonus(bonus), "bonus_kwargs": own, **held}
+        settings |= {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": given}
+    elif bonus is not None:
+        held, own = _split(BonusVecEnvWrapper, find_bonus(bonus), bonus_kwargs)
+        held |= {"seed": seed, "device": settings.get("device", "auto")}
+        venv = BonusVecEnvWrapper(venv, bonus=find_bonus(bonus), bonus_kwargs=own, **held)
+    model: BaseAlgorithm = cls(env=venv, **settings)
+    return model
+
+
+def _default_policy(space: spaces.Space[Any]) -> str:
+    if isinstance(space, spaces.Dict):
+        return "MultiInputPolicy"
+    is_large = is_image_space(space) and sorted(space.shape or ())[-2] >= SMALLEST_IMAGE
+    return "CnnPolicy" if is_large else "MlpPolicy"
+
+
+def load_baseline(
+    cls: type[Any], checkpoint: Path, venv: VecEnv, *, device: Any = "auto", **replaced: Any
+) -> BaseAlgorithm:
+    """The model as it was at a checkpoint of `SaveRun`, to go on with; only of a trusted folder.
+
+    With its bonus, and with the draws, the episodes and the replay buffer that `SaveRun` has kept.
+
+    Args:
+        cls: Class of the model.
+        checkpoint: Folder of the checkpoint.
+        venv: Environments like those of the run, without a bonus.
+        device: Where the networks are, as in SB3.
+        **replaced: Attributes of the model to replace, as of its `load`.
+    """
+    if (checkpoint / "bonus.pt").exists():
+        venv = BonusVecEnvWrapper.load(checkpoint / "bonus.pt", venv, device=device)
+    model: BaseAlgorithm = cls.load(
+        checkpoint / "model", env=venv, device=device, force_reset=False, **replaced
+    )
+    restore_under_way(model, checkpoint)
+    return model
+
+
+# -- policies -------------------------------------------------------------------------------------
+
+
+def load_baseline_policy(
+    cls: type[Any], checkpoint: Path, described: Mapping[str, Any], env: gym.Env[Any, Any]
+) -> BasePolicy:
+    """The policy of a checkpoint, read without running code: made as `run.json` says.
+
+    Raises:
+        ValueError: If that does not say it all, as of classes among `policy_kwargs`.
+    """
+    _, states, _ = load_from_zip_file(checkpoint / "model", load_data=False, device="cpu")
+    seen = cls._wrap_env(env).observation_space  # of images with the channels first
+    policies = {each.__qualname__: each for each in cls.policy_aliases.values()}
+    try:
+        settings = described["settings"]
+        kwargs = {k: v for k, v in settings["policy_kwargs"].items() if "optimizer" not in k}
+        if issubclass(cls, OnPolicyAlgorithm):
+            kwargs["use_sde"] = settings["use_sde"]
+        made = policies[settings["policy"]](seen, env.action_space, lambda _: 0.0, **kwargs)
+        made.load_state_dict(states["policy"])
+    except (AssertionError, AttributeError, KeyError, RuntimeError, TypeError) as error:
+        raise ValueError(
+            "`trust` must be given if you know who made the run: its policy has more than a "
+            "description can say, and its file may run any code."
+        ) from error
+    policy: BasePolicy = made
+    return policy

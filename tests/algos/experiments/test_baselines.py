@@ -1,0 +1,210 @@
+"""Each of Stable-Baselines3's algorithms as a run: trained, described, gone on with, and played."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.save_util import load_from_zip_file
+
+from curiosity_algos.bonuses.make import BONUSES, NETWORK_KEYWORDS
+from curiosity_algos.experiments import RunFolder, SaveRun, load_final_states, load_runs
+from curiosity_algos.experiments.baselines import (
+    _default_policy,
+    _keyword_only,
+    is_baseline,
+    load_baseline,
+)
+from curiosity_algos.experiments.film import play
+from curiosity_algos.experiments.names import ALGORITHMS, CONTRIB, STABLE_BASELINES, find_algorithm
+from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.experiments.training import train
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
+
+US = "CuriosityMaze-US-v0"
+HOLDS = hasattr(gym.wrappers, "RepeatAction")
+TRAINED_OFTEN = {"train_interval": 40, "n_updates": 1, "batch_size": 16, "hidden": 8}
+LEARNS = {"A2C": {}, "PPO": {"batch_size": 30, "n_epochs": 1}, "TRPO": {"batch_size": 30}}
+"""The algorithms that are on-policy, and how they learn."""
+NAMES = (*STABLE_BASELINES, *CONTRIB)
+
+
+def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, **others):
+    """A run of a few seconds at most."""
+    settings = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu"}
+    if name in LEARNS:
+        settings |= {"n_steps": 30} | LEARNS[name]
+    else:
+        settings |= {"learning_starts": learning_starts, "train_freq": 20}
+        settings |= {"buffer_size": 500, "batch_size": 16}
+    env, env_kwargs = (US, {"horizon": 50}) if name not in ("DQN", "QRDQN") else ("CartPole-v1", {})
+    given = {"settings": settings, "bonus": bonus, "n_envs": n_envs, **others}
+    return RunSpec(name, env, 0, timesteps, env_kwargs, **given)
+
+
+def test_they_are_not_this_packages():
+    assert all(is_baseline(find_algorithm(name)) for name in NAMES)
+    assert not any(is_baseline(find_algorithm(name)) for name in ALGORITHMS)
+
+
+@pytest.mark.parametrize("bonus", [None, "rnd"])
+@pytest.mark.parametrize("name", NAMES)
+def test_each_is_trained_described_and_played(name, bonus, tmp_path):
+    run = small(name, bonus=bonus, bonus_kwargs=TRAINED_OFTEN if bonus else {})
+    run.check()
+    assert train(run, tmp_path)
+    assert not train(run, tmp_path)
+    (row,) = load_runs(tmp_path).to_dict("records")
+    assert row["algorithm"] == (name if bonus is None else f"{name} + RND")
+    assert row["timesteps"] >= 180
+    assert len(load_final_states(tmp_path)["return"]) == row["n_episodes"] > 1
+    assert np.isfinite(play(tmp_path, seed=0))
+
+
+class TestBonus:
+    def test_keywords_are_the_holders_or_the_bonus_own(self):
+        kwargs = {"weight": 0.5, "extrinsic": False, "power": 2.0, "n_updates": 3}
+        wrapper = small("PPO", bonus="apt", bonus_kwargs=kwargs).make().get_env()
+        buffer = small("SAC", bonus="apt", bonus_kwargs=kwargs).make().replay_buffer
+        assert isinstance(wrapper, BonusVecEnvWrapper)
+        for holder in (wrapper, buffer):
+            assert (holder.weight, holder.extrinsic, holder.n_updates) == (0.5, False, 3)
+            assert holder.bonus.power == 2.0
+
+    def test_no_keyword_is_both(self):
+        of_holders = _keyword_only(BonusVecEnvWrapper) | _keyword_only(BonusReplayBuffer)
+        of_bonuses = {*NETWORK_KEYWORDS}.union(*map(_keyword_only, BONUSES.values()))
+        assert of_holders & of_bonuses <= {"seed", "device"}
+
+
+@pytest.mark.parametrize(
+    ("space", "policy"),
+    [
+        (spaces.Box(-1, 1, (3,)), "MlpPolicy"),
+        (spaces.Box(0, 255, (64, 64, 3), np.uint8), "CnnPolicy"),
+        (spaces.Box(0, 255, (4, 40, 36), np.uint8), "CnnPolicy"),
+        (spaces.Box(0, 255, (7, 7, 3), np.uint8), "MlpPolicy"),
+        (spaces.Dict({"a": spaces.Box(-1, 1, (3,))}), "MultiInputPolicy"),
+    ],
+)
+def test_the_policy_suits_the_observations(space, policy):
+    assert _default_policy(space) == policy
+
+
+def cut(monkeypatch, run, folder, timesteps):
+    """Train until Ctrl-C comes in the midst of a rollout; a checkpoint is taken before each."""
+
+    def press(self):
+        if self.model.num_timesteps >= timesteps:
+            raise KeyboardInterrupt
+        return on_step(self)
+
+    on_step = SaveRun._on_step
+    with monkeypatch.context() as patched:
+        patched.setattr(SaveRun, "_on_step", press)
+        with pytest.raises(KeyboardInterrupt):
+            train(run, folder, interval=1e-9)
+    stood = int(RunFolder(folder).checkpoint.name)
+    assert 0 < stood < timesteps
+    return stood
+
+
+def parameters(folder):
+    path = RunFolder(folder).checkpoint / "model"
+    return load_from_zip_file(path, load_data=False, device="cpu")[1]["policy"]
+
+
+EXACT = {
+    "PPO": small("PPO"),
+    "PPO, one": small("PPO", n_envs=1),
+    "A2C with a bonus": small("A2C", bonus="apt", bonus_kwargs=TRAINED_OFTEN),
+    "PPO that remembers episodes": small("PPO", bonus="e3b", bonus_kwargs=TRAINED_OFTEN),
+    "SAC": small("SAC"),
+    "TD3 with a bonus": small("TD3", bonus="rnd", bonus_kwargs=TRAINED_OFTEN),
+    "DDPG that acts at random": small("DDPG", learning_starts=150),
+    "PPO that holds": small("PPO", bonus="rnd", repeat_action=3, bonus_kwargs=TRAINED_OFTEN),
+}
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_a_run_that_was_cut_goes_on_as_if_it_had_not(kind, tmp_path, monkeypatch, assert_same):
+    run = EXACT[kind]
+    if run.repeat_action > 1 and not HOLDS:
+        pytest.skip("gymnasium < 1.3")
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    train(run, whole)
+    cut(monkeypatch, run, killed, 130)
+    assert train(run, killed)
+    ended = [RunFolder(folder).result()["timesteps"] for folder in (whole, killed)]
+    assert ended == [180 if kind.startswith(("PPO", "A2C")) else 200] * 2  # whole rollouts
+    assert_same(load_final_states(killed), load_final_states(whole))
+    one, other = parameters(killed), parameters(whole)
+    assert all(th.equal(one[name], other[name]) for name in other)
+
+
+@pytest.mark.parametrize("bonus", [None, "rnd"])
+def test_other_environments_begin_new_episodes(bonus, tmp_path, monkeypatch):
+    run = small("DQN", bonus=bonus)
+    stood = cut(monkeypatch, run, tmp_path, 130)
+    model = run.load(RunFolder(tmp_path).checkpoint)
+    assert model._last_obs is None
+    assert model.replay_buffer.size() == stood / 2
+    assert train(run, tmp_path)
+    assert RunFolder(tmp_path).result()["timesteps"] == 200
+
+
+def test_another_run_is_refused(tmp_path):
+    train(small("PPO", bonus="rnd"), tmp_path)
+    for other, what in [
+        (small("PPO"), 'algorithm is "PPO . RND", not "PPO"'),
+        (small("PPO", bonus="rnd", n_envs=3), "vec_env.n_envs is 2, not 3"),
+        (
+            small("PPO", bonus="rnd", bonus_kwargs={"weight": 0.5}),
+            "BonusVecEnvWrapper.weight is 1.0, not 0.5",
+        ),
+    ]:
+        with pytest.raises(ValueError, match=rf"^`folder` must be empty or .*{what}\.$"):
+            train(other, tmp_path)
+
+
+def test_more_timesteps_go_on_without_the_transitions(tmp_path):
+    train(small("SAC"), tmp_path)
+    with pytest.warns(UserWarning, match="without the replay buffer"):
+        assert train(small("SAC", timesteps=240), tmp_path)
+    assert RunFolder(tmp_path).result()["timesteps"] == 240
+
+
+def test_a_script_goes_on_too(tmp_path, monkeypatch):
+    run = small("PPO", bonus="rnd")
+    stood = cut(monkeypatch, run, tmp_path, 130)
+    checkpoint = RunFolder(tmp_path).checkpoint
+    model = load_baseline(find_algorithm("ppo"), checkpoint, run._make_env(), device="cpu")
+    assert model.num_timesteps == stood
+    assert len(model.get_env().buffer) == stood
+
+
+class TestPlayed:
+    def test_a_policy_with_classes_needs_trust(self, tmp_path):
+        kwargs = {"activation_fn": th.nn.ReLU}
+        run = small("PPO")
+        train(
+            RunSpec("PPO", US, 0, 60, run.env_kwargs, {**run.settings, "policy_kwargs": kwargs}),
+            tmp_path,
+        )
+        with pytest.raises(ValueError, match="`trust` must be given"):
+            play(tmp_path, seed=0)
+        assert play(tmp_path, seed=0, trust=True) == 0.0
+
+    def test_it_is_the_policy_of_the_model(self, tmp_path):
+        run = small("PPO", n_envs=1)
+        train(run, tmp_path)
+        model = run.load(RunFolder(tmp_path).checkpoint)
+        env, total, done = gym.make(US, **run.env_kwargs), 0.0, False
+        observation, _ = env.reset(seed=0)
+        while not done:
+            action, _ = model.predict(observation, deterministic=True)
+            observation, reward, terminated, truncated, _ = env.step(action)
+            done = terminated or truncated
+            total += reward
+        assert play(tmp_path, seed=0) == total

@@ -1,0 +1,89 @@
+import pytest
+
+from curiosity_algos.experiments.run_spec import RunSpec, variant_of
+
+US = "CuriosityMaze-US-v0"
+
+
+def test_the_folder_is_named_by_what_is_trained(tmp_path):
+    for variant in ("", "phi=0.0"):
+        path = RunSpec("map-elites", "module:CuriosityMaze-US-v0", 3, 1, variant=variant)
+        expected = tmp_path / variant / "MAPElites" / "CuriosityMaze-US-v0" / "3"
+        assert path.folder(tmp_path) == expected
+    path = RunSpec("ppo", "a-v0", 0, 1, bonus="APT").folder(tmp_path)
+    assert path == tmp_path / "PPO+apt" / "a-v0" / "0"
+    assert RunSpec("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
+
+
+def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
+    assert variant_of({}) == ""
+    assert variant_of({"sigma": 0.1, "k": 5}) == "k=5,sigma=0.1"
+    longest = {"k": "a" * 253}
+    assert variant_of(longest) == "k=" + "a" * 253
+    (tmp_path / variant_of(longest)).mkdir()
+    values = [[*range(100)], [*range(99), -99], str([*range(100)]), "a" * 254, "\U00020000" * 64]
+    names = [variant_of({"k": value, "sigma": 0.1}) for value in values]
+    assert names[0].startswith("k=-0,-1,-2,-3,-4,")
+    for name in names:
+        (tmp_path / name).mkdir()  # raises where the name is too long, or that of another
+    assert names == [variant_of({"sigma": 0.1, "k": value}) for value in values]
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), "did you mean CuriosityMaze-US-v0"),
+        (RunSpec("nses", "Nothing-v3", 0, 1), "`env` "),
+        (
+            RunSpec("nses", US, 0, 1, {}, {"sigm": 1}),
+            "sigm is unknown: did you mean sigma",
+        ),
+        (RunSpec("nses", US, 0, 1, {}, {"sigma": -1.0}), "`sigma` must be"),
+        (RunSpec("nses", US, 0, 1, {}, {"preset": "best"}), "`preset` must be one of"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"target_noise_clip": "abc"}), "`target_noise_clip`"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"stats_window_size": "abc"}), "`stats_window_size`"),
+        (RunSpec("td3icm", US, 0, 1, {}, {"extrinsic": "no"}), "True or False"),
+        (RunSpec("nses", US, 0, 1, {}, {"device": "gpu"}), "`device` must be"),
+        (RunSpec("nses", US, 0, -1), "`total_timesteps` must be finite and at least 0"),
+        (
+            RunSpec("nses", US, 0, 1, {"horizn": 3}),
+            "`env_kwargs` must be keywords",
+        ),
+        (RunSpec("pp0", US, 0, 1), "`algo` pp0 is unknown: did you mean PPO"),
+        (RunSpec("ppo", US, 0, 1, {"horizn": 3}), "`env_kwargs` must be keywords"),
+        (RunSpec("ppo", US, 0, 1, {"horizn": 3}, n_envs=2), "`env_kwargs` must be keywords"),
+        (RunSpec("ppo", US, 0, 1, {}, {"n_step": 3}), "n_step is unknown: did you mean n_steps"),
+        (RunSpec("ppo", US, 0, 1, {}, {"preset": "paper"}), "`preset` must be left out for PPO"),
+        (RunSpec("ppo", US, 0, 1, {}, {"n_threads": 2}), "`n_threads` must be left out for PPO"),
+        (RunSpec("dqn", US, 0, 1), "`env` and `hyperparams` must fit DQN"),
+        (RunSpec("ppo", US, 0, 1, bonus="atp"), "`bonus` atp is unknown: did you mean apt"),
+        (RunSpec("sac", US, 0, 1, bonus="e3b"), "`bonus` must be one of single transitions"),
+        (RunSpec("nses", US, 0, 1, bonus="apt"), "`bonus` must be left out for NSES"),
+        (RunSpec("ppo", US, 0, 1, bonus_kwargs={"weight": 1}), "`bonus_kwargs` must be left out"),
+        (
+            RunSpec("ppo", US, 0, 1, bonus="apt", bonus_kwargs={"wieght": 1}),
+            "`bonus_kwargs` wieght is unknown: did you mean weight",
+        ),
+        (RunSpec("ppo", US, 0, 1, n_envs=0), "`n_envs` must be"),
+        (RunSpec("nses", US, 0, 1, n_envs=2), "`n_envs` must be 1 for NSES"),
+        (RunSpec("ppo", US, 0, 1, repeat_action=0), "`repeat_action` must be"),
+    ],
+)
+def test_mistakes_are_found_before_it_begins(run, message):
+    with pytest.raises(ValueError, match=message):
+        run.check()
+
+
+def test_what_is_right_passes():
+    for algorithm in ("curiosity_es", "td3_icm"):
+        RunSpec(algorithm, "CuriosityMaze-US-v0", 0, 1).check()
+    RunSpec("curiosity_es", "CartPole-v1", 0, 1).check()
+
+
+@pytest.mark.parametrize("algorithm", ["curiosity_es", "td3icm"])
+def test_a_bonus_is_this_packages_own(algorithm):
+    spec = RunSpec(algorithm, US, 0, 1, bonus="RND", bonus_kwargs={"learning_rate": 1e-3})
+    model = spec.make()
+    assert (model.bonus, model.bonus_kwargs) == ("rnd", {"learning_rate": 1e-3})
+    assert spec.folder("runs").parts[1] == f"{type(model).__name__}+rnd"

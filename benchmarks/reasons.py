@@ -18,7 +18,8 @@ from ribs.emitters import EmitterBase
 from scipy.spatial.distance import cdist
 
 from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, POPULATION
-from curiosity_algos.experiments.training import RunSpec, train
+from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.experiments.training import train
 from curiosity_algos.search.emitters import Batch, ParetoEmitter
 from curiosity_algos.search.pareto import pareto_fronts
 

@@ -15,8 +15,8 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
 from curiosity_algos.experiments.loading import load_final_states
+from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import Processes, sweep
-from curiosity_algos.experiments.training import RunSpec
 
 US = MAZES[1]
 

@@ -26,7 +26,8 @@ from ray.cluster_utils import Cluster  # noqa: E402
 from curiosity_algos.evaluation import ray as ray_evaluator  # noqa: E402
 from curiosity_algos.evaluation.ray import RayEvaluator  # noqa: E402
 from curiosity_algos.experiments import RunFolder  # noqa: E402
-from curiosity_algos.experiments.training import RunSpec, train  # noqa: E402
+from curiosity_algos.experiments.run_spec import RunSpec  # noqa: E402
+from curiosity_algos.experiments.training import train  # noqa: E402
 
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import tests
 

@@ -185,6 +185,15 @@ def test_a_script_goes_on_too(tmp_path, monkeypatch):
 
 
 class TestPlayed:
+    @pytest.mark.parametrize("name", ["A2C", "QRDQN", "SAC"])
+    def test_no_code_of_the_file_is_run(self, name, tmp_path, monkeypatch):
+        """SB3 unpickles what is in the `data` of a model's file, and with it whatever it likes."""
+        train(small(name, timesteps=60), tmp_path)
+        monkeypatch.setattr("stable_baselines3.common.save_util.json_to_data", None)
+        play(tmp_path, seed=0)
+        with pytest.raises(TypeError):
+            play(tmp_path, seed=0, trust=True)
+
     def test_a_policy_with_classes_needs_trust(self, tmp_path):
         kwargs = {"activation_fn": th.nn.ReLU}
         run = small("PPO")

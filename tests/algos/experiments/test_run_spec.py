@@ -1,6 +1,9 @@
+import gymnasium as gym
 import pytest
 
+from curiosity_algos.experiments import load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec, variant_of
+from curiosity_algos.experiments.training import train
 
 US = "CuriosityMaze-US-v0"
 
@@ -87,3 +90,11 @@ def test_a_bonus_is_this_packages_own(algorithm):
     model = spec.make()
     assert (model.bonus, model.bonus_kwargs) == ("rnd", {"learning_rate": 1e-3})
     assert spec.folder("runs").parts[1] == f"{type(model).__name__}+rnd"
+
+
+@pytest.mark.skipif(not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3")
+def test_this_packages_algorithms_hold_actions_too(tmp_path):
+    small = {"population_size": 4, "policy_kwargs": {"net_arch": [4]}}
+    run = RunSpec("map_elites", US, 0, 1, {"horizon": 60}, small, repeat_action=5)
+    train(run, tmp_path)
+    assert load_final_states(tmp_path)["length"].tolist() == [12] * 4

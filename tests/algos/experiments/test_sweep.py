@@ -7,8 +7,9 @@ import pytest
 import torch as th
 
 from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import Processes, grid, sweep
-from curiosity_algos.experiments.training import RunSpec, train
+from curiosity_algos.experiments.training import train
 
 SETTINGS = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 

@@ -57,17 +57,24 @@ def plain_name(name: str) -> str:
 
 
 def find_known(
-    argument: str, name: str, known: Iterable[str], *, spelled: Callable[[str], str] = str
+    argument: str,
+    name: str,
+    known: Iterable[str],
+    *,
+    spelled: Callable[[str], str] = str,
+    hint: str = "",
 ) -> str:
     """The known name that `spelled` makes the same of, for an argument.
 
     Raises:
-        ValueError: If there is none; the nearest is suggested.
+        ValueError: If there is none; the nearest is suggested, else all of them, or the `hint`.
     """
     by_spelling = {spelled(each): each for each in known}
     if spelled(name) in by_spelling:
         return by_spelling[spelled(name)]
     near = get_close_matches(spelled(name), by_spelling, n=1)
     if near:
-        raise ValueError(f"`{argument}` {name} is unknown: did you mean {by_spelling[near[0]]}?")
+        hint = f"did you mean {by_spelling[near[0]]}? {hint}".rstrip()
+    if hint:
+        raise ValueError(f"`{argument}` {name} is unknown: {hint}")
     raise ValueError(f"`{argument}` must be one of {', '.join(known)}, got {name}.")

@@ -34,6 +34,7 @@ from curiosity_gym.validation import check_at_least_one
 
 LONGEST_NAME = 255
 """Bytes of a file's name, at most, in most file systems."""
+ELSEWHERE = "MODULE:ID is one that a module registers."
 
 
 def variant_of(settings: Mapping[str, Any]) -> str:
@@ -95,7 +96,7 @@ class RunSpec:
             ValueError: If a name, a keyword or a value is wrong.
         """
         if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
-            find_known("env", self.env, gym.registry)
+            find_known("env", self.env, gym.registry, hint=ELSEWHERE)
         cls = find_algorithm(self.algorithm)
         self._check_settings(cls)
         try:

@@ -35,8 +35,11 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
 @pytest.mark.parametrize(
     ("run", "message"),
     [
-        (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), "did you mean CuriosityMaze-US-v0"),
-        (RunSpec("nses", "Nothing-v3", 0, 1), "`env` "),
+        (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), r"mean CuriosityMaze-US-v0\? MODULE:ID"),
+        (
+            RunSpec("nses", "Nothing-v3", 0, 1),
+            "^`env` Nothing-v3 is unknown: MODULE:ID is one that a module registers.$",
+        ),
         (
             RunSpec("nses", US, 0, 1, {}, {"sigm": 1}),
             "sigm is unknown: did you mean sigma",

@@ -85,6 +85,20 @@ def learned() -> str:
     return summary(in_order(pd.concat([runs, beside], ignore_index=True)))
 
 
+def returns(runs: pd.DataFrame) -> str:
+    """Interquartile mean of the best returns of runs, with its 95 % interval."""
+    envs = list(dict.fromkeys(runs["env"]))
+    of_runs = runs.groupby(["algorithm", "env"], sort=False)["best_return"]
+    rows = []
+    for algorithm in dict.fromkeys(runs["algorithm"]):
+        groups = [of_runs.get_group((algorithm, env)).to_numpy() for env in envs]
+        found = [stratified_bootstrap(each, interquartile_mean) for each in groups]
+        rows.append(
+            [algorithm, *(f"{x.estimate:.0f} ({x.low:.0f} to {x.high:.0f})" for x in found)]
+        )
+    return markdown(["Algorithm", *map(short_name, envs)], rows)
+
+
 def _cell(group: pd.DataFrame) -> str:
     firsts = group["first_success_timesteps"]
     budget = group["timesteps"]
@@ -245,6 +259,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "control-strict-seeds": ("control_strict", every_seed),
     "locomotion-summary": ("locomotion", summary),
     "locomotion-seeds": ("locomotion", every_seed),
+    "normalized": ("normalized", returns),
     "ppo-summary": ("ppo", visits),
     "ppo-with-and-without": ("ppo", with_and_without),
     "ppo-seeds": ("ppo", every_seed),

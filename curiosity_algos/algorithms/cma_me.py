@@ -6,8 +6,11 @@ Fontaine et al. 2020, "Covariance Matrix Adaptation for the Rapid Illumination o
 
 from __future__ import annotations
 
+import contextlib
+from functools import cache
 from typing import Unpack
 
+from numba.core.dispatcher import Dispatcher
 from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
 
 from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
@@ -59,7 +62,7 @@ class CMAME(MAPElites):
         return float(emitter._opt.sigma)  # type: ignore[attr-defined]  # pyribs shows it nowhere else
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
-        return EvolutionStrategyEmitter(
+        emitter = EvolutionStrategyEmitter(
             self.archive,
             x0=x0,
             sigma0=self.sigma,
@@ -69,3 +72,15 @@ class CMAME(MAPElites):
             batch_size=self.population_size,
             seed=seed,
         )
+        _keep_on_disk(type(emitter._opt))
+        return emitter
+
+
+@cache
+def _keep_on_disk(strategy: type) -> None:
+    """Keep what pyribs compiles for a strategy, which takes seconds in every process."""
+    for name in vars(strategy):
+        function = getattr(strategy, name)
+        if isinstance(function, Dispatcher):
+            with contextlib.suppress(RuntimeError):  # no folder to keep it in
+                function.enable_caching()

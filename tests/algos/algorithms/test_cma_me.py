@@ -53,6 +53,8 @@ def test_its_emitter_improves_the_sphere_in_100_dimensions(es):
     assert model.archive.stats.obj_max > 0.8 * first.obj_max  # objectives are below 0
     assert len(model.archive) > 2 * first.num_elites
     assert model._emitters.emitters[0].restarts >= 3
+    strategy = type(model._emitters.emitters[0]._opt)
+    assert strategy._transform_and_check_sol.stats.cache_path  # compiled once for all processes
 
 
 def test_it_is_pyribs_cma_me_on_a_dense_grid():

@@ -12,6 +12,7 @@ from scipy.stats import mannwhitneyu
 from benchmarks import judging, paper, paper_tables, reasons, run_numbers
 from benchmarks.claims import CLAIMS
 from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.experiments import statistics
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
 from curiosity_algos.experiments.loading import load_final_states
@@ -169,7 +170,8 @@ def test_an_unfinished_run_is_left_out(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_committed_data_draws_every_figure(tmp_path):
+def test_the_committed_data_draws_every_figure(tmp_path, monkeypatch):
+    monkeypatch.setattr(statistics, "N_RESAMPLES", 100)  # how wide intervals are is tested there
     before = dict(mpl.rcParams)
     paper.draw(out=tmp_path)
     assert dict(mpl.rcParams) == before

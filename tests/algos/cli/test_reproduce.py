@@ -3,7 +3,6 @@
 import pathlib
 import re
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -11,6 +10,10 @@ from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
+
+
+def n_colors(picture):
+    return len(picture.getcolors(picture.width * picture.height))
 
 
 @pytest.mark.extra("control")
@@ -22,9 +25,9 @@ def test_all_eight_figures(run_here, tmp_path, has_ink):
     paths = [pathlib.Path("runs", "paper-smoke", f"figure_{i}.png") for i in range(1, 9)]
     assert printed.splitlines()[-8:] == list(map(str, paths))
     for figure, path in enumerate(paths, start=1):
-        picture = np.asarray(Image.open(tmp_path / path).convert("RGB"))
-        assert min(picture.shape[:2]) > 300
-        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+        picture = Image.open(tmp_path / path).convert("RGB")
+        assert min(picture.size) > 300
+        assert n_colors(picture) > 50
         drawing = paper.draw(figure, TrainedRuns(plan))
         assert has_ink(drawing, *drawing.axes)
     needed = {run.folder(folder) for figure in paper.FIGURES for run in plan.runs(figure)}
@@ -68,8 +71,7 @@ def test_plot_draws_what_was_trained(run_here, tmp_path):
         out = pathlib.Path("new", f"{y}.png")
         status, printed, _ = run_here("plot", "runs", "--y", y, "-x", "seconds", "--out", str(out))
         assert (status, printed) == (0, f"{out}\n")
-        picture = np.asarray(Image.open(out).convert("RGB"))
-        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+        assert n_colors(Image.open(out).convert("RGB")) > 50
     status, printed, errors = run_here("plot", "runs/NSLC", "--out", "nslc.svg")
     assert (status, printed) == (0, "nslc.svg\n"), errors
     assert (tmp_path / "nslc.svg").read_bytes().startswith(b"<?xml")

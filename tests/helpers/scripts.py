@@ -11,8 +11,9 @@ ROOT = Path(__file__).parents[2]
 
 
 def cut_budgets(program):
-    """The program with a budget of 1e3 in the place of each, as a test is no training run."""
-    return re.sub(r"\b\d+(\.\d+)?e[45678]\b", "1e3", program)
+    """The program with a budget of 1e3 and episodes of 100 steps, as a test is no training run."""
+    program = re.sub(r"\b\d+(\.\d+)?e[45678]\b", "1e3", program)
+    return re.sub(r"\b(max_episode_steps|horizon)=1000\b", r"\1=100", program)
 
 
 def run_script(script, folder, arguments=()):

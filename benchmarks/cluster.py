@@ -64,7 +64,7 @@ def run(plan: Plan) -> list[Table]:
 def _run(plan: Plan) -> list[Table]:
     from curiosity_algos.evaluation.ray import RayEvaluator
 
-    n_cores = available_cpus()
+    n_cores = plan.size(available_cpus(), 1)
     maze_sizes = [
         plan.size(n, 4) for n in (MAZE_POPULATIONS[:1] if plan.quick else MAZE_POPULATIONS)
     ]

@@ -21,7 +21,6 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.archives.pyribs import archive_part, archive_settings
 from curiosity_algos.evaluation.coverage import behavior_space
 from curiosity_algos.evaluation.environments import (
     VECTOR_KEYWORDS,
@@ -30,7 +29,6 @@ from curiosity_algos.evaluation.environments import (
 )
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable
@@ -165,6 +163,8 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
         own["evaluator"] = local
     archive = getattr(model, "_own_archive", None)
     if archive is not None:
+        from curiosity_algos.archives.pyribs import archive_part  # as below
+
         own["archive"] = {type(archive).__name__: archive_part(archive).settings}
     settings = _arguments(model, vars(model) | own)
     return settings | ({"preset": model.preset} if isinstance(model, Resumable) else {})
@@ -172,9 +172,12 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
 
 def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:
     """The archive that keeps a model's elites, by its class; None of an algorithm without one."""
-    if not isinstance(model, QualityDiversity):
+    archive = getattr(model, "archive", None)
+    if archive is None:
         return None
-    return {type(model.archive).__name__: archive_settings(model.archive)}
+    from curiosity_algos.archives.pyribs import archive_settings  # with pyribs, a second of imports
+
+    return {type(archive).__name__: archive_settings(archive)}
 
 
 def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:

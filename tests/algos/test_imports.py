@@ -36,6 +36,7 @@ file = io.BytesIO()
 model.save(file)
 file.seek(0)
 NSES.load(file)
+import curiosity_algos.cli, curiosity_algos.experiments
 print("ribs" in sys.modules)
 """
     assert run(code).splitlines() == ["[]", "False"]

@@ -19,7 +19,9 @@ def cut_budgets(program):
 def run_script(script, folder, arguments=()):
     """What a script prints in a folder, in a process that has our packages imported already."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["curiosity_algos.experiments"])
+    context.set_forkserver_preload(
+        ["curiosity_algos.experiments", "curiosity_algos.algorithms.nslc"]
+    )
     printed = folder / "printed.log"
     process = context.Process(target=_run, args=(script, folder, arguments, printed))
     process.start()

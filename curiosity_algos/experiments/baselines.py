@@ -78,12 +78,15 @@ def make_baseline(
     """A model that has not trained; one that is off-policy adds its bonus when it samples.
 
     Raises:
-        ValueError: If there is no such bonus, or neither it nor its holder takes a keyword.
+        ValueError: If there is no such bonus, neither it nor its holder takes a keyword, or another
+            replay buffer is asked for.
     """
     settings = {"policy": _default_policy(venv.observation_space), "seed": seed, **settings}
     if bonus is None and bonus_kwargs:
         raise ValueError("`bonus_kwargs` must be left out where there is no `bonus`.")
     if bonus is not None and issubclass(cls, OffPolicyAlgorithm):
+        for name in settings.keys() & {"replay_buffer_class", "replay_buffer_kwargs"}:
+            raise ValueError(f"`{name}` must be left out with a `bonus`, which has its own buffer.")
         held, own = _split(BonusReplayBuffer, find_bonus(bonus), bonus_kwargs)
         given = {"bonus": find_bonus(bonus), "bonus_kwargs": own, **held}
         settings |= {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": given}

@@ -104,7 +104,7 @@ class RunSpec:
                 check_learning(self.make().get_env(), self.timesteps, None)
         except RuntimeError as error:  # torch's, of a device
             raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
-        except (AssertionError, NotImplementedError, TypeError) as error:
+        except (AssertionError, AttributeError, NotImplementedError, TypeError) as error:
             # Of classes that take what they are given.
             raise ValueError(f"`env` and `hyperparams` must fit {cls.__name__}: {error}") from error
 

@@ -63,6 +63,14 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
         (RunSpec("ppo", US, 0, 1, {}, {"preset": "paper"}), "`preset` must be left out for PPO"),
         (RunSpec("ppo", US, 0, 1, {}, {"n_threads": 2}), "`n_threads` must be left out for PPO"),
         (RunSpec("dqn", US, 0, 1), "`env` and `hyperparams` must fit DQN"),
+        (
+            RunSpec("ppo", US, 0, 1, {}, {"policy": "MultiInputPolicy"}),
+            "`env` and `hyperparams` must fit PPO",
+        ),
+        (
+            RunSpec("sac", US, 0, 1, {}, {"replay_buffer_kwargs": {}}, bonus="apt"),
+            "`replay_buffer_kwargs` must be left out with a `bonus`",
+        ),
         (RunSpec("ppo", US, 0, 1, bonus="atp"), "`bonus` atp is unknown: did you mean apt"),
         (RunSpec("sac", US, 0, 1, bonus="e3b"), "`bonus` must be one of single transitions"),
         (RunSpec("nses", US, 0, 1, bonus="apt"), "`bonus` must be left out for NSES"),

@@ -109,7 +109,7 @@ def make_runs(
         seeds,
         swept,
         settings=settings,
-        bonuses=[None if name == "none" else name for name in bonuses],
+        bonuses=[None if name.lower() == "none" else name for name in bonuses],
         timesteps=timesteps,
         env_kwargs=keywords("env-kwargs", env_kwargs),
         bonus_kwargs=keywords("bonus-kwargs", bonus_kwargs),

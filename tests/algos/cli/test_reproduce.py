@@ -81,7 +81,7 @@ def test_plot_draws_what_was_trained(run_here, tmp_path):
     ("words", "message"),
     [
         (["nothing"], "`folder` must hold runs, there is no run.json in nothing"),
-        ([".", "--y", "return"], "`y` must be one of coverage, best-return, survival"),
+        ([".", "--y", "return"], "`y` must be one of coverage, best-return, qd-score, survival"),
         ([".", "--x", "episodes"], "`x` must be one of timesteps, seconds"),
         ([".", "--out", "curves.gif"], "`out` must be one of .png, .pdf, .svg"),
     ],

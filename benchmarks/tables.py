@@ -149,7 +149,7 @@ def every_seed(runs: pd.DataFrame) -> str:
         "First reward (M steps)",
         "Best return",
         *(f"Coverage, {name.removeprefix('coverage.')} (%)" for name in shares),
-        "Seconds a run",
+        "Seconds a run, median",
     ]
     groups = runs.groupby(["algorithm", "env"], sort=False)
     return markdown(columns, [_row(*key, group, shares) for key, group in groups])
@@ -162,7 +162,7 @@ def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> li
         [f"{best:.2f}" for best in group["best_return"]],
         *([_short(100 * share) for share in group[name].dropna()] for name in shares),
     ]
-    seconds = f"{group['seconds'].mean():.0f}"
+    seconds = f"{group['seconds'].median():.0f}"
     return [algorithm, short_name(env), *(" / ".join(column) for column in columns), seconds]
 
 

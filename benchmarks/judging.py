@@ -17,7 +17,9 @@ import numpy as np
 from scipy.stats import PermutationMethod, mannwhitneyu
 
 from benchmarks.paper import Tables
+from benchmarks.record import read_sections
 from benchmarks.run_numbers import Float64, measured
+from benchmarks.speed_tables import SPEED_FILE
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.figures.plan import Series
 from curiosity_algos.experiments.statistics import LEAST_RUNS, Interval, stratified_bootstrap
@@ -183,6 +185,20 @@ def all_of(*judges: Judge) -> Judge:
         words = {verdict.word for verdict in verdicts}
         word = next(each for each in (NOT_REPRODUCED, UNKNOWN, REPRODUCED) if each in words)
         return Verdict(word, "; ".join(dict.fromkeys(each.numbers for each in verdicts)))
+
+    return judged
+
+
+def takes_longer(x: str, y: str) -> Judge:
+    """That `x` takes longer than `y` for as many generations, each alone on a machine."""
+
+    def judged(tables: Tables) -> Verdict:
+        _, (times, _) = read_sections(SPEED_FILE)["whole_run"]
+        seconds = {row.name: row.figures[0] for row in times.rows}
+        word = REPRODUCED if seconds[x] > seconds[y] else NOT_REPRODUCED
+        return Verdict(
+            word, f"US: one run of 2.24e8 steps {seconds[x]:.0f} s against {seconds[y]:.0f} s"
+        )
 
     return judged
 

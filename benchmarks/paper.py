@@ -36,7 +36,8 @@ from curiosity_algos.experiments.figures.projection import (
     project_rewarding,
     replay_rewarding,
 )
-from curiosity_algos.experiments.measures import Points
+from curiosity_algos.experiments.loading import load_progress
+from curiosity_algos.experiments.measures import Points, logged
 
 FOLDER = results.FOLDER / "paper"
 N_POINTS = 100
@@ -46,8 +47,10 @@ COLUMNS = [str(x) for x in range(int(SIZE / SIDE))]
 """Of the squares that final states are counted in."""
 ROUTE_CELL = 20
 """Maze units along each side of the squares whose order is a policy's route."""
+BONUS = "intrinsic/mean"
+"""The column of a run's log."""
 PUBLIC_STEP = "step=canonical"
-SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP)}
+SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP), "tuned": ("tuned", "")}
 """By name the preset, and the setting whose runs count instead, of algorithms that have it."""
 FIGURES = {"paper": (1, 2, 3, 4, 7, 8), "public": (2, 3, 4, 7, 8)}
 """By the name of the settings the figures whose runs there are."""
@@ -115,18 +118,21 @@ def _of_each(runs: pd.DataFrame, read: Callable[[Path], pd.DataFrame]) -> pd.Dat
 
 
 def _curves(run: Path) -> pd.DataFrame:
-    """What the measures are at `N_POINTS` times; a generation's return is the mean since the last.
+    """What the measures are at `N_POINTS` times; a bonus is logged by those that have one.
 
-    Its highest would be that of the luckiest of many generations.
+    A generation's return and the bonus are means since the time before: the highest would be that
+    of the luckiest of many generations.
     """
     measured = {name: measure(run) for name, measure in MEASURES.items()}
+    if BONUS in load_progress(run):
+        measured["bonus"] = logged(run, BONUS)
     curves = {name: (np.r_[0.0, x], np.r_[0.0, y]) for name, (x, y) in measured.items()}
     edges = np.linspace(0.0, max(steps[-1] for steps, _ in curves.values()), N_POINTS + 1)
     table = pd.DataFrame({"timesteps": edges[1:].round()})
     for name, (steps, values) in curves.items():
         last = np.searchsorted(steps, edges, side="right")
         of_each = [values[min(a, b - 1) : b] for a, b in pairwise(last)]
-        mean = name == "generation_return"
+        mean = name in {"generation_return", "bonus"}
         table[name] = [each.mean() if mean else each[-1] for each in of_each]
     return table
 

@@ -37,14 +37,19 @@ def _column(name: str, tables: Tables) -> Runs:
     return tables.table("runs").set_index(RUN)[name]
 
 
+def budget_share(tables: Tables) -> Runs:
+    """The share of a run's timesteps by which it had its first reward."""
+    return _column("first_success_timesteps", tables) / _column("timesteps", tables)
+
+
 def _of_curves(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
-    """Of runs without a reward, nothing."""
+    """Of each run's curve a number, NaN where it has none."""
     curves = tables.table("curves")
     return pd.Series({key: measure(curve) for key, curve in curves.groupby(RUN)})
 
 
 def late_gain(curve: pd.DataFrame) -> float:
-    """What the best return rose by in the second half of the time since the first reward."""
+    """What the best return rose by in the second half of the time since a first reward."""
     rewarded = curve[curve["best_return"] > 0.0]
     if rewarded.empty:
         return float("nan")
@@ -54,11 +59,17 @@ def late_gain(curve: pd.DataFrame) -> float:
 
 
 def decline(curve: pd.DataFrame) -> float:
-    """How far the best of the last generations, a tenth of all, are below the best return."""
+    """How far the best of the last generations, a tenth of all, are below a best return."""
     best = curve["best_return"].iloc[-1]
     if best <= 0.0:
         return float("nan")
     return best - curve["generation_return"].tail(len(curve) // 10).mean()
+
+
+def bonus_left(curve: pd.DataFrame) -> float:
+    """Mean of the bonus in the second half over that of the first twentieth, if it was logged."""
+    bonus = curve["bonus"]
+    return bonus.tail(len(curve) // 2).mean() / bonus.head(len(curve) // 20).mean()
 
 
 def _of_squares(measure: Callable[[str, Float64], float], tables: Tables) -> Runs:
@@ -153,8 +164,10 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "coverage": partial(_column, "coverage.reachable"),
     "rewarding policies": partial(_column, "n_rewarding"),
     "first reward": partial(_column, "first_success_timesteps"),
+    "share of the budget": budget_share,
     "late gain": partial(_of_curves, late_gain),
     "decline": partial(_of_curves, decline),
+    "bonus left": partial(_of_curves, bonus_left),
     "evenness": partial(_of_squares, evenness),
     "share near the goal": partial(_of_squares, share_near_goal),
     "density in the middle": partial(_of_squares, middle_of_snake),

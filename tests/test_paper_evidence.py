@@ -1,6 +1,8 @@
 """The paper's figures and claims come from committed data, and that from runs."""
 
+import re
 import shutil
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -98,11 +100,17 @@ def test_between_two_times_the_mean_of_generations_counts(monkeypatch, tmp_path)
     spike[503] = 0.7
     both = dict.fromkeys(["generation_return", "best_return"], lambda run: (steps, spike))
     monkeypatch.setattr(paper, "MEASURES", both)
+    monkeypatch.setattr(paper, "load_progress", lambda run: pd.DataFrame({paper.BONUS: spike}))
+    monkeypatch.setattr(
+        paper, "logged", lambda run, column: (steps[::100], 1.0 - steps[::100] / 1e3)
+    )
     table = paper._curves(tmp_path)
     assert len(table) == paper.N_POINTS
     assert table["generation_return"].max() == pytest.approx(0.07)  # of ten generations
     assert table["timesteps"][table["generation_return"].argmax()] == 510
     assert table["best_return"].max() == 0.0  # which is the last, not the highest
+    assert table["bonus"].tolist() == sorted(table["bonus"], reverse=True)  # the last that is known
+    assert table["bonus"].iloc[[8, 9, -1]].tolist() == pytest.approx([1.0, 0.9, 0.0])
 
 
 def test_every_final_state_is_in_its_square(plan, collected):
@@ -338,6 +346,28 @@ def test_what_is_of_rewarded_runs_alone():
     nothing = curve.assign(best_return=0.0, generation_return=0.0)
     assert np.isnan(run_numbers.late_gain(nothing))
     assert np.isnan(run_numbers.decline(nothing))
+
+
+def test_what_is_left_of_a_bonus_is_that_of_the_second_half():
+    bonus = np.r_[np.full(5, 2.0), np.full(45, 9.0), np.full(50, 0.1)]
+    assert run_numbers.bonus_left(pd.DataFrame({"bonus": bonus})) == pytest.approx(0.05)
+    assert np.isnan(run_numbers.bonus_left(pd.DataFrame({"bonus": np.full(100, np.nan)})))
+
+
+def test_a_first_reward_is_early_by_its_share_of_the_budget():
+    tables = Numbers(NSES=[0.5, 0.5, 0.5, 0.0])  # at 40 of 100
+    assert judging.below("share of the budget", "NSES", 0.41, US)(tables).word == R
+    assert judging.below("share of the budget", "NSES", 0.39, US)(tables).word == N
+
+
+def test_what_takes_longer_is_told_by_the_measured_seconds():
+    names = ["CuriosityES, paper", "AURORA"]
+    word, numbers = judging.takes_longer(*names)(None)
+    assert word == R
+    assert judging.takes_longer(*reversed(names))(None).word == N
+    page = (Path(__file__).parents[1] / "docs/results/speed_of_learning.md").read_text()
+    for name, seconds in zip(names, re.findall(r"(\d+) s\b", numbers), strict=True):
+        assert f"| {name} | {seconds} |" in page
 
 
 def squares(**places):

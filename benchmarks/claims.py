@@ -84,17 +84,17 @@ CLAIMS = [
     Claim(
         "5.1",
         "The policies of NS-ES reach a plateau: less than .01 is gained in the second half.",
-        below("late gain", "NSES", 0.01, *MAZES),
+        all_of(finds("NSES", *MAZES), below("late gain", "NSES", 0.01, *MAZES)),
     ),
     Claim(
         "5.1",
         "Curiosity-ES improves throughout: .01 or more is gained in the second half.",
-        at_least("late gain", "CuriosityES", 0.01, *MAZES),
+        all_of(finds("CuriosityES", *MAZES), at_least("late gain", "CuriosityES", 0.01, *MAZES)),
     ),
     Claim(
         "5.1",
         "Curiosity-ES gains more in that half than NS-ES.",
-        ahead("late gain", "CuriosityES", "NSES", *MAZES),
+        all_of(finds("CuriosityES", *MAZES), ahead("late gain", "CuriosityES", "NSES", *MAZES)),
     ),
     Claim("5.1", "CMA-ME finds the goal of US.", finds("CMAME", US)),
     Claim("5.1", "CMA-ME finds no other goal.", finds_none("CMAME", SNAKE, HARD)),
@@ -118,7 +118,7 @@ CLAIMS = [
     Claim(
         "5.1",
         "TD3-ICM loses what it found in US: its last episodes are .1 or more below its best.",
-        at_least("decline", "TD3ICM", 0.1, US),
+        all_of(finds("TD3ICM", US), at_least("decline", "TD3ICM", 0.1, US)),
     ),
     Claim(
         "5.1",
@@ -195,14 +195,14 @@ CLAIMS = [
     Claim(
         "5.2",
         "NS-ES diverges in Finger: its last generations are .1 or more below its best.",
-        at_least("decline", "NSES", 0.1, FINGER),
+        all_of(finds("NSES", FINGER), at_least("decline", "NSES", 0.1, FINGER)),
     ),
     Claim("5.2", "TD3-ICM finds that of BallInCup.", finds("TD3ICM", BALL)),
     Claim("5.2", "TD3-ICM finds no other.", finds_none("TD3ICM", FINGER, STACKER)),
     Claim(
         "5.2",
         "TD3-ICM improves throughout in BallInCup: .01 or more is gained in the second half.",
-        at_least("late gain", "TD3ICM", 0.01, BALL),
+        all_of(finds("TD3ICM", BALL), at_least("late gain", "TD3ICM", 0.01, BALL)),
     ),
     *(
         Claim(

@@ -116,8 +116,10 @@ def _centers() -> Float64:
     return SIDE * (np.arange(len(COLUMNS)) + 0.5)
 
 
-def _of_policies(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
-    """Of the rewarding policies of runs on US; nothing of those that have too few."""
+def _of_policies(
+    measure: Callable[[pd.DataFrame], float], tables: Tables, of_none: float = 0.0
+) -> Runs:
+    """Of the rewarding policies of runs on US; of runs without one `of_none`."""
     policies = tables.table("projection")
     scores = policies[["x", "y"]]
     low, high = scores.quantile(0.01), scores.quantile(0.99)
@@ -125,7 +127,8 @@ def _of_policies(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Ru
     policies = policies.assign(region=regions["x"] * N_REGIONS + regions["y"])
     groups = policies.groupby(["algorithm", "variant", "seed"])
     values = {(name, US, *others): measure(rows) for (name, *others), rows in groups}
-    return pd.Series(values).reindex(tables.table("runs").set_index(RUN).index)
+    n_policies = _column("n_rewarding", tables)
+    return pd.Series(values).reindex(n_policies.index).where(n_policies > 0, of_none)
 
 
 def nearest(rows: pd.DataFrame) -> float:
@@ -171,7 +174,7 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "evenness": partial(_of_squares, evenness),
     "share near the goal": partial(_of_squares, share_near_goal),
     "density in the middle": partial(_of_squares, middle_of_snake),
-    "nearest distance": partial(_of_policies, nearest),
+    "nearest distance": partial(_of_policies, nearest, of_none=float("nan")),
     f"routes of {N_POLICIES}": partial(_of_policies, routes),
     "regions": partial(_of_policies, regions),
     "regions of .5 or more": partial(_of_policies, rewarding_regions),

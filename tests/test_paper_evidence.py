@@ -243,6 +243,7 @@ class Numbers:
                     "seed": seed,
                     "timesteps": 100,
                     "first_success_timesteps": 40.0 if value else np.nan,
+                    "n_rewarding": int(value > 0.0),
                     "best_return": value,
                     "coverage.reachable": value,
                 }
@@ -419,7 +420,7 @@ def test_policies_of_runs_are_compared_in_one_projection():
         def table(self, name):
             return self.runs if name == "runs" else self.projected
 
-    tables = Policies(NSES=[0.1] * 3, NSLC=[0.1] * 3)
+    tables = Policies(NSES=[0.1, 0.1, 0.0], NSLC=[0.1] * 3)
     near = pd.DataFrame(rng.normal(0.0, 0.01, (60, 2)), columns=["x", "y"])
     wide = pd.DataFrame(rng.uniform(-1.0, 1.0, (60, 2)), columns=["x", "y"])
     tables.projected = pd.concat(
@@ -433,10 +434,12 @@ def test_policies_of_runs_are_compared_in_one_projection():
     assert of_regions["NSES", US, "", 0] <= 4
     assert of_regions["NSLC", US, "", 0] > 40
     assert of_regions["NSLC", US, "", 1] == 2
-    assert np.isnan(of_regions["NSES", US, "", 1])  # which found nothing
-    distances = run_numbers._of_policies(run_numbers.nearest, tables)
+    assert np.isnan(of_regions["NSES", US, "", 1])  # whose policies are not known
+    assert of_regions["NSES", US, "", 2] == 0  # which found nothing
+    distances = run_numbers.MEASURES["nearest distance"](tables)
     assert distances["NSES", US, "", 0] < 0.01 < distances["NSLC", US, "", 0]
     assert np.isnan(distances["NSLC", US, "", 1])  # too few
+    assert np.isnan(distances["NSES", US, "", 2])
 
 
 def test_a_way_is_a_route_however_long_it_takes():

@@ -52,7 +52,10 @@ BONUS = "intrinsic/mean"
 PUBLIC_STEP = "step=canonical"
 SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP), "tuned": ("tuned", "")}
 """By name the preset, and the setting whose runs count instead, of algorithms that have it."""
-FIGURES = {"paper": (1, 2, 3, 4, 7, 8), "public": (2, 3, 4, 7, 8)}
+FIGURES = {
+    "paper": (1, 2, 3, 4, 5, 6, 7, 8),
+    "public": (2, 3, 4, 7, 8),
+}
 """By the name of the settings the figures whose runs there are."""
 KEYS = ["preset", "variant", "algorithm", "env", "seed"]
 RESULTS = [

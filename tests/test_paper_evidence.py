@@ -197,6 +197,10 @@ def test_the_committed_data_draws_every_figure(tmp_path, monkeypatch):
         assert (paper.IMAGES / name).exists()
 
 
+NOT_TRAINED = [("paper", "CuriosityControl-Stacker-v0")]
+"""Settings and environments whose panels say that there are no runs."""
+
+
 def test_no_figure_has_fewer_than_three_seeds():
     for settings, figures in paper.FIGURES.items():
         tables = paper.Tables(settings)
@@ -204,7 +208,9 @@ def test_no_figure_has_fewer_than_three_seeds():
             for env, panel in series_of(figure).items():
                 for series in panel:
                     n = len(tables.curves(series, env, "coverage"))
-                    assert n >= 3 or series.algorithm == "TD3ICM", (settings, figure, env, series)
+                    is_missing = (settings, env) in NOT_TRAINED and n == 0
+                    is_slow = series.algorithm == "TD3ICM"
+                    assert n >= 3 or is_missing or is_slow, (settings, figure, env, series)
 
 
 def test_the_public_selection_takes_the_first_for_neighbors(tmp_path):

@@ -51,6 +51,7 @@ NOTE = (
     "Thick: interquartile mean while all runs go on; shaded: its 95 % interval, of three runs or "
     "more; thin: each run; dotted: after the first has ended."
 )
+NOT_BEGUN = "\nLeft out, as no episode has ended: {}."
 REPEATED = "\nLeft out, as a seed counts once: {} with the seed of another run."
 ARCHIVES = "\nA panel for each archive: QD scores of different ones are not comparable."
 NO_ARCHIVE = "\nLeft out, as their logs have no QD score: {}."
@@ -69,18 +70,13 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
 
     Raises:
         FileNotFoundError: If a folder holds no run.
-        ValueError: If a run is damaged or has no checkpoint yet, if coverage is asked for and its
-            environment has none, or QD scores and no run has an archive.
+        ValueError: If a run is damaged, if no run has a checkpoint with an episode yet, if coverage
+            is asked for and an environment has none, or QD scores and no run has an archive.
     """
     runs = load_compared(folders)
-    if not runs["has_begun"].all():
-        run = runs.loc[~runs["has_begun"], "run"].iloc[0]
-        raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
-    n_repeated = runs["is_repeated"].sum()
-    runs = runs[~runs["is_repeated"]]
     measure, title, y_label, _ = MEASURES[y]
-    note = NOTE if measure else SURVIVAL_NOTE
-    note += REPEATED.format(n_repeated) if n_repeated else ""
+    note = (NOTE if measure else SURVIVAL_NOTE) + _left_out(runs)
+    runs = runs[runs["has_begun"] & ~runs["is_repeated"]]
     if y == "qd-score":
         runs, about_archives = _by_archive(runs)
         note += about_archives
@@ -98,6 +94,18 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
     add_title(figure, title, legend_handles(_samples(runs, colors)))
     add_note(figure, note)
     return figure
+
+
+def _left_out(runs: pd.DataFrame) -> str:
+    """A note on the runs that no curve is of."""
+    waiting = runs.loc[~runs["has_begun"], "run"]
+    if len(waiting) == len(runs):
+        raise ValueError(
+            f"`runs` must have a checkpoint with an episode, {waiting.iloc[0]} has none yet."
+        )
+    n_repeated = runs["is_repeated"].sum()
+    note = NOT_BEGUN.format(", ".join(waiting)) if len(waiting) else ""
+    return note + (REPEATED.format(n_repeated) if n_repeated else "")
 
 
 def _by_archive(runs: pd.DataFrame) -> tuple[pd.DataFrame, str]:

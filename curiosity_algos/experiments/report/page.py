@@ -104,7 +104,7 @@ MARKS = (
     '<span class="mark" style="background: {}"></span> start '
     '<span class="mark" style="border: 2px solid {}"></span> goal'
 )
-NOT_BEGUN = "Not begun, and left out, as there is no checkpoint yet"
+NOT_BEGUN = "Left out, as no episode had ended at the last checkpoint"
 REPEATED = (
     "Left out, as another run of the same seed, algorithm and settings is there, which counts once"
 )

@@ -130,6 +130,8 @@ def test_runs_must_be_there(tmp_path, runs):
     RunFolder(tmp_path / "new").begin(
         {"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "seed": 0, "settings": {}}
     )
-    for folders in ([tmp_path], [runs[0], tmp_path]):
-        with pytest.raises(ValueError, match="`runs` must have a checkpoint with an episode"):
-            compare(folders)
+    with pytest.raises(ValueError, match="`runs` must have a checkpoint with an episode"):
+        compare([tmp_path])
+    figure = compare([runs[0], tmp_path])
+    assert labels(figure) == ["MAPElites (1 run)"]
+    assert f"no episode has ended: {tmp_path / 'new'}." in figure.get_supxlabel()

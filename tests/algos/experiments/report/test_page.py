@@ -89,7 +89,7 @@ def test_each_environment_has_what_it_tells(page):
     assert [part.count("<figure>") for part in (pole, maze, mountain)] == [0, 3, 2]
     assert [part.count("<h3>Elites</h3>") for part in (pole, maze, mountain)] == [0, 1, 1]
     assert ">SparseGridArchive</figcaption>" in maze
-    assert "Not begun, and left out" in maze
+    assert "Left out, as no episode had ended" in maze
     assert "</span> goal" in maze
     assert "</span> goal" not in mountain
 
@@ -100,7 +100,7 @@ def test_only_runs_that_have_not_begun(runs_folder, tmp_path):
     assert write_report([tmp_path], tmp_path / "report.html").empty
     text = (tmp_path / "report.html").read_text()
     assert "0 runs" in text
-    assert "Not begun" in text
+    assert "no episode had ended" in text
 
 
 def test_a_seed_counts_once_and_lengths_are_told(runs_folder, tmp_path):

@@ -170,6 +170,16 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
     return settings | ({"preset": model.preset} if isinstance(model, Resumable) else {})
 
 
+def with_newer_settings(described: Mapping[str, Any], model: BaseAlgorithm) -> dict[str, Any]:
+    """A run's description, where it has not all settings with the defaults of those it lacks.
+
+    A version that had not a setting yet did what its default does now.
+    """
+    parameters, kept = inspect.signature(type(model)).parameters, settings_of(model)
+    defaults = {name: _as_json(p.default) for name, p in parameters.items() if name in kept}
+    return {**described, "settings": defaults | described.get("settings", {})}
+
+
 def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:
     """The archive that keeps a model's elites, by its class; None of an algorithm without one."""
     archive = getattr(model, "archive", None)

@@ -14,7 +14,7 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import describe_run
+from curiosity_algos.experiments.description import describe_run, with_newer_settings
 from curiosity_algos.experiments.differences import differences
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
@@ -122,7 +122,8 @@ class SaveRun(BaseCallback):
     def _check_folder(self, description: dict[str, Any]) -> None:
         if self.folder.is_empty():
             return
-        others = differences(self.folder.describe(), description)
+        there = with_newer_settings(self.folder.describe(), self.model)
+        others = differences(there, description)
         checkpoint = self.folder.checkpoint
         timesteps = 0 if checkpoint is None else int(checkpoint.name)
         if timesteps != self.model.num_timesteps:

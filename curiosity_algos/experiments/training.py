@@ -8,7 +8,7 @@ from pathlib import Path
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import is_baseline
-from curiosity_algos.experiments.description import describe_run
+from curiosity_algos.experiments.description import describe_run, with_newer_settings
 from curiosity_algos.experiments.differences import differences
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
@@ -25,8 +25,10 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
     if stored.is_empty():
         return False
     with warnings.catch_warnings(action="ignore"):  # the run itself warns
-        described = describe_run(run.make())
-    if others := differences(stored.describe(), described):
+        model = run.make()
+        described = describe_run(model)
+    there = with_newer_settings(stored.describe(), model)
+    if others := differences(there, described):
         raise ValueError(
             f"`folder` must be empty or that of this run: in {folder} {', '.join(others)}."
         )

@@ -1,3 +1,4 @@
+import json
 import re
 
 import pytest
@@ -35,6 +36,20 @@ def test_more_timesteps_go_on(parts, tmp_path, assert_same):
     train(small(timesteps=2400, **parts), whole)
     for timesteps in (600, 2400):
         assert train(small(timesteps=timesteps, **parts), grown)
+    assert_same(load_final_states(grown), load_final_states(whole))
+
+
+def test_a_run_of_a_version_without_a_setting_goes_on(tmp_path, assert_same):
+    whole, grown = tmp_path / "whole", tmp_path / "grown"
+    train(small("nses", timesteps=2400, n_parents=2, k=3), whole)
+    train(small("nses", timesteps=600, n_parents=2, k=3), grown)
+    path = grown / "run.json"
+    described = json.loads(path.read_text())
+    del described["settings"]["normalize_observations"]
+    path.write_text(json.dumps(described))
+    with pytest.raises(ValueError, match="normalize_observations is false, not true"):
+        train(small("nses", n_parents=2, k=3, normalize_observations=True), grown)
+    assert train(small("nses", timesteps=2400, n_parents=2, k=3), grown)
     assert_same(load_final_states(grown), load_final_states(whole))
 
 

@@ -54,7 +54,10 @@ def label_runs(runs: pd.DataFrame) -> pd.Series:
 
 def _text(value: Any) -> str:
     """A setting that is not given is None, and NaN where other algorithms have it."""
-    return "none" if value is None or value != value else str(value)
+    if value is None or value != value:
+        return "none"
+    # Beside NaN, pandas has whole numbers as floats.
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
 def _telling(texts: pd.DataFrame) -> list[str]:

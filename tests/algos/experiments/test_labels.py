@@ -53,6 +53,17 @@ def test_runs_of_environments_without_an_id_have_labels():
     assert list(label_runs(runs)) == ["NSES, k 1", "NSES, k 2"]
 
 
+def test_whole_numbers_stay_whole_beside_algorithms_without_the_setting():
+    runs = pd.DataFrame(
+        {
+            "algorithm": ["PPO", "PPO", "SAC"],
+            "env": ["US"] * 3,
+            "settings.n_steps": [64, 128, float("nan")],
+        }
+    )
+    assert list(label_runs(runs)) == ["PPO, n_steps 64", "PPO, n_steps 128", "SAC"]
+
+
 def test_wrappers_of_a_vec_env_are_settings():
     bonus = "vec_env.wrappers.BonusVecEnvWrapper"
     runs = pd.DataFrame(
@@ -64,7 +75,7 @@ def test_wrappers_of_a_vec_env_are_settings():
             "vec_env.n_envs": [16, 16],
         }
     )
-    names = [f"PPO + APT, BonusVecEnvWrapper.weight {weight}" for weight in (1.0, 0.5)]
+    names = [f"PPO + APT, BonusVecEnvWrapper.weight {weight}" for weight in (1, 0.5)]
     assert list(label_runs(runs)) == names
 
 

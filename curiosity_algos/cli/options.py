@@ -156,6 +156,13 @@ def _value(text: str) -> Any:
         return text
 
 
+def names(option: str, text: str) -> list[str]:
+    """Names of a text with commas."""
+    if not all(text.split(",")):
+        raise ValueError(f"--{option} must be names with commas between them, got {text!r}.")
+    return text.split(",")
+
+
 def numbers(option: str, text: str) -> list[int]:
     """Whole numbers of a text with commas."""
     if not all(part.strip().isdecimal() for part in text.split(",")):

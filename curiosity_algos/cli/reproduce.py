@@ -56,6 +56,7 @@ def reproduce(
 
     Example: curiosity reproduce 2 --budget short --out reward.pdf
     """
+    from curiosity_algos.common.presets import PRESETS
     from curiosity_algos.experiments.figures import canvas, paper
     from curiosity_algos.experiments.figures.evidence import TrainedRuns
     from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
@@ -63,6 +64,7 @@ def reproduce(
     from curiosity_gym.validation import check_choice
 
     check_choice(tuple(BUDGETS), budget=budget)
+    check_choice(PRESETS, preset=preset)
     folder = Path("runs", f"{preset}-{budget}") if log_folder is None else log_folder
     if out is not None and len(figures) > 1:
         raise ValueError("`out` must be left out where several figures are drawn.")

@@ -70,13 +70,13 @@ def sweep(
     from curiosity_algos.experiments import sweep as sweeps
 
     runs = options.make_runs(
-        algos.split(","),
-        envs.split(","),
+        options.names("algos", algos),
+        options.names("envs", envs),
         options.numbers("seeds", seeds),
         timesteps=timesteps,
         env_kwargs=env_kwargs,
         hyperparams=hyperparams,
-        bonuses=bonus.split(","),
+        bonuses=options.names("bonus", bonus),
         bonus_kwargs=bonus_kwargs,
         n_envs=n_envs,
         repeat_action=repeat_action,

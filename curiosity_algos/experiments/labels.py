@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from itertools import cycle
 from typing import Any
 
 import pandas as pd
@@ -23,7 +24,7 @@ COLORS = {
 }
 """Colors of algorithms, told apart by the color-blind (Paul Tol's vibrant and muted schemes)."""
 FURTHER = ("#332288", "#117733", "#DDCC77", "#CC6677", "#44AA99", "#BBBBBB")
-"""Colors, in turn, of what has none of its own."""
+"""Colors, in turn, of what has none of its own, before those of algorithms that are not there."""
 
 SETTINGS = r"^(settings|vec_env\.wrappers|vec_env)\."
 """Beginnings of the columns that hold settings."""
@@ -76,5 +77,6 @@ def color_labels(labels: Iterable[str]) -> dict[str, str]:
     """A color for each label, the algorithm's own where the label is its name alone."""
     unique = list(dict.fromkeys(labels))
     others = [label for label in unique if label not in COLORS]
-    further = {label: FURTHER[i % len(FURTHER)] for i, label in enumerate(others)}
+    unused = [color for name, color in COLORS.items() if name not in unique]
+    further = dict(zip(others, cycle([*FURTHER, *unused]), strict=False))
     return {label: COLORS.get(label) or further[label] for label in unique}

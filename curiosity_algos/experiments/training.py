@@ -83,8 +83,13 @@ def summary(folder: Path) -> str:
     """A run's result in a line."""
     result = RunFolder(folder).result()
     first = result["first_success_timesteps"]
-    found = "no success" if first is None else f"first success after {first:,} timesteps"
-    shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
-    coverage = f", coverage {', '.join(shares)}" if shares else ""
     best = result["best_return"]
-    return f"{folder}: best return {'none' if best is None else f'{best:.3f}'}, {found}{coverage}"
+    words = [f"best return {'none' if best is None else f'{best:.3f}'}"]
+    if first is not None:
+        words.append(f"first success after {first:,} timesteps")
+    elif not best:  # another return without one is of a task that reports none
+        words.append("no success")
+    shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
+    if shares:
+        words.append(f"coverage {', '.join(shares)}")
+    return f"{folder}: {', '.join(words)}"

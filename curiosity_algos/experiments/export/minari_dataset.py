@@ -113,8 +113,8 @@ def _new_path(dataset_id: str) -> Path:
         parse_dataset_id(dataset_id)
     except (TypeError, ValueError) as error:  # of one without a version it makes a number of None
         raise ValueError(
-            "`out` must be the id of a Minari dataset, such as curiosity/us-v0, got "
-            f"{dataset_id!r}."
+            "`out` must be the id of a Minari dataset, such as curiosity/us-v0, with names of two "
+            f"letters or more, got {dataset_id!r}."
         ) from error
     target = _root() / dataset_id
     if target.exists():

@@ -14,6 +14,8 @@ from curiosity_gym.validation import check_choice
 
 FORMATS = (".png", ".pdf", ".svg")
 DPI = 160
+HANDLE, LETTER = 0.6, 0.07
+"""Inches that a line of a legend and a letter of its label take."""
 GRAY = "#767676"
 """Is read on white and on black."""
 
@@ -36,8 +38,10 @@ def make_panels(
 
 
 def add_title(figure: Figure, title: str, handles: list[Any]) -> None:
-    """Write a title, and below it one legend for all panels."""
-    columns = max(1, min(7, len(handles)))
+    """Write a title, and below it one legend for all panels, in as many columns as fit."""
+    letters = sum(len(handle.get_label()) for handle in handles) / max(1, len(handles))
+    fitting = int(figure.get_figwidth() / (HANDLE + LETTER * letters))
+    columns = max(1, min(7, len(handles), fitting))
     legend = figure.legend(
         handles=handles, title=title, ncols=columns, loc="outside upper center", frameon=False
     )

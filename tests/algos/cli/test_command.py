@@ -146,6 +146,7 @@ def test_version(run_here):
         (["sweep", "--address", "auto"], "`address` must be left out unless `backend` is ray"),
         (["sweep", "--backend", "ray", "--jobs", "2"], "`jobs` must be left out with ray"),
         (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),
+        (["sweep", "--envs", "CuriosityMaze-US-v0,"], "--envs must be names with commas"),
         (["trian"], "trian"),
         (
             ["train", "--hyperparams", "sigma:0.1", "--hyperparams", "sigma:0.2"],

@@ -53,6 +53,7 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
         (["9"], "Invalid value for '(?i:figures).*(1<=x<=8|less than or equal to 8)"),
         (["2", "--budget", "tiny"], "`budget` must be one of smoke, short, tenth, paper"),
         (["2", "--preset", "best"], "`preset` must be one of paper, tuned"),
+        (["1", "--preset", "best"], "`preset` must be one of paper, tuned"),
         (["2", "--out", "reward.jpg"], "`out` must be one of .png, .pdf, .svg"),
         (["2", "3", "--out", "both.png"], "`out` must be left out"),
         (["2", "--jobs", "0"], "`jobs` must be a whole number of at least 1"),

@@ -87,3 +87,9 @@ def test_every_algorithm_has_a_color_of_its_own():
 def test_other_labels_get_colors_in_turn():
     colors = color_labels(["PPO", "NSES", "PPO", "NSES, k 10"])
     assert colors == {"PPO": FURTHER[0], "NSES": COLORS["NSES"], "NSES, k 10": FURTHER[1]}
+
+
+def test_as_many_labels_as_colors_are_told_apart():
+    labels = ["NSES", *(f"PPO, n_steps {n}" for n in range(len(COLORS) + len(FURTHER) - 1))]
+    assert len({*color_labels(labels).values()}) == len(labels)
+    assert len(color_labels([*labels, "SAC"])) == len(labels) + 1

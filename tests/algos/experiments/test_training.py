@@ -7,7 +7,7 @@ from ribs.emitters import GaussianEmitter
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import RunFolder, load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.training import is_finished, train
+from curiosity_algos.experiments.training import is_finished, summary, train
 
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
@@ -51,6 +51,15 @@ def test_a_run_of_a_version_without_a_setting_goes_on(tmp_path, assert_same):
         train(small("nses", n_parents=2, k=3, normalize_observations=True), grown)
     assert train(small("nses", timesteps=2400, n_parents=2, k=3), grown)
     assert_same(load_final_states(grown), load_final_states(whole))
+
+
+def test_success_is_spoken_of_where_it_is_reported(tmp_path):
+    train(small(), tmp_path / "maze")
+    assert ": best return 0.000, no success, coverage reachable" in summary(tmp_path / "maze")
+    cart = RunSpec("canonical_es", "CartPole-v1", 0, 100, {}, SMALL | {"n_parents": 2})
+    train(cart, tmp_path / "cart")
+    text = summary(tmp_path / "cart")
+    assert re.fullmatch(r".+: best return [1-9]\d*\.000(, coverage .+)?", text), text
 
 
 def test_another_run_is_refused(tmp_path):

@@ -36,6 +36,17 @@ def test_title_legend_and_note_are_all_seen():
     assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[i + 1 :])
 
 
+@pytest.mark.parametrize("n", [1, 4, 12])
+def test_a_legend_is_no_wider_than_its_figure(n):
+    figure, _ = make_panels(1, 1)
+    handles = [Line2D([], [], label=f"PPO + apt, n_envs 16, n_steps {i}") for i in range(n)]
+    add_title(figure, "Highest", handles)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert legend.get_window_extent().width <= figure.bbox.width
+    assert len(legend.get_texts()) == n
+
+
 def test_a_file_is_of_the_kind_that_its_name_says(tmp_path):
     figure, _ = make_panels(1, 1)
     for kind, begins in {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}.items():

@@ -55,6 +55,7 @@ SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP), "tuned": (
 FIGURES = {
     "paper": (1, 2, 3, 4, 5, 6, 7, 8),
     "public": (2, 3, 4, 7, 8),
+    "tuned": (2, 3, 4, 7, 8),
 }
 """By the name of the settings the figures whose runs there are."""
 KEYS = ["preset", "variant", "algorithm", "env", "seed"]
@@ -127,9 +128,10 @@ def _curves(run: Path) -> pd.DataFrame:
     of the luckiest of many generations.
     """
     measured = {name: measure(run) for name, measure in MEASURES.items()}
-    if BONUS in load_progress(run):
-        measured["bonus"] = logged(run, BONUS)
     curves = {name: (np.r_[0.0, x], np.r_[0.0, y]) for name, (x, y) in measured.items()}
+    if BONUS in load_progress(run):
+        x, y = logged(run, BONUS)
+        curves["bonus"] = np.r_[0.0, x], np.r_[np.nan, y]  # not known before the first log
     edges = np.linspace(0.0, max(steps[-1] for steps, _ in curves.values()), N_POINTS + 1)
     table = pd.DataFrame({"timesteps": edges[1:].round()})
     for name, (steps, values) in curves.items():

@@ -40,7 +40,7 @@ PAGES = (
     "README.md",
     "docs/index.md",
     *(f"docs/results/{name}.md" for name in RESULTS),
-    *("docs/clusters.md", "docs/paper.md", "docs/paper_claims.md"),
+    *("docs/clusters.md", "docs/paper.md", "docs/paper_claims.md", "docs/paper_today.md"),
 )
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 
@@ -284,11 +284,16 @@ TABLES: dict[str, Callable[[], str]] = {
     "paper-verdicts": partial(paper_tables.verdicts, "paper"),
     "public-claims": partial(paper_tables.other_claims, "public", "paper"),
     "public-verdicts": partial(paper_tables.verdicts, "public"),
+    "tuned-claims": partial(paper_tables.other_claims, "tuned", "public"),
+    "tuned-verdicts": partial(paper_tables.verdicts, "tuned"),
     "paper-diversity": partial(paper_tables.diversity, "paper"),
     "public-diversity": partial(paper_tables.diversity, "public"),
+    "tuned-diversity": partial(paper_tables.diversity, "tuned"),
     "paper-hours": partial(paper_tables.hours, "paper"),
+    "tuned-hours": partial(paper_tables.hours, "tuned"),
     "paper-summary": partial(make_table, paper_tables.of_the_figures, "paper", summary),
     "public-summary": partial(make_table, paper_tables.of_the_figures, "public", summary),
+    "tuned-summary": partial(make_table, paper_tables.of_the_figures, "tuned", summary),
     "paper-reasons": partial(make_table, paper_tables.of_reasons, "paper", summary),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }

@@ -177,23 +177,44 @@ def test_an_unfinished_run_is_left_out(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def pictures(folder):
+    """The pictures of a folder in gray, by name."""
+    return {
+        path.name: np.asarray(Image.open(path).convert("L")).astype(float)
+        for path in folder.iterdir()
+    }
+
+
 def test_the_committed_data_draws_every_figure(tmp_path, monkeypatch):
+    names = {
+        ending: {
+            f"{settings}_figure_{figure}{ending}.png"
+            for settings, figures in paper.FIGURES.items()
+            for figure in figures
+        }
+        for ending in paper.THEMES
+    }
+    for each in (names[""], names["_dark"]):
+        assert all((paper.IMAGES / name).exists() for name in each)
     monkeypatch.setattr(statistics, "N_RESAMPLES", 100)  # how wide intervals are is tested there
+    monkeypatch.delitem(paper.THEMES, "_dark")
+    paper.draw(out=tmp_path)
+    drawn = pictures(tmp_path)
+    assert {*drawn} == names[""]
+    assert all(picture.std() > 10 for picture in drawn.values())
+
+
+def test_figures_are_light_and_dark(tmp_path, monkeypatch):
+    monkeypatch.setattr(statistics, "N_RESAMPLES", 100)
+    monkeypatch.setattr(paper, "FIGURES", {"public": (2, 8)})
     before = dict(mpl.rcParams)
     paper.draw(out=tmp_path)
     assert dict(mpl.rcParams) == before
-    names = {
-        f"{settings}_figure_{figure}{ending}.png"
-        for settings, figures in paper.FIGURES.items()
-        for figure in figures
-        for ending in paper.THEMES
-    }
-    assert {path.name for path in tmp_path.iterdir()} == names
-    for name in names:
-        picture = np.asarray(Image.open(tmp_path / name).convert("L")).astype(float)
+    drawn = pictures(tmp_path)
+    assert len(drawn) == 4
+    for name, picture in drawn.items():
         assert (picture[0, 0] < 60) == ("dark" in name)
         assert picture.std() > 10
-        assert (paper.IMAGES / name).exists()
 
 
 NOT_TRAINED = [("paper", "CuriosityControl-Stacker-v0")]

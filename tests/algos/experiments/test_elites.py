@@ -61,7 +61,7 @@ def panels(runs):
 
 
 def test_the_same_cells_are_one_archive_and_elites_without_cells_are_each_labels_own(runs):
-    coarse, fine = (f"MAPElites, n_cells {n}" for n in ("5.0", "50.0"))
+    coarse, fine = (f"MAPElites, n_cells {n}" for n in (5, 50))
     assert panels(runs) == {
         "SparseGridArchive, dims [50, 50, 50, 50]": ["CMAME", fine],
         "SparseGridArchive, dims [5, 5, 5, 5]": [coarse],
@@ -87,7 +87,7 @@ def change(runs, tmp_path):
             described = json.loads(path.read_text())
             edit(described)
             path.write_text(json.dumps(described))
-        return changed[changed["label"] != "MAPElites, n_cells 5.0"]
+        return changed[changed["label"] != "MAPElites, n_cells 5"]
 
     return change
 
@@ -98,7 +98,7 @@ def test_another_offset_is_another_archive(change):
     )
     found = panels(runs)
     assert found["SparseGridArchive, qd_score_offset -1.0"] == ["CMAME"]
-    assert found["SparseGridArchive, qd_score_offset 0.0"] == ["MAPElites, n_cells 50.0"]
+    assert found["SparseGridArchive, qd_score_offset 0.0"] == ["MAPElites, n_cells 50"]
 
 
 def test_an_older_folder_does_not_say_what_its_archive_was(change):

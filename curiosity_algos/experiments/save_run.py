@@ -116,7 +116,8 @@ class SaveRun(BaseCallback):
     @property
     def _found(self) -> EvolutionaryAlgorithm | ResumableTD3 | ExplorationCallback:
         """The object that knows of coverage, best return and first success."""
-        # Algorithms of Stable-Baselines3's own, which know nothing of it, have an observer.
+        # Algorithms of Stable-Baselines3's own, which know nothing of it, have an observer; the
+        # hints of both attributes name their base classes.
         return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
 
     def _check_folder(self, description: dict[str, Any]) -> None:

@@ -87,7 +87,7 @@ def summary(folder: Path) -> str:
     words = [f"best return {'none' if best is None else f'{best:.3f}'}"]
     if first is not None:
         words.append(f"first success after {first:,} timesteps")
-    elif not best:  # another return without one is of a task that reports none
+    elif not best:  # as `measures.reports_success`, of many runs
         words.append("no success")
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
     if shares:

@@ -74,6 +74,9 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
             is asked for and an environment has none, or QD scores and no run has an archive.
     """
     runs = load_compared(folders)
+    if not runs["has_begun"].any():
+        run = runs["run"].iloc[0]
+        raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
     measure, title, y_label, _ = MEASURES[y]
     note = (NOTE if measure else SURVIVAL_NOTE) + _left_out(runs)
     runs = runs[runs["has_begun"] & ~runs["is_repeated"]]
@@ -99,10 +102,6 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
 def _left_out(runs: pd.DataFrame) -> str:
     """A note on the runs that no curve is of."""
     waiting = runs.loc[~runs["has_begun"], "run"]
-    if len(waiting) == len(runs):
-        raise ValueError(
-            f"`runs` must have a checkpoint with an episode, {waiting.iloc[0]} has none yet."
-        )
     n_repeated = runs["is_repeated"].sum()
     note = NOT_BEGUN.format(", ".join(waiting)) if len(waiting) else ""
     return note + (REPEATED.format(n_repeated) if n_repeated else "")

@@ -34,6 +34,12 @@ def test_defaults_are_the_papers():
     assert noise.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.01)
 
 
+def test_adam_is_fused_and_other_optimizers_are_taken_as_they_are(make, make_maze):
+    assert make(make_maze()).critic.optimizer.param_groups[0]["fused"]
+    other = make(make_maze(), policy_kwargs={"optimizer_class": th.optim.RMSprop})
+    assert isinstance(other.critic.optimizer, th.optim.RMSprop)
+
+
 class TestTraining:
     def test_is_after_each_episode_for_as_many_steps(self, make, make_maze):
         model = make(make_maze(), gradient_steps=-1, learning_starts=60)

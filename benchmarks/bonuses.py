@@ -1,4 +1,4 @@
-"""What a bonus does for Stable-Baselines3's PPO and TD3: `python -m benchmarks.bonuses` tells.
+"""What a bonus does for Stable-Baselines3's PPO, SAC and TD3: `python -m benchmarks.bonuses` tells.
 
 Every run is one process on one thread, and leaves a folder; one that is finished is not done again.
 """
@@ -15,14 +15,15 @@ from typing import Annotated, Any
 import torch as th
 import typer
 from gymnasium.wrappers import RepeatAction
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import VecEnv
 
 from benchmarks.off_policy import make_td3
 from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, collect
-from curiosity_algos import TD3ICM, BonusVecEnvWrapper
+from curiosity_algos import TD3ICM, BonusReplayBuffer, BonusVecEnvWrapper
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments import RunFolder, SaveRun
 
@@ -48,12 +49,39 @@ def ppo(
     **bonus_kwargs: Any,
 ) -> PPO:
     """SB3's PPO with or without a bonus, as docs/bonuses_sb3.md has it for sparse rewards."""
-    venv = make_vec_env(env, 16, seed, wrapper_class=lambda each: RepeatAction(each, num_repeats))
+    venv = _held(env, seed, num_repeats)
     if bonus is not None:
         venv = BonusVecEnvWrapper(
             venv, bonus=bonus, bonus_kwargs=bonus_kwargs, seed=seed, device="cpu"
         )
     return PPO("MlpPolicy", venv, n_steps=n_steps, seed=seed, device="cpu")
+
+
+def sac(seed: int, env: str, *, bonus: str | None = None, stored: str | None = None) -> SAC:
+    """SB3's SAC, an update every 4 decisions; a `stored` bonus stays as it was collected."""
+    venv = _held(env, seed, 10)
+    buffer: dict[str, Any] = {}
+    if stored is not None:
+        venv = BonusVecEnvWrapper(venv, bonus=stored, seed=seed, device="cpu")
+    elif bonus is not None:
+        keywords = {"bonus": bonus}
+        buffer = {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": keywords}
+    return SAC(
+        "MlpPolicy",
+        venv,
+        learning_starts=1000,
+        train_freq=4,
+        gradient_steps=16,
+        policy_kwargs={"net_arch": [64, 64]},
+        seed=seed,
+        device="cpu",
+        **buffer,
+    )
+
+
+def _held(env: str, seed: int, num_repeats: int) -> VecEnv:
+    """Sixteen environments whose actions are held."""
+    return make_vec_env(env, 16, seed, wrapper_class=lambda each: RepeatAction(each, num_repeats))
 
 
 def ant_ppo(seed: int, bonus: str | None, env: str) -> PPO:
@@ -79,6 +107,8 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
         f"ppo_parts/{part}": {f"apt/{US}": partial(ppo, bonus="apt", env=US, **changes)}
         for part, changes in PARTS.items()
     },
+    "sac": {f"{bonus} {US}": partial(sac, env=US, bonus=bonus) for bonus in (None, "apt")},
+    "sac/stored": {f"apt/{US}": partial(sac, env=US, stored="apt")},
     "locomotion/ppo": {
         f"{bonus} {env}": partial(ant_ppo, bonus=bonus, env=env)
         for env, bonus in product(ANTS, (None, "apt"))
@@ -89,7 +119,7 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
     },
 }
 """What makes the model of each row, by the name of the table, which ends at a "/"."""
-TIMESTEPS = {"ppo": 1e6, "ppo_parts": 1e6, "locomotion": 1e6, "td3": 4e5}
+TIMESTEPS = {"ppo": 1e6, "ppo_parts": 1e6, "sac": 1e6, "locomotion": 1e6, "td3": 4e5}
 """Steps of the environment, by table."""
 
 

@@ -32,14 +32,13 @@ from curiosity_algos.archives.fields import (
 from curiosity_algos.archives.store import EliteStore
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.checkpoints.archive_file import read_archive, write_archive
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_gym.validation import check_seed
 
 if TYPE_CHECKING:
     from curiosity_algos.evaluation.evaluator import AnyEnv
 
-Float64Array = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
@@ -283,7 +282,7 @@ class EliteArchive(ArchiveBase):
         """(n, B): the elites' behaviors, the measures unless a field "behavior" is kept."""
         return behaviors_of(self)
 
-    def nearest(self, behavior: npt.ArrayLike) -> npt.NDArray[Any]:
+    def nearest(self, behavior: npt.ArrayLike) -> Array:
         """The solution whose behavior is nearest to `behavior` (B,), in Euclidean distance.
 
         Raises:
@@ -361,7 +360,7 @@ class EliteArchive(ArchiveBase):
         check_elites(data, self._description)
         self._put(data)
 
-    def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
+    def _put(self, data: Mapping[str, Array]) -> None:
         """Hold these elites, all fields with "index", instead of what was held."""
         self._description = {k: (data[k].shape[1:], data[k].dtype) for k in self._description}
         self._begin()

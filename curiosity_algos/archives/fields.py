@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from ribs.archives import ArrayStore
 
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_gym.validation import check_at_least_one
 
-Batch = dict[str, npt.NDArray[Any]]
+Batch = dict[str, Array]
 """Arrays (n, ...) by the names of fields."""
 Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
 """Shape and type of each field of an elite."""
@@ -101,7 +102,7 @@ def check_batch(description: Description, given: Mapping[str, npt.ArrayLike]) ->
     return data
 
 
-def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+def as_array(name: str, value: npt.ArrayLike, dtype: np.dtype[Any]) -> Array:
     """An array of a type; ValueError where the value of the argument `name` is none."""
     try:
         return np.asarray(value, dtype=dtype)
@@ -144,7 +145,7 @@ def describe_elites(data: Batch, description: Description) -> Description:
     return description | solution | describe_extra(found["extra_fields"])
 
 
-def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+def check_niche(behavior: npt.ArrayLike, behaviors: Array) -> Float64Array:
     """A behavior (B,); ValueError unless one of the elites' behaviors (n, B) can be the nearest."""
     wanted = as_array("niche", behavior, np.dtype(np.float64))
     if not behaviors.shape[1]:
@@ -158,10 +159,10 @@ def check_niche(behavior: npt.ArrayLike, behaviors: npt.NDArray[Any]) -> npt.NDA
     return wanted
 
 
-def behaviors_of(archive: Any) -> npt.NDArray[np.float64]:
+def behaviors_of(archive: Any) -> Float64Array:
     """(n, B): the behaviors of an archive's elites, the measures unless "behavior" is kept."""
     name = "behavior" if "behavior" in archive.field_list else "measures"
-    behaviors: npt.NDArray[np.float64] = archive.data(name)
+    behaviors: Float64Array = archive.data(name)
     return behaviors
 
 

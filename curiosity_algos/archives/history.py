@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from ribs.archives import ArchiveStats
 
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.validation import check_choice
 
 COLUMNS = ("timesteps", "size", "coverage", "qd_score", "best")
@@ -37,21 +37,21 @@ class ArchiveHistory:
         ]
         self._rows.append(np.array(values, dtype=np.float64).tolist())
 
-    def __getitem__(self, column: str) -> npt.NDArray[np.float64]:
+    def __getitem__(self, column: str) -> Float64Array:
         """A column, one value for each generation.
 
         Raises:
             ValueError: If there is no such column.
         """
         check_choice(COLUMNS, column=column)
-        values: npt.NDArray[np.float64] = self._table()[:, COLUMNS.index(column)]
+        values: Float64Array = self._table()[:, COLUMNS.index(column)]
         return values
 
     def __len__(self) -> int:
         """Number of generations."""
         return len(self._rows)
 
-    def _table(self) -> npt.NDArray[np.float64]:
+    def _table(self) -> Float64Array:
         return np.array(self._rows, dtype=np.float64).reshape(-1, len(COLUMNS))
 
     def state_dict(self) -> dict[str, Any]:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
-import numpy.typing as npt
 from ribs.archives import GridArchive
 
 from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.plots import draw_layout
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from curiosity_algos.archives.base import EliteArchive
     from curiosity_algos.archives.pyribs import PyribsArchive
 
-Float64 = npt.NDArray[np.float64]
-Cells = tuple[Float64, Float64, Float64]
+Cells = tuple[Float64Array, Float64Array, Float64Array]
 """Values (nx, ny), and the cells' edges along x (nx + 1,) and y (ny + 1,)."""
 
 STATISTICS = {"objective": "max", "elites": "count"}
@@ -126,7 +125,9 @@ def _is_grid(
     return is_grid and "behavior" not in archive.field_list
 
 
-def _draw_cells(ax: Axes, cells: Float64, x_edges: Float64, y_edges: Float64, *, by: str) -> None:
+def _draw_cells(
+    ax: Axes, cells: Float64Array, x_edges: Float64Array, y_edges: Float64Array, *, by: str
+) -> None:
     from matplotlib.colors import LogNorm
 
     norm = None

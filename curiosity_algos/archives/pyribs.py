@@ -30,6 +30,7 @@ from curiosity_algos.archives.fields import (
     describe_extra,
     undo_on_error,
 )
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
 PyribsArchive = GridArchive | CVTArchive
@@ -91,7 +92,7 @@ class PyribsPart:
         """Undo what a block that raises did by `prepare` and `load_state_dict`."""
         return undo_on_error(self.archive)
 
-    def nearest(self, behavior: npt.ArrayLike) -> npt.NDArray[Any]:
+    def nearest(self, behavior: npt.ArrayLike) -> Array:
         """The solution whose behavior is nearest to `behavior`, as `EliteArchive.nearest`."""
         behaviors = behaviors_of(self.archive)
         wanted = check_niche(behavior, behaviors)

@@ -13,16 +13,9 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.archives.base import (
-    IMPROVED,
-    NEW,
-    NOT_ADDED,
-    ArchiveKeywords,
-    EliteArchive,
-    Float64Array,
-    Int64Array,
-)
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, ArchiveKeywords, EliteArchive
 from curiosity_algos.archives.fields import Batch
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_gym.validation import check_at_least_one
 
 _EPSILON = 1e-6
@@ -113,7 +106,7 @@ class SparseGridArchive(EliteArchive):
     def _identities(self, slots: Int64Array) -> Int64Array:
         return np.array([self._cells[slot] for slot in slots], dtype=np.int64)
 
-    def _put(self, data: Mapping[str, npt.NDArray[Any]]) -> None:
+    def _put(self, data: Mapping[str, Array]) -> None:
         if not np.array_equal(self.index_of(data["measures"]), data["index"]):
             raise ValueError("The elites must be of the same grid, they lie in cells of another.")
         super()._put(data)

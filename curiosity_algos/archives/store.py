@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from ribs.archives import ArrayStore
 
 from curiosity_algos.archives.fields import Batch, Description, check_finite
+from curiosity_algos.common.arrays import Array, Int64Array
 
 FIRST_CAPACITY = 64
 
@@ -29,9 +29,9 @@ class EliteStore(ArrayStore):
         self.objective_sum = np.float64(0.0)
         self.best_slot = 0
 
-    def get(self, name: str, slots: Any) -> npt.NDArray[Any]:
+    def get(self, name: str, slots: Any) -> Array:
         """A copy of a field (n, ...) of the rows in slots (n,)."""
-        values: npt.NDArray[Any] = self.retrieve(slots, name)[1]
+        values: Array = self.retrieve(slots, name)[1]
         return values
 
     @property
@@ -39,7 +39,7 @@ class EliteStore(ArrayStore):
         """The highest objective of the rows, of which there is one at least."""
         return self.get("objective", [self.best_slot])[0]
 
-    def write(self, slots: npt.NDArray[np.int64], rows: Batch) -> None:
+    def write(self, slots: Int64Array, rows: Batch) -> None:
         """Put at least one row, arrays (n, ...) by name, into slots (n,), no two the same."""
         objective, n = rows["objective"], len(self)
         is_old = slots < n
@@ -58,7 +58,7 @@ class EliteStore(ArrayStore):
         self.objective_sum = np.float64(objective.sum())
         self.best_slot = int(np.argmax(objective))
 
-    def _put(self, slots: npt.NDArray[np.int64], rows: Batch) -> None:
+    def _put(self, slots: Int64Array, rows: Batch) -> None:
         n = int(slots.max()) + 1
         if n > self.capacity:
             self.resize(max(n, 2 * self.capacity, FIRST_CAPACITY))

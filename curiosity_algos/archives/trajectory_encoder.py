@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
-
-Float32Array = npt.NDArray[np.float32]
 
 STATES = "states"
 """Name of what is read of trajectories."""
@@ -142,7 +140,7 @@ class TrajectoryEncoder:
         return float(np.mean(losses))
 
     @th.no_grad()
-    def encode(self, states: Float32Array) -> npt.NDArray[np.float64]:
+    def encode(self, states: Float32Array) -> Float64Array:
         """Latent behaviors (n, n_dimensions) of trajectories (n, n_states, O)."""
         with single_torch_thread():
             chunks = [self._encoder(self._inputs(part)) for part in _parts(states)]

@@ -12,16 +12,9 @@ from typing import Any, Unpack
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.archives.base import (
-    IMPROVED,
-    NEW,
-    NOT_ADDED,
-    ArchiveKeywords,
-    EliteArchive,
-    Float64Array,
-    Int64Array,
-)
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, ArchiveKeywords, EliteArchive
 from curiosity_algos.archives.fields import Batch
+from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_gym.validation import check_at_least_one, check_not_negative
 
 SLACK = 0.1

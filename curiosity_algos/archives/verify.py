@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_algos.archives.fields import behaviors_of
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.evaluator import make_evaluator
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ class Verification:
     """
 
     share: float
-    failed: npt.NDArray[np.int64]
-    objective: npt.NDArray[np.float64]
-    behaviors: npt.NDArray[np.float64]
+    failed: Int64Array
+    objective: Float64Array
+    behaviors: Float64Array
 
 
 def verify(
@@ -82,15 +82,13 @@ def verify(
     return Verification(share, np.flatnonzero(~is_same), objective, behaviors)
 
 
-def _chunks(seeds: npt.NDArray[Any]) -> list[npt.NDArray[np.int64]]:
+def _chunks(seeds: Array) -> list[Int64Array]:
     """Positions of elites whose episodes begin alike, at most `CHUNK` at a time."""
     groups = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
     return [group[i : i + CHUNK] for group in groups for i in range(0, len(group), CHUNK)]
 
 
-def _play(
-    evaluator: Evaluator, elites: dict[str, npt.NDArray[Any]], chunk: npt.NDArray[np.int64]
-) -> Rollouts:
+def _play(evaluator: Evaluator, elites: dict[str, Array], chunk: Int64Array) -> Rollouts:
     seed = int(elites["seed"][chunk[0]]) if "seed" in elites else None
     rollouts = evaluator.evaluate(elites["solution"][chunk], seed)
     kept = elites.get("behavior", elites["measures"])

@@ -13,15 +13,15 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from torch.nn import functional
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.contrast import InfoNCE
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.memory import FeatureMemory
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_at_least_one, check_positive
@@ -117,12 +117,7 @@ class APT(NetworkBonus):
         return super().update(observations, actions, next_observations)
 
     @th.no_grad()
-    def score(
-        self,
-        observations: npt.NDArray[Any],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[Any],
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Novelty of where each transition leads, shape (n,); 0 while nothing was observed."""
         features = self._features(next_observations)
         if not len(self.memory):
@@ -132,12 +127,12 @@ class APT(NetworkBonus):
         return th.cat([self._novelty(part, known, squares) for part in parts]).cpu().numpy()
 
     @th.no_grad()
-    def features(self, observations: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    def features(self, observations: Array) -> Float64Array:
         """Features (n, F) of observations (n, ...): near are those that follow each other."""
         with single_torch_thread():
             return self._features(observations).cpu().numpy().astype(np.float64)
 
-    def _features(self, observations: npt.NDArray[Any]) -> th.Tensor:
+    def _features(self, observations: Array) -> th.Tensor:
         parts = th.split(th.from_numpy(observations), N_ENCODED)
         return th.cat([self.encoder(self.inputs(part.to(self.device))) for part in parts])
 

@@ -9,17 +9,15 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Protocol, TypedDict, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
-
-FloatArray = npt.NDArray[np.float32]
 
 
 @runtime_checkable
@@ -34,9 +32,7 @@ class Bonus(Protocol):
         """The name that its metrics are logged under."""
         ...
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus of each transition, shape (n,).
 
         Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete, both as the
@@ -44,9 +40,7 @@ class Bonus(Protocol):
         """
         ...
 
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
+    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
         ...
 
@@ -143,14 +137,10 @@ class NetworkBonus(th.nn.Module):
         self.optimizer = th.optim.Adam(trained, lr=self.learning_rate, fused=True)
 
     @abstractmethod
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus of each transition, shape (n,), see `Bonus`."""
 
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
+    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
         return self.score(observations[:-1], actions, observations[1:])
 
@@ -173,7 +163,7 @@ class NetworkBonus(th.nn.Module):
         flat = observations.flatten(1).float()
         return flat if self.images is None else flat / 255.0
 
-    def tensor(self, array: npt.NDArray[Any]) -> th.Tensor:
+    def tensor(self, array: Array) -> th.Tensor:
         """An array on the device of the networks."""
         return th.from_numpy(array).to(self.device)
 
@@ -245,7 +235,7 @@ def _check_finite(tensors: Iterable[th.Tensor]) -> None:
         raise RuntimeError("The state holds NaN or infinity.")
 
 
-def check_rewards(rewards: npt.NDArray[Any]) -> None:
+def check_rewards(rewards: Array) -> None:
     """Raise ValueError unless the rewards of the task can be learned from."""
     if not np.isfinite(rewards).all():
         raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
@@ -269,7 +259,7 @@ def train(
     }
 
 
-def record_bonus(logger: Logger, values: npt.NDArray[Any]) -> None:
+def record_bonus(logger: Logger, values: Array) -> None:
     """Log the mean and the largest of bonuses, over all since the last dump."""
     logger.record_mean("intrinsic/mean", float(np.mean(values)))
     largest = logger.name_to_value.get("intrinsic/max", -np.inf)

@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3 import PPO
@@ -21,10 +20,10 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.episodes import EpisodicBonus, episodes_of
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import GlobalGenerators
 
-FloatArray = npt.NDArray[np.float64]
 MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
 
 N_STATES, N_ACTIONS, N_ENTRIES = 20, 3, 6
@@ -33,7 +32,7 @@ N_STATES, N_ACTIONS, N_ENTRIES = 20, 3, 6
 # -- a tiny MDP -----------------------------------------------------------------------------------
 
 
-def tiny_mdp(seed: int = 0) -> tuple[npt.NDArray[Any], ...]:
+def tiny_mdp(seed: int = 0) -> tuple[Array, ...]:
     """All 60 transitions of 20 states and 3 actions, three in a row of each state, as `score` has.
 
     States are random vectors; the first ten lead to one another and so do the last ten, at random.
@@ -58,9 +57,9 @@ class Learned:
         unseen: Mean bonus of the rest, (n,).
     """
 
-    n_updates: npt.NDArray[np.int64]
-    seen: FloatArray
-    unseen: FloatArray
+    n_updates: Int64Array
+    seen: Float64Array
+    unseen: Float64Array
 
 
 def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) -> Learned:
@@ -86,7 +85,7 @@ def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) 
     return Learned(moments, *np.array(means, dtype=np.float64).T)
 
 
-def _score(bonus: Bonus, transitions: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+def _score(bonus: Bonus, transitions: Sequence[Array]) -> Array:
     """Bonus of each transition, as the first of an episode where that counts."""
     return (episodes_of(bonus, len(transitions[0])) or bonus).score(*transitions)
 
@@ -189,13 +188,11 @@ class _AtTheEnd:
 
     name = "end"
 
-    def score(
-        self, observations: Any, actions: Any, next_observations: Any
-    ) -> npt.NDArray[np.float32]:
-        reached: npt.NDArray[np.bool_] = next_observations[:, 0] == HORIZON
+    def score(self, observations: Any, actions: Any, next_observations: Any) -> Float32Array:
+        reached: Mask = next_observations[:, 0] == HORIZON
         return reached.astype(np.float32)
 
-    def score_trajectory(self, observations: Any, actions: Any) -> npt.NDArray[np.float32]:
+    def score_trajectory(self, observations: Any, actions: Any) -> Float32Array:
         return self.score(observations[:-1], actions, observations[1:])
 
     def observe(self, observations: th.Tensor) -> None:

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_algos.bonuses.perceptron import (
     Layers,
@@ -20,8 +19,8 @@ from curiosity_algos.bonuses.perceptron import (
     forward,
     single_blas_thread,
 )
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.core import Float32Array
 
 N_ROWS = 128
 """Transitions of a batch that are computed at once: fewer cost more calls, more leave the cache."""
@@ -80,7 +79,7 @@ def differentiate_chunk(
     icm: Networks,
     work: Workspace,
     slopes: tuple[Float32Array, Float32Array, Float32Array],
-    losses: npt.NDArray[np.float64],
+    losses: Float64Array,
     states: Float32Array,
     actions: Float32Array,
     weights: tuple[float, float],
@@ -124,7 +123,7 @@ def differentiate_chunk(
 
 def differentiate(
     icm: Networks, states: Float32Array, actions: Float32Array, *, beta: float, pool: ThreadPool
-) -> tuple[npt.NDArray[np.float64], Float32Array]:
+) -> tuple[Float64Array, Float32Array]:
     """Mean L_F and L_I, (2,), and the slopes (n_parameters,) of `(1 - beta) L_I + beta L_F`.
 
     The same bits for any number of threads: chunks of a fixed size, added in their order.

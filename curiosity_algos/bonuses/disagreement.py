@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any, Unpack
 
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_whole
@@ -75,13 +75,8 @@ class Disagreement(NetworkBonus):
         return {"loss": errors.square().sum(dim=2).mean()}
 
     @th.no_grad()
-    def score(
-        self,
-        observations: npt.NDArray[Any],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[Any],
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Variance of each transition's predictions, (n,); where it leads to does not enter."""
         predictions = self.predictions(self.tensor(observations), self.tensor(actions))
-        scores: FloatArray = predictions.var(dim=0, correction=0).sum(dim=1).cpu().numpy()
+        scores: Float32Array = predictions.var(dim=0, correction=0).sum(dim=1).cpu().numpy()
         return scores

@@ -10,19 +10,18 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.episodes import take_over
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.transitions import flat
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_positive
 
-Float64 = npt.NDArray[np.float64]
 MIN_RIDGE = 1e-6
 """Below it the inverse loses its digits to features of everyday size."""
 
@@ -74,15 +73,11 @@ class E3B(NetworkBonus):
         both = self.inputs(th.cat([observations, next_observations]))
         return {"loss": self.encoder.loss(both, actions)}
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Raise ValueError: a transition alone has no bonus, see `episodes`."""
         raise ValueError("`bonus` must be asked for whole episodes: e3b remembers each of them.")
 
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
+    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""
         (scores,) = self.episodes(1).visit(observations[None], np.arange(1))
         return np.asarray(scores[1:])
@@ -92,10 +87,10 @@ class E3B(NetworkBonus):
         return Ellipsoids(self, n)
 
     @th.no_grad()
-    def features(self, observations: npt.NDArray[Any]) -> Float64:
+    def features(self, observations: Array) -> Float64Array:
         """`phi` of observations (n, ...), (n, F)."""
         features = self.encoder(self.inputs(self.tensor(observations)))
-        numbers: Float64 = features.cpu().numpy().astype(np.float64)
+        numbers: Float64Array = features.cpu().numpy().astype(np.float64)
         return numbers
 
 
@@ -107,16 +102,14 @@ class Ellipsoids:
         self._first = np.eye(bonus.n_features) / bonus.ridge
         self._inverses = np.tile(self._first, (n, 1, 1))
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         begin = np.flatnonzero((self._inverses == self._first).all(axis=(1, 2)))
         if len(begin):
             self.visit(observations[begin, None], begin)
         return self.visit(next_observations[:, None], np.arange(len(self._inverses)))[:, 0]
 
-    def visit(self, observations: npt.NDArray[Any], episodes: npt.NDArray[np.int64]) -> FloatArray:
+    def visit(self, observations: Array, episodes: Int64Array) -> Float32Array:
         """Bonus (m, T) of T observations (m, T, ...) of m episodes, which are remembered."""
         shape = observations.shape[:2]
         features = self._bonus.features(flat(observations)).reshape(*shape, -1)
@@ -126,7 +119,7 @@ class Ellipsoids:
             visit(self._inverses[i], each, product, score)
         return scores.astype(np.float32)
 
-    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+    def end(self, dones: Mask) -> None:
         """Forget the episodes (n,) that have ended."""
         self._inverses[dones] = self._first
 
@@ -140,7 +133,9 @@ class Ellipsoids:
 
 
 @compiled
-def visit(inverse: Float64, features: Float64, product: Float64, scores: Float64) -> None:
+def visit(
+    inverse: Float64Array, features: Float64Array, product: Float64Array, scores: Float64Array
+) -> None:
     """Score features (T, F) one after the other, and take each into the inverse (F, F).
 
     By Sherman and Morrison's formula; the product (F,) is for what is computed on the way.

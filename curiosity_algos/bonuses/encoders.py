@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import is_image_space, is_image_space_channels_first
@@ -16,6 +15,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, NatureC
 from stable_baselines3.common.vec_env import VecTransposeImage
 from torch.nn import functional
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.common.networks import initialize, mlp
 
 SMALLEST = 4
@@ -189,7 +189,7 @@ class ActionEncoder(th.nn.Module):
 
 def action_scale(
     action_space: spaces.Box[Any],
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+) -> tuple[Float32Array, Float32Array]:
     """Center and half the range of each entry, (A,): 0 and 1 where it lacks a bound."""
     low, high = action_space.low.astype(np.float64), action_space.high.astype(np.float64)
     is_bounded = np.isfinite(low) & np.isfinite(high)

@@ -6,21 +6,19 @@ from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
-from curiosity_algos.bonuses.base import Bonus, FloatArray
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.common.arrays import Array, Float32Array, Mask
 
 
 class Episodes(Protocol):
     """What a bonus remembers of episodes side by side, each from its beginning."""
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         ...
 
-    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+    def end(self, dones: Mask) -> None:
         """Forget the episodes (n,) that have ended: with the next step others begin."""
         ...
 
@@ -59,9 +57,7 @@ def episodes_of(bonus: Bonus, n: int) -> Episodes | None:
     return bonus.episodes(n) if isinstance(bonus, EpisodicBonus) else None
 
 
-def take_over(
-    state: Mapping[str, Any], own: Mapping[str, npt.NDArray[Any]]
-) -> dict[str, npt.NDArray[Any]]:
+def take_over(state: Mapping[str, Any], own: Mapping[str, Array]) -> dict[str, Array]:
     """Copies of saved tensors that are like one's own; ValueError if they are of other episodes."""
     columns = {name: state[name].cpu().numpy().copy() for name in own}
     for name, column in columns.items():

@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses import compiled_icm
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
 from curiosity_algos.bonuses.perceptron import Layers, set_gradients
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_share
@@ -123,30 +123,21 @@ class ICM(NetworkBonus):
         return compiled_icm.Networks(*layers) if len(layers) == 3 else None
 
     @th.no_grad()
-    def score(
-        self,
-        observations: npt.NDArray[Any],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[Any],
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Curiosity of each transition, shape (n,)."""
         states = np.stack([observations, next_observations], axis=1)
         return self._errors(states.reshape(-1, *observations.shape[1:]), actions, stride=2)
 
     @th.no_grad()
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
+    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Curiosity of T transitions among T + 1 observations, each encoded only once."""
         return self._errors(observations, actions, stride=1)
 
-    def _errors(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], *, stride: int
-    ) -> FloatArray:
+    def _errors(self, observations: Array, actions: Array, *, stride: int) -> Float32Array:
         """Curiosity of transitions that begin at every observation, or every second, (n,)."""
         states = self.inputs(self.tensor(observations))
         encoded = self.encode_actions(self.tensor(actions))
         features = self.encoder(states)
         error = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
-        errors: FloatArray = error.cpu().numpy()
+        errors: Float32Array = error.cpu().numpy()
         return errors

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
@@ -24,6 +23,7 @@ from curiosity_algos.bonuses.ramp import RAMP
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain
+from curiosity_algos.common.arrays import Array
 from curiosity_gym.validation import check_choice
 
 NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
@@ -114,7 +114,7 @@ def _check_fits(
     assert isinstance(observation_space, spaces.Box)
     shape = (2, *observation_space.shape)
     observations = np.zeros(shape, dtype=np.uint8 if is_image else np.float32)
-    actions: npt.NDArray[Any]
+    actions: Array
     if isinstance(action_space, spaces.Box):
         actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
     else:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
 _ENCODING = threading.Lock()
@@ -53,11 +54,11 @@ class FeatureMemory:
         return min(self.n_seen, len(self._kept))
 
     @property
-    def observations(self) -> npt.NDArray[Any]:
+    def observations(self) -> Array:
         """The items held, (n, ...); a view."""
         return self._kept[: len(self)]
 
-    def add(self, observations: npt.NDArray[Any]) -> None:
+    def add(self, observations: Array) -> None:
         """See observations (n, ...), in their order."""
         numbers = self.n_seen + np.arange(len(observations))
         # Number i takes place i while there are free ones, then each place with chance 1 / (i + 1).
@@ -72,9 +73,7 @@ class FeatureMemory:
         """Features are to be made anew: what makes them has learned."""
         self._is_current[:] = False
 
-    def features(
-        self, encode: Callable[[npt.NDArray[Any]], th.Tensor]
-    ) -> tuple[th.Tensor, th.Tensor]:
+    def features(self, encode: Callable[[Array], th.Tensor]) -> tuple[th.Tensor, th.Tensor]:
         """Features (n, F) of what is held, and the squares (n,) of their lengths.
 
         Threads may ask at once: the first encodes what is new, and the others wait for it.

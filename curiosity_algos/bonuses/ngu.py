@@ -10,20 +10,19 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkKeywords
 from curiosity_algos.bonuses.episodes import take_over
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.common.randomness import integer_seed, torch_generator
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_whole
 
-Float64 = npt.NDArray[np.float64]
 EPSILON, CLUSTER, CONSTANT = 1e-3, 8e-3, 1e-3
 """Of the kernel, the distance below which two states are one, and the c of the paper's table 5."""
 LARGEST_RATIO = 5.0
@@ -103,15 +102,11 @@ class NGU(RND):
             _take(nearest.flatten(), self.distance_statistics)
         return losses
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Raise ValueError: a transition alone has no bonus, see `episodes`."""
         raise ValueError("`bonus` must be asked for whole episodes: ngu remembers each of them.")
 
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
+    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""
         features = self.features(observations)
         scores = np.empty(len(features) - 1)
@@ -129,21 +124,21 @@ class NGU(RND):
         return Neighbors(self, n)
 
     @th.no_grad()
-    def features(self, observations: npt.NDArray[Any]) -> Float64:
+    def features(self, observations: Array) -> Float64Array:
         """`phi` of observations (n, ...), (n, F)."""
         features = self.encoder(self.inputs(self.tensor(observations)))
-        numbers: Float64 = features.cpu().numpy().astype(np.float64)
+        numbers: Float64Array = features.cpu().numpy().astype(np.float64)
         return numbers
 
     @th.no_grad()
-    def ratios(self, observations: npt.NDArray[Any]) -> Float64:
+    def ratios(self, observations: Array) -> Float64Array:
         """`min(max(alpha, 1), 5)` of observations, (n,); 1 before any training."""
         errors = self.errors(self.tensor(observations)).double()
         statistics = self.error_statistics
         if not statistics.count:
             return np.ones(len(observations))
         alpha = 1.0 + (errors - statistics.mean) / statistics.variance.sqrt().clamp_min(1e-12)
-        ratios: Float64 = alpha.clamp(1.0, LARGEST_RATIO).cpu().numpy()
+        ratios: Float64Array = alpha.clamp(1.0, LARGEST_RATIO).cpu().numpy()
         return ratios
 
 
@@ -161,9 +156,7 @@ class Neighbors:
         self._features = np.zeros((n, 1, bonus.n_features))  # grows with the longest episode
         self._n_held = np.zeros(n, dtype=np.int64)
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         every = np.arange(len(self._n_held))
         begin = every[self._n_held == 0]
@@ -176,7 +169,7 @@ class Neighbors:
             visit(self._features[i, :n], n - 1, nearest, mean, scores[i : i + 1])
         return np.asarray(scores * self._bonus.ratios(next_observations), dtype=np.float32)
 
-    def _remember(self, observations: npt.NDArray[Any], episodes: npt.NDArray[np.int64]) -> None:
+    def _remember(self, observations: Array, episodes: Int64Array) -> None:
         """Take an observation of each of some episodes."""
         self._make_room(self._n_held.max() + 1)
         self._features[episodes, self._n_held[episodes]] = self._bonus.features(observations)
@@ -188,7 +181,7 @@ class Neighbors:
         if n > self._features.shape[1]:
             self._features = np.pad(self._features, ((0, 0), (0, n_more), (0, 0)))
 
-    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+    def end(self, dones: Mask) -> None:
         """Forget the episodes (n,) that have ended."""
         self._n_held[dones] = 0
 
@@ -212,7 +205,9 @@ class Neighbors:
 
 
 @compiled
-def visit(features: Float64, begin: int, nearest: Float64, mean: float, scores: Float64) -> None:
+def visit(
+    features: Float64Array, begin: int, nearest: Float64Array, mean: float, scores: Float64Array
+) -> None:
     """Score features (T, F) from `begin` on, each by the nearest (K,) of those before it.
 
     Squared distances are divided by their mean; one of 0 is that of features which are all alike.
@@ -227,7 +222,7 @@ def visit(features: Float64, begin: int, nearest: Float64, mean: float, scores: 
 
 
 @compiled
-def find_nearest(features: Float64, t: int, nearest: Float64) -> int:
+def find_nearest(features: Float64Array, t: int, nearest: Float64Array) -> int:
     """Write the lowest squared distances of number t from those before it, and say how many."""
     n = 0
     for i in range(t):

@@ -10,17 +10,15 @@ from hashlib import blake2b
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkKeywords
 from curiosity_algos.bonuses.episodes import take_over
 from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_gym.validation import check_not_negative, check_whole
-
-Float64 = npt.NDArray[np.float64]
 
 
 class NovelD(RND):
@@ -68,15 +66,11 @@ class NovelD(RND):
         offsets = th.from_numpy((directions * points).sum(axis=0))
         self.register_buffer("offsets", offsets.to(self.device))
 
-    def score(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any], next_observations: Any
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Raise ValueError: a transition alone has no bonus, see `episodes`."""
         raise ValueError("`bonus` must be asked for whole episodes: noveld remembers each of them.")
 
-    def score_trajectory(
-        self, observations: npt.NDArray[Any], actions: npt.NDArray[Any]
-    ) -> FloatArray:
+    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""
         gains = self.gains(observations[:-1], observations[1:])
         codes = self.codes(observations, *self.standard())
@@ -90,17 +84,15 @@ class NovelD(RND):
         return Visits(self, n)
 
     @th.no_grad()
-    def gains(
-        self, observations: npt.NDArray[Any], next_observations: npt.NDArray[Any]
-    ) -> FloatArray:
+    def gains(self, observations: Array, next_observations: Array) -> Float32Array:
         """`max(e(s') - alpha e(s), beta)` of transitions, (n,)."""
         before, after = (
             self.errors(self.tensor(each)).sqrt() for each in (observations, next_observations)
         )
-        gains: FloatArray = (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
+        gains: Float32Array = (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
         return gains
 
-    def standard(self) -> tuple[Float64, Float64]:
+    def standard(self) -> tuple[Float64Array, Float64Array]:
         """Mean and scale (D,) of each entry now; D is 0 where they do not matter."""
         if self._is_exact or not isinstance(self.normalizer, RunningNormalizer):
             n_entries = 0 if self._is_exact else len(self.directions)
@@ -108,9 +100,7 @@ class NovelD(RND):
         mean, variance = self.normalizer.mean, self.normalizer.variance
         return mean.cpu().numpy().copy(), variance.sqrt().clamp_min(1e-3).cpu().numpy()
 
-    def codes(
-        self, observations: npt.NDArray[Any], mean: Float64, scale: Float64
-    ) -> npt.NDArray[np.int64]:
+    def codes(self, observations: Array, mean: Float64Array, scale: Float64Array) -> Int64Array:
         """Whole numbers (n,): the same where observations (n, ...) count as the same.
 
         Entries are standardized by mean and scale, (D,) or one for each, (n, D).
@@ -121,7 +111,7 @@ class NovelD(RND):
             return np.frombuffer(digests, dtype=np.int64)
         directions, offsets = self.directions.cpu().numpy(), self.offsets.cpu().numpy()
         is_beyond = ((rows - mean) / scale) @ directions > offsets
-        codes: npt.NDArray[np.int64] = is_beyond @ (1 << np.arange(self.n_bits, dtype=np.int64))
+        codes: Int64Array = is_beyond @ (1 << np.arange(self.n_bits, dtype=np.int64))
         return codes
 
 
@@ -134,12 +124,7 @@ class Visits:
         n_entries = len(bonus.standard()[0])
         self._mean, self._scale = np.zeros((n, n_entries)), np.ones((n, n_entries))
 
-    def score(
-        self,
-        observations: npt.NDArray[Any],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[Any],
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         gains = self._bonus.gains(observations, next_observations)
         begin = [not seen for seen in self._seen]
@@ -156,7 +141,7 @@ class Visits:
             seen.add(end)
         return gains
 
-    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+    def end(self, dones: Mask) -> None:
         """Forget the episodes (n,) that have ended."""
         for i in np.flatnonzero(dones):
             self._seen[i] = set()

@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import make_encoder
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.validation import check_at_least_one
@@ -100,14 +100,9 @@ class RAMP(NetworkBonus):
         return potentials
 
     @th.no_grad()
-    def score(
-        self,
-        observations: npt.NDArray[Any],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[Any],
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """What each transition gains, shape (n,)."""
         both = self.tensor(np.concatenate([observations, next_observations]))
         before, after = self.potentials(both).chunk(2)
-        gains: FloatArray = (after - before).cpu().numpy()
+        gains: Float32Array = (after - before).cpu().numpy()
         return gains

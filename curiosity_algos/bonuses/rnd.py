@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any, Unpack
 
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import FloatArray, NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import make_encoder
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 
@@ -66,12 +66,7 @@ class RND(NetworkBonus):
         return {"loss": self.errors(next_observations).mean()}
 
     @th.no_grad()
-    def score(
-        self,
-        observations: npt.NDArray[Any],
-        actions: npt.NDArray[Any],
-        next_observations: npt.NDArray[Any],
-    ) -> FloatArray:
+    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Novelty of where each transition leads, shape (n,)."""
-        scores: FloatArray = self.errors(self.tensor(next_observations)).cpu().numpy()
+        scores: Float32Array = self.errors(self.tensor(next_observations)).cpu().numpy()
         return scores

@@ -10,10 +10,8 @@ import numpy.typing as npt
 import torch as th
 
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-
-Array = npt.NDArray[Any]
-IntArray = npt.NDArray[np.int64]
 
 ARRAYS = ("observations", "actions", "lengths")
 """Arrays that `RecentSteps` keeps of each environment."""
@@ -25,7 +23,7 @@ def horizon_of(bonus: Bonus) -> int:
     return horizon
 
 
-def draw_steps(rng: np.random.Generator, shape: tuple[int, ...], horizon: int) -> IntArray:
+def draw_steps(rng: np.random.Generator, shape: tuple[int, ...], horizon: int) -> Int64Array:
     """Numbers of steps from 1 to `horizon`, log-uniform; a horizon of 1 draws nothing."""
     if horizon == 1:
         return np.ones(shape, dtype=np.int64)
@@ -76,7 +74,7 @@ class RecentSteps:
         begins = (self._next - steps) % self.horizon
         return self._observations[each, begins], self._actions[each, begins]
 
-    def end(self, dones: npt.NDArray[np.bool_]) -> None:
+    def end(self, dones: Mask) -> None:
         """Episodes have ended, shape (n,): no transition goes on into the next."""
         self._lengths[dones] = 0
 

@@ -6,15 +6,14 @@ Both are `Summarizer`: they take them out of rollouts where these were played, a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_algos.bonuses.spans import draw_steps
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 
-Transitions = tuple[npt.NDArray[np.float32], npt.NDArray[Any], npt.NDArray[np.float32]]
+Transitions = tuple[Float32Array, Array, Float32Array]
 """Observations (P, n, O), actions (P, n, A) or (P, n), next observations (P, n, O)."""
 
 
@@ -27,8 +26,8 @@ class DrawnTransitions:
         steps: (P, n), how many steps each spans, unless the episode ends before.
     """
 
-    places: npt.NDArray[np.float64]
-    steps: npt.NDArray[np.int64]
+    places: Float64Array
+    steps: Int64Array
 
     def __call__(self, rollouts: Rollouts, individuals: slice) -> Transitions:
         """Those of some individuals."""
@@ -61,15 +60,13 @@ class EvenlySpaced:
         return _between(rollouts, ends - 1, ends)
 
 
-def evenly_spaced(n: int, lengths: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def evenly_spaced(n: int, lengths: Int64Array) -> Int64Array:
     """Steps (P, n) from 1 on, evenly over episodes of lengths (P,), each with its last."""
-    steps: npt.NDArray[np.int64] = -(-np.arange(1, n + 1) * lengths[:, None] // n)  # rounded up
+    steps: Int64Array = -(-np.arange(1, n + 1) * lengths[:, None] // n)  # rounded up
     return steps
 
 
-def _between(
-    rollouts: Rollouts, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64]
-) -> Transitions:
+def _between(rollouts: Rollouts, begins: Int64Array, ends: Int64Array) -> Transitions:
     """Those between steps (P, n) of each individual, with the action that each begins with."""
     observations, actions = rollouts.trajectories
     individuals = np.arange(len(rollouts))[:, None]
@@ -79,6 +76,6 @@ def _between(
     return before, actions[individuals, begins], after
 
 
-def flat(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def flat(array: Array) -> Array:
     """(P, n, ...) to (P n, ...)."""
     return array.reshape(-1, *array.shape[2:])

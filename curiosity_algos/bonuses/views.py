@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import is_image_space
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.flat_spaces import (
     ENTRIES,
     MAX_ENTRIES,
@@ -42,12 +42,12 @@ class View:
         self._flat = FlatObservations(space) if _becomes_flat(space) else None
         self.space = space if self._flat is None else self._flat.space
 
-    def __call__(self, observations: Any) -> npt.NDArray[Any]:
+    def __call__(self, observations: Any) -> Array:
         """What is seen of n observations, (n, ...); a Dict's come as arrays (n, ...) by key."""
         shown = observations if self._key is None else observations[self._key]
         return np.asarray(shown) if self._flat is None else self._flat.many(shown)
 
-    def one(self, observation: Any) -> npt.NDArray[Any]:
+    def one(self, observation: Any) -> Array:
         """What is seen of a single observation."""
         shown = observation if self._key is None else observation[self._key]
         return np.asarray(shown) if self._flat is None else self._flat.one(shown)

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import is_whole_zip
+from curiosity_algos.common.arrays import Array
 
 FORMAT = "curiosity archive 1"
 FIELDS = {"solution", "objective", "measures", "index"}
@@ -37,10 +37,7 @@ def archive_path(path: str | os.PathLike[str]) -> Path:
 
 
 def write_archive(
-    path: str | os.PathLike[str],
-    kind: str,
-    settings: Mapping[str, Any],
-    data: Mapping[str, npt.NDArray[Any]],
+    path: str | os.PathLike[str], kind: str, settings: Mapping[str, Any], data: Mapping[str, Array]
 ) -> None:
     """Write elites; the file takes the place of an older one only once it is wholly on disk."""
     about = json.dumps({"format": FORMAT, "archive": kind, "settings": settings})
@@ -50,7 +47,7 @@ def write_archive(
 
 def read_archive(
     path: str | os.PathLike[str], kind: str
-) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
+) -> tuple[dict[str, Any], dict[str, Array]]:
     """Settings and elites, as they are, of a file that says that it holds an archive of a class."""
     path = archive_path(path)
     if not path.is_file():

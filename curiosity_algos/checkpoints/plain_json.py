@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
+from curiosity_algos.common.arrays import Array
 from curiosity_gym.core import CoverageGrid
 
 _PLAIN = (bool, int, float, str, type(None))
@@ -74,7 +74,7 @@ def _decode_kind(kind: str, description: Any) -> Any:
         raise ValueError(f"The description of a {kind.strip(':')} is damaged.") from error
 
 
-def _describe_array(array: npt.NDArray[Any]) -> dict[str, Any]:
+def _describe_array(array: Array) -> dict[str, Any]:
     if array.dtype.kind not in _NUMBERS:
         raise TypeError(f"JSON has no description of an array of {array.dtype}.")
     data = base64.b64encode(array.tobytes()).decode()
@@ -96,7 +96,7 @@ def _describe_tensor(tensor: th.Tensor) -> dict[str, Any]:
         ) from error
 
 
-def _box(low: npt.NDArray[Any], high: npt.NDArray[Any]) -> spaces.Box[Any]:
+def _box(low: Array, high: Array) -> spaces.Box[Any]:
     return spaces.Box(low, high, dtype=low.dtype.type)
 
 

@@ -13,15 +13,14 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
-Actions = npt.NDArray[Any]
-Mask = npt.NDArray[np.bool_]
+Actions = Array
 
 _FINAL = ("final_obs", "final_info")
 
@@ -38,8 +37,8 @@ class Step:
         behaviors: `info["behavior"]` of the active episodes that go on, where they have one.
     """
 
-    observations: npt.NDArray[Any]
-    rewards: npt.NDArray[np.float64]
+    observations: Array
+    rewards: Float64Array
     ended: Mask
     infos: dict[int, dict[str, Any]]
     behaviors: list[Any]
@@ -56,7 +55,7 @@ class SingleEnvBatch:
         # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.
         self._observations = np.zeros((self.n, *space.shape), dtype=space.dtype)
 
-    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+    def reset(self, seed: int | None) -> Array:
         """Begin n episodes, all with the same seed; the first observations, (n, O)."""
         for i, env in enumerate(self.envs):
             observation, _ = env.reset(seed=seed)
@@ -117,7 +116,7 @@ class GymnasiumBatch:
         self.n = env.num_envs
         self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
 
-    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+    def reset(self, seed: int | None) -> Array:
         """See `SingleEnvBatch`."""
         # An env with one generator for all its episodes takes one seed: their starts may differ.
         seeds = [seed] * self.n if seed is not None and has_generators(self._env) else seed
@@ -152,7 +151,7 @@ class Sb3Batch:
         self._seen = seen
         self.n = env.num_envs
 
-    def reset(self, seed: int | None) -> npt.NDArray[Any]:
+    def reset(self, seed: int | None) -> Array:
         """See `SingleEnvBatch`."""
         began = self._env.env_method("reset", seed=seed)
         return np.stack([self._seen.one(observation) for observation, _ in began])

@@ -10,11 +10,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.rollouts import as_behaviors
 from curiosity_gym.compiled import compiled
-from curiosity_gym.core import CoverageGrid, Float64Array
+from curiosity_gym.core import CoverageGrid
 
 BLOCK = 64
 """Arrays of behaviors that wait to be looked up at once: most of the time goes into the calls."""
@@ -95,7 +95,7 @@ class VisitedCells:
             self._cells.update(self._grid.cells(finite).tolist())
             self._waiting.clear()
 
-    def indices(self) -> npt.NDArray[np.int64]:
+    def indices(self) -> Int64Array:
         """Their flat indices, ascending."""
         self._look_up()
         return np.sort(np.fromiter(self._cells, dtype=np.int64, count=len(self._cells)))

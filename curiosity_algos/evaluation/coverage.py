@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
+from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.environments import MadeEnv, describe, env_attribute
 from curiosity_algos.evaluation.flat_spaces import is_vector
@@ -29,7 +29,7 @@ class Coverage:
         self._final = np.empty(0, dtype=np.int64)
         self._visited = VisitedCells(grid)
 
-    def check(self, visited: npt.NDArray[np.int64] | None) -> None:
+    def check(self, visited: Int64Array | None) -> None:
         """Raise ValueError unless an evaluator's visited cells are those of the grid."""
         if self.grid is None or visited is None or np.size(visited) == 0:
             return
@@ -41,11 +41,7 @@ class Coverage:
                 f"{n_cells}, or None."
             )
 
-    def add(
-        self,
-        behaviors: npt.NDArray[np.float64],
-        visited: npt.NDArray[np.int64] | None = None,
-    ) -> None:
+    def add(self, behaviors: Float64Array, visited: Int64Array | None = None) -> None:
         """Count episodes.
 
         Args:

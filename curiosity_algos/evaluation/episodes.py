@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.rollouts import as_behaviors
 from curiosity_gym.core import CoverageGrid
@@ -31,9 +31,7 @@ class EpisodeRecord:
         self.best_return = -np.inf
         self.first_success_timesteps: int | None = None
 
-    def add(
-        self, infos: Sequence[Mapping[str, Any]], dones: npt.NDArray[Any], num_timesteps: int
-    ) -> None:
+    def add(self, infos: Sequence[Mapping[str, Any]], dones: Array, num_timesteps: int) -> None:
         """Count one step of a VecEnv, `num_timesteps` of the run, and the episodes that ended."""
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
         self.coverage.add_steps(_behaviors(infos))

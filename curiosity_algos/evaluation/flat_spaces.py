@@ -11,13 +11,13 @@ from functools import cached_property
 from typing import Any, TypeGuard
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.vector.utils import concatenate, create_empty_array
 from stable_baselines3.common.utils import is_vectorized_observation
 
-Float32Array = npt.NDArray[np.float32]
-ActionArray = Float32Array | npt.NDArray[np.int64]
+from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
+
+ActionArray = Float32Array | Int64Array
 Space = spaces.Space[Any]
 
 ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
@@ -95,7 +95,7 @@ class FlatObservations:
         flat: Any = self._own if self._is_vector else spaces.flatten_space(self._own)
         return flat  # type: ignore[no-any-return]
 
-    def one(self, observation: Any) -> npt.NDArray[Any]:
+    def one(self, observation: Any) -> Array:
         """The vector (O,) of one observation.
 
         Raises:
@@ -115,7 +115,7 @@ class FlatObservations:
             f"`env` must give observations of its space {self._own}, got {observed!r:.60}."
         )
 
-    def many(self, observations: Any) -> npt.NDArray[Any]:
+    def many(self, observations: Any) -> Array:
         """The vectors (n, O) of n observations, as vector environments of either API give them."""
         if self._is_vector:
             return np.array(observations)
@@ -124,7 +124,7 @@ class FlatObservations:
         except (IndexError, KeyError, TypeError, ValueError):
             raise self._wrong(observations) from None
 
-    def own(self, vectors: npt.NDArray[Any]) -> Any:
+    def own(self, vectors: Array) -> Any:
         """The observations that vectors (n, O) are of, stacked as vector environments do."""
         if is_vector(self._own):
             return vectors
@@ -198,7 +198,7 @@ class FlatActions:
         policies of Stable-Baselines3; a bit is on where its score is above 0.
         """
         if isinstance(self._own, spaces.Discrete):
-            largest: npt.NDArray[np.int64] = outputs.argmax(axis=1)
+            largest: Int64Array = outputs.argmax(axis=1)
             return largest
         if isinstance(self._own, spaces.MultiBinary):
             return (outputs > 0.0).astype(np.float32)
@@ -208,11 +208,11 @@ class FlatActions:
             return np.concatenate(chosen, axis=1)
         return np.rint(outputs) if np.issubdtype(self.space.dtype, np.integer) else outputs
 
-    def taken(self, actions: ActionArray) -> npt.NDArray[Any]:
+    def taken(self, actions: ActionArray) -> Array:
         """Actions (n, ...) as the environment takes them, of what a bonus sees."""
         if self._is_plain:
             return actions
-        taken: npt.NDArray[Any]
+        taken: Array
         if isinstance(self._own, spaces.Discrete):
             taken = actions + self._own.start
         elif isinstance(self._own, spaces.Box):
@@ -221,10 +221,10 @@ class FlatActions:
             taken = np.array([spaces.unflatten(self._own, each) for each in actions])
         return taken.astype(self._own.dtype)
 
-    def seen(self, actions: npt.NDArray[Any]) -> ActionArray:
+    def seen(self, actions: Array) -> ActionArray:
         """Actions as a bonus sees them, of n as the environment takes them."""
         if isinstance(self._own, spaces.Discrete):
-            indices: npt.NDArray[np.int64] = np.asarray(actions, dtype=np.int64) - self._own.start
+            indices: Int64Array = np.asarray(actions, dtype=np.int64) - self._own.start
             return indices
         if self._is_plain:
             return np.array(actions, dtype=np.float32)
@@ -276,7 +276,7 @@ def _fits(entry: Space, value: Any) -> bool:
     return bool(np.shape(value) == entry.shape)
 
 
-def _rows(space: Space, values: Any) -> npt.NDArray[Any]:
+def _rows(space: Space, values: Any) -> Array:
     """Of n observations of a space what Gymnasium's `flatten` gives of each, (n, O)."""
     if isinstance(space, spaces.Dict | spaces.Tuple):
         entries = [_rows(entry, values[name]) for name, entry in _named_entries(space)]
@@ -286,7 +286,7 @@ def _rows(space: Space, values: Any) -> npt.NDArray[Any]:
     if values.shape[1:] != space.shape:
         raise ValueError
     if isinstance(space, spaces.Box | spaces.MultiBinary):
-        numbers: npt.NDArray[Any] = values.astype(space.dtype).reshape(n, size)
+        numbers: Array = values.astype(space.dtype).reshape(n, size)
         return numbers
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     n_choices = np.ravel(space.n if isinstance(space, spaces.Discrete) else space.nvec)

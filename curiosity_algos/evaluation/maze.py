@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from curiosity_algos.common.arrays import Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
 from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import (
@@ -15,7 +15,7 @@ from curiosity_algos.evaluation.rollouts import (
     sparse_returns,
 )
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.core import CoverageGrid, Mask
+from curiosity_gym.core import CoverageGrid
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
 SLICES_PER_THREAD = 4
@@ -34,7 +34,7 @@ def _rollout(
     odd: Float32Array,
     observations: Float32Array,
     actions: Float32Array,
-    state: npt.NDArray[np.float64],
+    state: Float64Array,
     visited: Mask,
 ) -> tuple[int, bool]:
     """Play one episode of at most as many steps as `actions` has rows, and mark its cells.
@@ -64,8 +64,8 @@ def _rollout_slice(
     odd: Float32Array,
     observations: Float32Array,
     actions: Float32Array,
-    states: npt.NDArray[np.float64],
-    lengths: npt.NDArray[np.int64],
+    states: Float64Array,
+    lengths: Int64Array,
     success: Mask,
     visited: Mask,
 ) -> None:

@@ -19,6 +19,7 @@ from gymnasium import spaces
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import PyTorchObs
 
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.evaluation.flat_spaces import (
     LARGEST_INTEGER,
     MAX_ENTRIES,
@@ -100,7 +101,7 @@ def _n_inputs(observation_space: spaces.Space[Any]) -> int:
 
 def _output_range(
     action_space: spaces.Space[Any],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]:
+) -> tuple[Float64Array, Float64Array, bool]:
     if FlatActions(action_space).has_scores:
         n = spaces.flatdim(action_space)
         return np.zeros(n), np.ones(n), True
@@ -208,7 +209,7 @@ def forward(
             output[j] = min(action, mlp.high[j])
 
 
-def scratch(mlp: Mlp, n: int) -> npt.NDArray[np.float32]:
+def scratch(mlp: Mlp, n: int) -> Float32Array:
     """The two scratch arrays of `forward` for each of n callers, (2, n, widest layer)."""
     return np.empty((2, n, int(mlp.sizes.max())), dtype=np.float32)
 
@@ -228,7 +229,7 @@ def forward_each(
         forward(mlp, parameters[min(i, last)], observations[i], even, odd, outputs[i])
 
 
-def act(mlp: Mlp, parameters: Float32Array, observations: npt.NDArray[Any]) -> Float32Array:
+def act(mlp: Mlp, parameters: Float32Array, observations: Array) -> Float32Array:
     """What policies make of observations (n, n_inputs): (n, n_outputs), see `forward`."""
     outputs = np.empty((observations.shape[0], mlp.center.size), dtype=np.float32)
     observations = np.ascontiguousarray(observations, dtype=np.float32)
@@ -274,10 +275,10 @@ class MlpPolicy(BasePolicy):
     def predict(
         self,
         observation: Any,
-        state: tuple[npt.NDArray[Any], ...] | None = None,
-        episode_start: npt.NDArray[Any] | None = None,
+        state: tuple[Array, ...] | None = None,
+        episode_start: Array | None = None,
         deterministic: bool = False,
-    ) -> tuple[npt.NDArray[Any], tuple[npt.NDArray[Any], ...] | None]:
+    ) -> tuple[Array, tuple[Array, ...] | None]:
         """Actions as in SB3; one of a Discrete is a number, as its environment takes it."""
         actions, state = super().predict(observation, state, episode_start, deterministic)
         return actions[()], state  # an array without dimensions is no key of a table

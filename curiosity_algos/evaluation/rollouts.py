@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
-Summary = tuple[npt.NDArray[Any], ...]
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
+
+Summary = tuple[Array, ...]
 """Summaries of the trajectories of P individuals: arrays (P, ...)."""
 Summarizer = Callable[["Rollouts", slice], Summary]
 """`summarize(rollouts, individuals)`: of rollouts of those individuals of a population."""
@@ -19,7 +18,7 @@ MakeSummarizers = Callable[[int], Mapping[str, Summarizer]]
 """`make_summarizers(P)`: what summarizes the trajectories of so many individuals, by name."""
 
 
-def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32Array:
+def check_parameters(parameters: Array, n_parameters: int) -> Float32Array:
     """The population as evaluators need it: contiguous float32.
 
     Raises:
@@ -35,7 +34,7 @@ def check_parameters(parameters: npt.NDArray[Any], n_parameters: int) -> Float32
     return array
 
 
-def check_observations(observations: npt.NDArray[Any]) -> None:
+def check_observations(observations: Array) -> None:
     """Raise ValueError unless what is to be learned from is finite."""
     if not np.isfinite(observations).all():
         raise ValueError("`env` must give finite observations, it gave NaN or infinity.")
@@ -111,13 +110,13 @@ class Rollouts:
     """
 
     returns: Float64Array
-    lengths: npt.NDArray[np.int64]
-    success: npt.NDArray[np.bool_]
+    lengths: Int64Array
+    success: Mask
     behaviors: Float64Array
     final_observations: Float32Array
     observations: Float32Array | None = None
-    actions: npt.NDArray[np.float32] | npt.NDArray[np.int64] | None = None
-    visited: npt.NDArray[np.int64] | None = None
+    actions: Float32Array | Int64Array | None = None
+    visited: Int64Array | None = None
     summaries: Mapping[str, Summary] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -127,7 +126,7 @@ class Rollouts:
     @property
     def trajectories(
         self,
-    ) -> tuple[Float32Array, npt.NDArray[np.float32] | npt.NDArray[np.int64]]:
+    ) -> tuple[Float32Array, Float32Array | Int64Array]:
         """Observations and actions.
 
         Raises:
@@ -164,9 +163,7 @@ class Rollouts:
         return int(self.lengths.sum())
 
 
-def sparse_returns(
-    horizon: int, lengths: npt.NDArray[np.int64], success: npt.NDArray[np.bool_]
-) -> Float64Array:
+def sparse_returns(horizon: int, lengths: Int64Array, success: Mask) -> Float64Array:
     """Returns (P,) of an env whose only reward is `1 - t / horizon`, for a success in step t."""
     returns: Float64Array = np.where(success, 1.0 - lengths / horizon, 0.0)
     return returns
@@ -190,7 +187,7 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
     )
 
 
-def _union(visited: list[npt.NDArray[np.int64] | None]) -> npt.NDArray[np.int64] | None:
+def _union(visited: list[Int64Array | None]) -> Int64Array | None:
     """The cells of all parts; None where no part counted any."""
     counted = [cells for cells in visited if cells is not None]
     return np.unique(np.concatenate(counted)) if counted else None
@@ -203,6 +200,6 @@ def _join_padded(arrays: list[Any], length: int) -> Any:
     return np.concatenate([_pad(array, length) for array in arrays])
 
 
-def _pad(array: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:
+def _pad(array: Array, length: int) -> Array:
     missing = length - array.shape[1]
     return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))

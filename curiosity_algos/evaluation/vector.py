@@ -9,10 +9,10 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import DummyVecEnv
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.batches import (
     Batch,
     GymnasiumBatch,
@@ -134,7 +134,7 @@ class VectorEvaluator:
         parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
         active = np.arange(n) < n_policies
         observations = [self._as_inputs(batch.reset(seed))]
-        actions: list[npt.NDArray[Any]] = []
+        actions: list[Array] = []
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
         infos: dict[int, dict[str, Any]] = {}
         visited = VisitedCells(self._grid)
@@ -168,7 +168,7 @@ class VectorEvaluator:
             visited=None if self._grid is None else visited.indices(),
         )
 
-    def _as_inputs(self, observations: npt.NDArray[Any]) -> Float32Array:
+    def _as_inputs(self, observations: Array) -> Float32Array:
         """Observations as the policies take them, (n, O)."""
         if observations.shape[1:] != (self.mlp.sizes[0],):
             raise wrong_shape(observations.shape[1:], (int(self.mlp.sizes[0]),))

@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.evaluation.rollouts import Rollouts
-
-Float64Array = npt.NDArray[np.float64]
 
 
 class Motivation(Protocol):

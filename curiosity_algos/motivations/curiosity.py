@@ -8,12 +8,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from curiosity_algos.bonuses.base import Bonus, FloatArray, NetworkBonus, train
+from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.episodes import EpisodicBonus
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
@@ -24,6 +23,7 @@ from curiosity_algos.bonuses.transitions import (
     evenly_spaced,
     flat,
 )
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import (
     generator_state,
@@ -49,7 +49,7 @@ class OfTrajectories:
     """
 
     bonus: Bonus
-    reduce: Callable[[FloatArray], float]
+    reduce: Callable[[Float32Array], float]
     pool: ThreadPool
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -71,22 +71,22 @@ class OfTrajectories:
         return (scores,)
 
 
-def weighted_sum(gamma: float, curiosity: FloatArray) -> float:
+def weighted_sum(gamma: float, curiosity: Float32Array) -> float:
     """`sum_t gamma^(T-1-t) c_t` (eq. 10)."""
     return float(gamma ** np.arange(len(curiosity))[::-1] @ curiosity)
 
 
-def highest_quarter(n_states: int, curiosity: FloatArray) -> float:
+def highest_quarter(n_states: int, curiosity: Float32Array) -> float:
     """The mean of the highest quarter of so many steps, evenly over the episode."""
     steps = evenly_spaced(n_states, np.array([len(curiosity)]))[0] - 1
     return float(_highest_quarter(curiosity[steps]))
 
 
-def _highest_quarter(curiosity: FloatArray) -> npt.NDArray[np.float64]:
+def _highest_quarter(curiosity: Float32Array) -> Float64Array:
     """The mean of the highest quarter along the last axis."""
     n_highest = max(1, curiosity.shape[-1] // 4)
     highest = np.sort(curiosity, axis=-1)[..., -n_highest:]
-    scores: npt.NDArray[np.float64] = highest.mean(axis=-1, dtype=np.float64)
+    scores: Float64Array = highest.mean(axis=-1, dtype=np.float64)
     return scores
 
 
@@ -211,16 +211,14 @@ class CuriosityMotivation:
         """All that is needed of the trajectories of a generation."""
         return self.scoring(n_individuals) | self.learning(n_individuals)
 
-    def score(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+    def score(self, rollouts: Rollouts) -> Float64Array:
         """Curiosity of each individual's trajectory, shape (P,)."""
         summary = rollouts.summary(self._scored, self.scoring)
         scores = summary[0] if self._is_whole else self._of_some(*summary)
         check_observations(scores)  # they are finite where all that they come from is
         return scores
 
-    def _of_some(
-        self, begins: npt.NDArray[Any], actions: npt.NDArray[Any], ends: npt.NDArray[Any]
-    ) -> npt.NDArray[np.float64]:
+    def _of_some(self, begins: Array, actions: Array, ends: Array) -> Float64Array:
         """The mean of the highest quarter of the transitions (P, n, ...) of each, (P,)."""
         n_individuals, n_states = begins.shape[:2]
         curiosity = np.empty((n_individuals, n_states), dtype=np.float32)

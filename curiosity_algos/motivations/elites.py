@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.transitions import draw_transitions, flat
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
@@ -18,7 +18,7 @@ from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 KEPT = "kept"
 """Name of what is read of trajectories."""
 
-Batch = dict[str, npt.NDArray[Any]]
+Batch = dict[str, Array]
 
 
 class EliteCuriosity:
@@ -49,7 +49,7 @@ class EliteCuriosity:
         names = ("observations", "actions", "next_observations")
         return {**dict(zip(names, drawn, strict=True)), "length": rollouts.lengths}
 
-    def score(self, elites: Batch) -> npt.NDArray[np.float64]:
+    def score(self, elites: Batch) -> Float64Array:
         """Estimated sum of the curiosity of each elite's transitions, (n,)."""
         with single_torch_thread():
             curiosity = self.bonus.score(
@@ -58,7 +58,7 @@ class EliteCuriosity:
                 flat(elites["next_observations"]),
             )
         means = curiosity.reshape(-1, self.n_transitions).mean(axis=1, dtype=np.float64)
-        scores: npt.NDArray[np.float64] = elites["length"] * means
+        scores: Float64Array = elites["length"] * means
         return scores
 
     def state_dict(self) -> dict[str, Any]:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.apt import APT
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_observations
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 
@@ -59,7 +59,7 @@ class LearnedBehavior:
         """Learn from the transitions of a generation; the mean loss."""
         return self._curiosity.update(rollouts)
 
-    def measures(self, observations: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    def measures(self, observations: Array) -> Float64Array:
         """Behaviors (n, 8) of final observations (n, O)."""
         check_observations(observations)
         bonus = self._curiosity.bonus

@@ -10,18 +10,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from scipy.spatial.distance import cdist
 
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_summarizers
 from curiosity_algos.motivations.novelty_archive import NoveltyArchive
 from curiosity_gym.validation import check_choice
 
 BEHAVIORS = ("final", "state")
-
-Float64Array = npt.NDArray[np.float64]
 
 
 def behaviors_of(rollouts: Rollouts, behavior: str) -> Float64Array:

@@ -14,10 +14,8 @@ import numpy.typing as npt
 import torch as th
 from scipy.spatial import KDTree
 
+from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_gym.validation import check_at_least_one
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 REBUILD_SHARE = 0.03
 """Distinct behaviors since the large tree was built, as a share of it, that make it built anew."""
@@ -64,7 +62,7 @@ class NoveltyArchive:
         np.add.at(self._copies, numbers[is_known].ravel(), 1)
         self._add_new(rows[~is_known])
 
-    def _add_new(self, rows: FloatArray) -> None:
+    def _add_new(self, rows: Float64Array) -> None:
         """Append behaviors that no tree holds, each once, and count their copies."""
         new, first, copies = np.unique(rows, axis=0, return_index=True, return_counts=True)
         order = np.argsort(first)
@@ -74,7 +72,7 @@ class NoveltyArchive:
             self._large, recent = _tree(np.vstack([self._large.data, recent])), recent[:0]
         self._small = _tree(recent)
 
-    def nearest(self, behaviors: npt.ArrayLike, k: int) -> FloatArray:
+    def nearest(self, behaviors: npt.ArrayLike, k: int) -> Float64Array:
         """Distances of the nearest of the archive to each of the behaviors (n, B), ascending.
 
         Args:
@@ -96,8 +94,8 @@ class NoveltyArchive:
         return distances
 
     def _nearest_distinct(
-        self, queries: FloatArray, k: int, within: float = np.inf
-    ) -> tuple[FloatArray, IntArray]:
+        self, queries: Float64Array, k: int, within: float = np.inf
+    ) -> tuple[Float64Array, Int64Array]:
         """Distances and numbers of the nearest distinct behaviors, up to k of them, ascending."""
         n_found = min(k, len(self._copies))
         # A sequence keeps the axis of a single neighbor; those that a tree lacks are at infinity.
@@ -109,7 +107,7 @@ class NoveltyArchive:
         order = np.argsort(distances, axis=1, kind="stable")[:, :n_found]
         return np.take_along_axis(distances, order, 1), np.take_along_axis(numbers, order, 1)
 
-    def _checked(self, behaviors: npt.ArrayLike) -> FloatArray:
+    def _checked(self, behaviors: npt.ArrayLike) -> Float64Array:
         rows = np.asarray(behaviors, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != self.n_dimensions:
             raise ValueError(
@@ -139,6 +137,6 @@ class NoveltyArchive:
         self._large, self._small = _tree(distinct[:n]), _tree(distinct[n:])
 
 
-def _tree(rows: FloatArray) -> KDTree:
+def _tree(rows: Float64Array) -> KDTree:
     # Splits at midpoints: built in half the time, and final observations are found faster.
     return KDTree(rows, balanced_tree=False)

@@ -30,7 +30,6 @@ class Bonus(Protocol):
     @property
     def name(self) -> str:
         """The name that its metrics are logged under."""
-        ...
 
     def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus of each transition, shape (n,).
@@ -38,15 +37,12 @@ class Bonus(Protocol):
         Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete, both as the
         environment gives and takes them.
         """
-        ...
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
-        ...
 
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) that entered the buffer into the running statistics."""
-        ...
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
@@ -55,15 +51,12 @@ class Bonus(Protocol):
 
         Actions come as float32, (n, A) of a Box or (n, 1) of a Discrete.
         """
-        ...
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs, as tensors and plain values."""
-        ...
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> Any:
         """Take over what `state_dict` gave."""
-        ...
 
 
 class NetworkKeywords(TypedDict, total=False):

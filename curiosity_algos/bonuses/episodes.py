@@ -16,19 +16,15 @@ class Episodes(Protocol):
 
     def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
-        ...
 
     def end(self, dones: Mask) -> None:
         """Forget the episodes (n,) that have ended: with the next step others begin."""
-        ...
 
     def state_dict(self) -> dict[str, Any]:
         """What is remembered, as tensors and plain values."""
-        ...
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        ...
 
 
 @runtime_checkable
@@ -40,7 +36,6 @@ class EpisodicBonus(Bonus, Protocol):
 
     def episodes(self, n: int) -> Episodes:
         """A memory for n episodes side by side, none of which has begun."""
-        ...
 
 
 def check_needs_no_episodes(bonus: Bonus, holder: str) -> None:

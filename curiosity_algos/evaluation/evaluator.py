@@ -43,7 +43,6 @@ class Evaluator(Protocol):
             seed: Every episode's reset gets it, so that individuals are compared on equal terms;
                 environments that draw nothing ignore it.
         """
-        ...
 
 
 def make_evaluator(

@@ -18,16 +18,12 @@ class Motivation(Protocol):
 
     def score(self, rollouts: Rollouts) -> Float64Array:
         """Intrinsic fitness of each individual, shape (P,)."""
-        ...
 
     def update(self, rollouts: Rollouts) -> Mapping[str, float]:
         """Learn from the generation; metrics to log."""
-        ...
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs."""
-        ...
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
-        ...

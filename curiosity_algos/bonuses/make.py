@@ -29,14 +29,7 @@ from curiosity_gym.validation import check_choice
 NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
 """Keywords of a bonus that is named; its seed and its device are those of the algorithm."""
 BONUSES: dict[str, Callable[..., Bonus]] = {
-    "apt": APT,
-    "disagreement": Disagreement,
-    "e3b": E3B,
-    "icm": ICM,
-    "ngu": NGU,
-    "noveld": NovelD,
-    "ramp": RAMP,
-    "rnd": RND,
+    each.name: each for each in (APT, Disagreement, E3B, ICM, NGU, NovelD, RAMP, RND)
 }
 FOR_ONE_POLICY: dict[str, dict[str, Any]] = {
     "apt": {"horizon": 10, "power": 3.0},

@@ -6,7 +6,7 @@ import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Required, Self, TypedDict
+from typing import Any, Required, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +21,12 @@ from curiosity_algos.archives.fields import (
     check_elites,
     check_finite,
     check_keeps,
-    check_niche,
     check_widths,
     describe,
     describe_elites,
     describe_extra,
     described_by,
+    nearest_elite,
     undo_on_error,
 )
 from curiosity_algos.archives.store import EliteStore
@@ -34,11 +34,8 @@ from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.checkpoints.archive_file import read_archive, write_archive
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.validation import check_seed
-
-if TYPE_CHECKING:
-    from curiosity_algos.evaluation.evaluator import AnyEnv
-
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
@@ -288,9 +285,7 @@ class EliteArchive(ArchiveBase):
         Raises:
             ValueError: If `behavior` is not finite of that shape, or the archive is empty.
         """
-        behaviors = self.behaviors
-        wanted = check_niche(behavior, behaviors)
-        nearest = np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))
+        nearest = nearest_elite(self, behavior)
         return self._elites.get("solution", [nearest])[0]  # type: ignore[no-any-return]
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:

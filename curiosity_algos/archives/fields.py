@@ -145,8 +145,9 @@ def describe_elites(data: Batch, description: Description) -> Description:
     return description | solution | describe_extra(found["extra_fields"])
 
 
-def check_niche(behavior: npt.ArrayLike, behaviors: Array) -> Float64Array:
-    """A behavior (B,); ValueError unless one of the elites' behaviors (n, B) can be the nearest."""
+def nearest_elite(archive: Any, behavior: npt.ArrayLike) -> int:
+    """Position of the elite whose behavior is nearest to (B,); ValueError where none can be."""
+    behaviors = behaviors_of(archive)
     wanted = as_array("niche", behavior, np.dtype(np.float64))
     if not behaviors.shape[1]:
         raise ValueError("`niche` needs an env with a `behavior_space`, this one has none.")
@@ -156,7 +157,7 @@ def check_niche(behavior: npt.ArrayLike, behaviors: Array) -> Float64Array:
         )
     if not len(behaviors):
         raise ValueError("`niche` needs an archive with elites: learn first.")
-    return wanted
+    return int(np.argmin(np.sum((behaviors - wanted) ** 2, axis=1)))
 
 
 def behaviors_of(archive: Any) -> Float64Array:

@@ -22,12 +22,11 @@ from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
     Description,
-    behaviors_of,
     check_elites,
     check_keeps,
-    check_niche,
     describe_elites,
     describe_extra,
+    nearest_elite,
     undo_on_error,
 )
 from curiosity_algos.common.arrays import Array
@@ -94,10 +93,7 @@ class PyribsPart:
 
     def nearest(self, behavior: npt.ArrayLike) -> Array:
         """The solution whose behavior is nearest to `behavior`, as `EliteArchive.nearest`."""
-        behaviors = behaviors_of(self.archive)
-        wanted = check_niche(behavior, behaviors)
-        nearest = np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))
-        index = self.archive.data("index")[nearest]
+        index = self.archive.data("index")[nearest_elite(self.archive, behavior)]
         return self.archive._store.retrieve([index], "solution")[1][0]  # type: ignore[no-any-return]
 
     # -- checkpoints ----------------------------------------------------------------------------

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
-from curiosity_algos.evaluation.evaluator import make_evaluator
-
-if TYPE_CHECKING:
-    from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator
-    from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
+from curiosity_algos.evaluation.rollouts import Rollouts
 
 CHUNK = 56
 """Elites played at once: trajectories of more would ask for memory, and bring no speed."""

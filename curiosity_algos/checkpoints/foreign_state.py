@@ -6,7 +6,7 @@ arrays, numbers, texts, generators, and the objects of pyribs and of this packag
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import FunctionType, MethodType
 from typing import Any
 
@@ -28,19 +28,14 @@ def foreign_state(thing: object) -> dict[str, Any]:
     Raises:
         TypeError: If an attribute is of a kind that no rule covers.
     """
-    return {name: _encode(name, value) for name, value in _attributes(thing)}
+    own = {k: value for k, value in vars(thing).items() if not isinstance(value, _MADE_ANEW)}
+    return {name: _encode(name, value) for name, value in own.items()}
 
 
 def load_foreign_state(thing: object, state: Mapping[str, Any]) -> None:
     """Give `thing`, made with the same arguments, the attributes that `foreign_state` read."""
     for name, value in state.items():
         setattr(thing, name, _decode(getattr(thing, name, None), value))
-
-
-def _attributes(thing: object) -> Iterator[tuple[str, Any]]:
-    for name, value in vars(thing).items():
-        if not isinstance(value, _MADE_ANEW):
-            yield name, value
 
 
 def _encode(name: str, value: Any) -> Any:

@@ -39,10 +39,9 @@ def _arguments(cls: type) -> set[str]:
 
 def _is_part(model: BaseAlgorithm, name: str) -> bool:
     part = getattr(model, name)
-    is_network = isinstance(part, th.nn.Module)
     if name in _NO_PARTS or isinstance(part, type):
         return False
-    if is_network and part in set(model.policy.modules()):
+    if isinstance(part, th.nn.Module) and part in set(model.policy.modules()):
         return False
     return all(hasattr(part, method) for method in ("state_dict", "load_state_dict"))
 

@@ -44,8 +44,7 @@ class ArchiveHistory:
             ValueError: If there is no such column.
         """
         check_choice(COLUMNS, column=column)
-        values: Float64Array = self._table()[:, COLUMNS.index(column)]
-        return values
+        return self._table()[:, COLUMNS.index(column)]
 
     def __len__(self) -> int:
         """Number of generations."""

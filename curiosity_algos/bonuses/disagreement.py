@@ -78,5 +78,4 @@ class Disagreement(NetworkBonus):
     def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Variance of each transition's predictions, (n,); where it leads to does not enter."""
         predictions = self.predictions(self.tensor(observations), self.tensor(actions))
-        scores: Float32Array = predictions.var(dim=0, correction=0).sum(dim=1).cpu().numpy()
-        return scores
+        return predictions.var(dim=0, correction=0).sum(dim=1).cpu().numpy()

@@ -89,9 +89,8 @@ class E3B(NetworkBonus):
     @th.no_grad()
     def features(self, observations: Array) -> Float64Array:
         """`phi` of observations (n, ...), (n, F)."""
-        features = self.encoder(self.inputs(self.tensor(observations)))
-        numbers: Float64Array = features.cpu().numpy().astype(np.float64)
-        return numbers
+        features: th.Tensor = self.encoder(self.inputs(self.tensor(observations)))
+        return features.cpu().numpy().astype(np.float64)
 
 
 class Ellipsoids:

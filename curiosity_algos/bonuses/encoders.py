@@ -187,9 +187,7 @@ class ActionEncoder(th.nn.Module):
         return error
 
 
-def action_scale(
-    action_space: spaces.Box[Any],
-) -> tuple[Float32Array, Float32Array]:
+def action_scale(action_space: spaces.Box[Any]) -> tuple[Float32Array, Float32Array]:
     """Center and half the range of each entry, (A,): 0 and 1 where it lacks a bound."""
     low, high = action_space.low.astype(np.float64), action_space.high.astype(np.float64)
     is_bounded = np.isfinite(low) & np.isfinite(high)

@@ -139,5 +139,4 @@ class ICM(NetworkBonus):
         encoded = self.encode_actions(self.tensor(actions))
         features = self.encoder(states)
         error = self.prediction_error(features[:-1:stride], encoded, features[1::stride])
-        errors: Float32Array = error.cpu().numpy()
-        return errors
+        return error.cpu().numpy()

@@ -126,9 +126,8 @@ class NGU(RND):
     @th.no_grad()
     def features(self, observations: Array) -> Float64Array:
         """`phi` of observations (n, ...), (n, F)."""
-        features = self.encoder(self.inputs(self.tensor(observations)))
-        numbers: Float64Array = features.cpu().numpy().astype(np.float64)
-        return numbers
+        features: th.Tensor = self.encoder(self.inputs(self.tensor(observations)))
+        return features.cpu().numpy().astype(np.float64)
 
     @th.no_grad()
     def ratios(self, observations: Array) -> Float64Array:
@@ -138,8 +137,7 @@ class NGU(RND):
         if not statistics.count:
             return np.ones(len(observations))
         alpha = 1.0 + (errors - statistics.mean) / statistics.variance.sqrt().clamp_min(1e-12)
-        ratios: Float64Array = alpha.clamp(1.0, LARGEST_RATIO).cpu().numpy()
-        return ratios
+        return alpha.clamp(1.0, LARGEST_RATIO).cpu().numpy()
 
 
 def _take(values: th.Tensor, statistics: RunningNormalizer) -> None:

@@ -89,8 +89,7 @@ class NovelD(RND):
         before, after = (
             self.errors(self.tensor(each)).sqrt() for each in (observations, next_observations)
         )
-        gains: Float32Array = (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
-        return gains
+        return (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
 
     def standard(self) -> tuple[Float64Array, Float64Array]:
         """Mean and scale (D,) of each entry now; D is 0 where they do not matter."""

@@ -104,5 +104,4 @@ class RAMP(NetworkBonus):
         """What each transition gains, shape (n,)."""
         both = self.tensor(np.concatenate([observations, next_observations]))
         before, after = self.potentials(both).chunk(2)
-        gains: Float32Array = (after - before).cpu().numpy()
-        return gains
+        return (after - before).cpu().numpy()

@@ -68,5 +68,4 @@ class RND(NetworkBonus):
     @th.no_grad()
     def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Novelty of where each transition leads, shape (n,)."""
-        scores: Float32Array = self.errors(self.tensor(next_observations)).cpu().numpy()
-        return scores
+        return self.errors(self.tensor(next_observations)).cpu().numpy()

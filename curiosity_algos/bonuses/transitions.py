@@ -62,8 +62,7 @@ class EvenlySpaced:
 
 def evenly_spaced(n: int, lengths: Int64Array) -> Int64Array:
     """Steps (P, n) from 1 on, evenly over episodes of lengths (P,), each with its last."""
-    steps: Int64Array = -(-np.arange(1, n + 1) * lengths[:, None] // n)  # rounded up
-    return steps
+    return -(-np.arange(1, n + 1) * lengths[:, None] // n)  # rounded up
 
 
 def _between(rollouts: Rollouts, begins: Int64Array, ends: Int64Array) -> Transitions:

@@ -99,9 +99,7 @@ def _n_inputs(observation_space: spaces.Space[Any]) -> int:
     return n
 
 
-def _output_range(
-    action_space: spaces.Space[Any],
-) -> tuple[Float64Array, Float64Array, bool]:
+def _output_range(action_space: spaces.Space[Any]) -> tuple[Float64Array, Float64Array, bool]:
     if FlatActions(action_space).has_scores:
         n = spaces.flatdim(action_space)
         return np.zeros(n), np.ones(n), True
@@ -269,8 +267,7 @@ class MlpPolicy(BasePolicy):
     @property
     def vector(self) -> Float32Array:
         """The flat parameter vector, shape (n_parameters,): a view, writes go through."""
-        vector: Float32Array = self.flat.numpy()
-        return vector
+        return self.flat.numpy()
 
     def predict(
         self,

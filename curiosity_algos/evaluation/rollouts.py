@@ -124,9 +124,7 @@ class Rollouts:
         return len(self.returns)
 
     @property
-    def trajectories(
-        self,
-    ) -> tuple[Float32Array, Float32Array | Int64Array]:
+    def trajectories(self) -> tuple[Float32Array, Float32Array | Int64Array]:
         """Observations and actions.
 
         Raises:
@@ -165,8 +163,7 @@ class Rollouts:
 
 def sparse_returns(horizon: int, lengths: Int64Array, success: Mask) -> Float64Array:
     """Returns (P,) of an env whose only reward is `1 - t / horizon`, for a success in step t."""
-    returns: Float64Array = np.where(success, 1.0 - lengths / horizon, 0.0)
-    return returns
+    return np.where(success, 1.0 - lengths / horizon, 0.0)
 
 
 def concatenate(parts: Sequence[Rollouts]) -> Rollouts:

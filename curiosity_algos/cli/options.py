@@ -12,6 +12,13 @@ import typer
 if TYPE_CHECKING:
     from curiosity_algos.experiments.run_spec import RunSpec
 
+
+def _pairs(name: str, more: str = "") -> Any:
+    """An option of names and their values."""
+    text = f"{name} and its value. Give the option once for each{more}."
+    return typer.Option(metavar="NAME:VALUE", help=text)
+
+
 Timesteps = Annotated[
     float,
     typer.Option(
@@ -25,27 +32,15 @@ LogFolder = Annotated[
         "--log-folder", "-f", help="Folder for the runs, each in FOLDER/algorithm/env/seed."
     ),
 ]
-EnvKeywords = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME:VALUE",
-        help="A keyword of the environment and its value. Give the option once for each.",
-    ),
-]
-Keywords = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME:VALUE",
-        help="A setting of the algorithm and its value. Give the option once for each.",
-    ),
-]
+EnvKeywords = Annotated[list[str] | None, _pairs("A keyword of the environment")]
+Keywords = Annotated[list[str] | None, _pairs("A setting of the algorithm")]
 Alternatives = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="NAME:VALUE",
-        help="A setting of the algorithm and its value. Give the option once for each; where one "
-        "has several values, all are tried.",
-    ),
+    _pairs("A setting of the algorithm", "; where one has several values, all are tried"),
+]
+BonusKeywords = Annotated[
+    list[str] | None,
+    _pairs("A keyword of the bonus or of what adds it to the reward, such as weight:0.5,"),
 ]
 Preset = Annotated[
     str | None,
@@ -56,14 +51,6 @@ Device = Annotated[
 ]
 Trust = Annotated[
     bool, typer.Option("--trust", help="Also run code that the run's folder names or holds.")
-]
-BonusKeywords = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME:VALUE",
-        help="A keyword of the bonus or of what adds it to the reward, such as weight:0.5, and its "
-        "value. Give the option once for each.",
-    ),
 ]
 NEnvs = Annotated[
     int,

@@ -187,34 +187,22 @@ def survival(
     """
     times, found = _censored(first_rewards, budgets)
     share = stats.ecdf(stats.CensoredData.right_censored(times, ~found)).sf
-    heights = np.insert([share.probabilities, *_greenwood(share)], 0, 1.0, axis=1)
-    estimate, low, high = _where_undefined(*heights)
+    estimate, low, high = np.insert([share.probabilities, *_greenwood(share)], 0, 1.0, axis=1)
+    low[estimate == 1.0] = high[estimate == 1.0] = 1.0
+    if estimate[-1] == 0.0:
+        low[-1], high[-1] = 0.0, high[-2]
     if len(times) < LEAST_RUNS:
         low[:] = high[:] = np.nan
     curve = Curve(np.insert(share.quantiles, 0, 0.0), estimate, low, high)
-    return Survival(curve, _median(curve))
+    is_past = estimate <= 0.5 + 1e-9  # the heights are products, with errors of rounding
+    return Survival(curve, float(curve.x[is_past.argmax()]) if is_past.any() else None)
 
 
 def _greenwood(share: Any) -> tuple[Float64, Float64]:
     """Lower and upper bounds of scipy's survival function, NaN where it is 0 or 1."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         bounds = share.confidence_interval(method="log-log")
     return bounds.low.probabilities, bounds.high.probabilities
-
-
-def _where_undefined(estimate: Float64, low: Float64, high: Float64) -> tuple[Float64, ...]:
-    """The bounds filled in; a share that falls is under its upper bound of earlier, too."""
-    low[estimate == 1.0] = high[estimate == 1.0] = 1.0
-    if estimate[-1] == 0.0:
-        low[-1], high[-1] = 0.0, high[-2]
-    return estimate, low, high
-
-
-def _median(curve: Curve) -> float | None:
-    """First time at which the height is at most one half."""
-    is_past = curve.estimate <= 0.5 + 1e-9  # the heights are products, with errors of rounding
-    return float(curve.x[is_past.argmax()]) if is_past.any() else None
 
 
 def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64, Any]:
@@ -232,11 +220,6 @@ def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Floa
 
 
 # -- curves over timesteps or seconds -------------------------------------------------------------
-
-
-def _heights(ends: Float64, values: Float64, grid: Float64) -> Float64:
-    """A run's curve on another grid: the value of the last generation that ended, 0 before any."""
-    return np.concatenate([[0.0], values])[np.searchsorted(ends, grid, side="right")]
 
 
 def curve_interval(
@@ -273,8 +256,9 @@ def curve_interval(
     points = points[points <= end]
     if not len(points):
         raise ValueError(f"`grid` must begin before the shortest run ends, at {end:g}.")
-    heights = np.stack([_heights(x, values, points) for x, values in runs], axis=-1)
-    return Curve(points, *_bootstrap(interquartile_mean, [heights], seed))
+    # The value of the last generation that ended, 0 before any.
+    heights = [np.r_[0.0, values][np.searchsorted(x, points, "right")] for x, values in runs]
+    return Curve(points, *_bootstrap(interquartile_mean, [np.stack(heights, axis=-1)], seed))
 
 
 def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> float:

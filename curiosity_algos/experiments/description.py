@@ -6,7 +6,7 @@ import inspect
 import json
 import platform
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
 from importlib import metadata
@@ -122,16 +122,12 @@ def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:
     env = model.get_env()
     if env is None or isinstance(model, EvolutionaryAlgorithm):
         return {}
-    wrappers = {type(each).__name__: _arguments(each, vars(each)) for each in vec_wrappers(env)}
-    return {"vec_env": {"n_envs": env.num_envs, "wrappers": wrappers}}
-
-
-def vec_wrappers(env: VecEnv) -> Iterator[VecEnvWrapper]:
-    """The wrappers of a VecEnv from the outermost on, but for SB3's monitor."""
+    n_envs, wrappers = env.num_envs, {}
     while isinstance(env, VecEnvWrapper):
-        if not isinstance(env, VecMonitor):
-            yield env
+        if not isinstance(env, VecMonitor):  # which changes nothing
+            wrappers[type(env).__name__] = _arguments(env, vars(env))
         env = env.venv
+    return {"vec_env": {"n_envs": n_envs, "wrappers": wrappers}}
 
 
 def spec_of(env: VecEnv | None) -> EnvSpec | None:
@@ -139,8 +135,7 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
     if isinstance(env, GymnasiumView):
         spec = env.vector_env.spec
     else:
-        has_spec = env is not None and env.has_attr("spec")
-        spec = env.get_attr("spec", indices=0)[0] if env is not None and has_spec else None
+        spec = None if env is None else env_attribute(env, "spec")
     if spec is None:
         return None
     wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")

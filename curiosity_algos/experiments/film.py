@@ -97,25 +97,20 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
     env = make_env(described, trust=trust, **rendering)
     if is_baseline(cls) and not trust:
         policy = load_baseline_policy(cls, checkpoint, described, env)
+    elif issubclass(cls, EvolutionaryAlgorithm):
+        policy = cls.load(checkpoint / "model", allow_pickle=trust).policy
+    elif trust:
+        policy = cls.load(checkpoint / "model").policy
     else:
-        policy = _load_policy(cls, checkpoint, trust=trust)
+        raise ValueError(
+            f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
+            "run any code."
+        )
     sizes = {FlatObservations(each.observation_space).size for each in (policy, env)}
     if len(sizes) > 1:
         name = described["env"]
         raise ValueError(f"`run` must be of its environment: {name} has other observations.")
     return policy, env
-
-
-def _load_policy(cls: type[Any], checkpoint: Path, *, trust: bool) -> BasePolicy:
-    if issubclass(cls, EvolutionaryAlgorithm):
-        return cls.load(checkpoint / "model", allow_pickle=trust).policy
-    if not trust:
-        raise ValueError(
-            f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
-            "run any code."
-        )
-    policy: BasePolicy = cls.load(checkpoint / "model").policy
-    return policy
 
 
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:

@@ -93,13 +93,11 @@ class TrainedRuns:
         )
 
     def _folders(self, series: Series, env: str) -> list[Path]:
-        return [self._folder(series, env, seed) for seed in self.seeds]
-
-    def _folder(self, series: Series, env: str, seed: int) -> Path:
-        run = self.plan.run(series, env, seed)
-        folder = run.folder(self.plan.folder)
-        if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:
-            raise FileNotFoundError(
-                f"`log_folder` must hold the runs of the figure, {folder} is not finished."
-            )
-        return folder
+        runs = [self.plan.run(series, env, seed) for seed in self.seeds]
+        folders = [run.folder(self.plan.folder) for run in runs]
+        for run, folder in zip(runs, folders, strict=True):
+            if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:
+                raise FileNotFoundError(
+                    f"`log_folder` must hold the runs of the figure, {folder} is not finished."
+                )
+        return folders

@@ -1,4 +1,4 @@
-"""An environment in terms of JSON: Gymnasium's `EnvSpec`, wrappers included."""
+"""An environment in terms of JSON, and made of it: Gymnasium's `EnvSpec`, wrappers included."""
 
 from __future__ import annotations
 
@@ -89,3 +89,24 @@ def _is_known(wrapper: WrapperSpec) -> bool:
         for each in known.values()
         if isinstance(each, type) and issubclass(each, gym.Wrapper)
     } - {_named(gym.wrappers.RecordVideo)}
+
+
+def make_env(described: Mapping[str, Any], *, trust: bool, **rendering: Any) -> gym.Env[Any, Any]:
+    """An environment as a run was trained in.
+
+    Args:
+        described: The description of the run.
+        trust: Also run code that it names, see `decode_spec`.
+        **rendering: Keywords about pictures.
+
+    Raises:
+        ValueError: If it cannot be made, or needs trust.
+        gymnasium.error.DependencyNotInstalled: If the extra that it needs is not installed.
+    """
+    spec = decode_spec(described.get("env_spec"), trust=trust)
+    try:
+        return gym.make(spec, **rendering)
+    except gym.error.DependencyNotInstalled:
+        raise
+    except Exception as error:  # whatever a constructor makes of a file's arguments
+        raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error

@@ -170,3 +170,17 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write a file for `numpy.load` that appears only once it is whole."""
     with atomic_file(path) as file:
         np.savez(file, **arrays)
+
+
+def last_checkpoint(folder: Path) -> tuple[dict[str, Any], Path]:
+    """The description of a run, and its last checkpoint.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If it has no checkpoint yet, or is damaged.
+    """
+    run = RunFolder(folder)
+    described, checkpoint = run.describe(), run.checkpoint
+    if checkpoint is None:
+        raise ValueError(f"`run` must have a checkpoint: {folder} has none yet.")
+    return described, checkpoint

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
 from curiosity_algos.evaluation.policies import Float32Array, build_mlp
+from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
-from curiosity_algos.experiments.reopening import last_checkpoint, make_env
+from curiosity_algos.experiments.run_folder import last_checkpoint
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.quality_diversity import QualityDiversity
 

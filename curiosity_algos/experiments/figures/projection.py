@@ -16,10 +16,11 @@ from matplotlib.lines import Line2D
 from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.export.population_run import Policies
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.reopening import last_checkpoint, make_env
+from curiosity_algos.experiments.run_folder import last_checkpoint
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

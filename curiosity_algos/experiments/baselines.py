@@ -18,8 +18,8 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.bonuses.make import BONUSES, NETWORK_KEYWORDS
+from curiosity_algos.experiments.checkpoint_files import restore_under_way
 from curiosity_algos.experiments.names import find_known, plain_name
-from curiosity_algos.experiments.under_way import restore_under_way
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable

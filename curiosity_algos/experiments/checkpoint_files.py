@@ -1,11 +1,22 @@
-"""The files of a checkpoint that hold a model, and the models that can be recorded."""
+"""The files of a checkpoint that hold a model, and the models that can be recorded.
+
+Of Stable-Baselines3's own algorithms these hold, too, what their `model.zip` lacks of a run:
+
+under_way.pt      the states of the global generators, of random actions and of the episodes
+replay_buffer.pt  the transitions of an off-policy algorithm, with the bonus of a buffer
+"""
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
+import torch as th
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import DictReplayBuffer, NStepReplayBuffer, ReplayBuffer
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
@@ -17,37 +28,24 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_wrapper,
 )
 
+from curiosity_algos.checkpoints.environment_state import environment_states
+from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
+from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.common.randomness import SpaceGenerator, global_state, load_global_state
 from curiosity_algos.experiments.run_folder import write_arrays
-from curiosity_algos.experiments.under_way import write_transitions, write_under_way
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import bonus_wrapper
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable
+from curiosity_algos.sb3.wrapper_file import resume_episodes
 
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
-
-
-def write_model(
-    model: Recordable, folder: Path, exclude: list[str], *, save_replay_buffer: bool
-) -> None:
-    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint.
-
-    Of Stable-Baselines3's own algorithms also what their file lacks of the run.
-    """
-    model.save(folder / "model", exclude)
-    bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
-    if bonus is not None:
-        bonus.save(folder / "bonus.pt")
-    if normalize is not None:
-        normalize.save(str(folder / "vecnormalize.pkl"))
-    if isinstance(model, EvolutionaryAlgorithm):
-        policy, best_return = model.policy, np.array(model.best_return)
-        best = {"parameters": policy.vector, "net_arch": policy.net_arch, "return": best_return}
-        write_arrays(folder / "best_policy.npz", best)
-    elif not isinstance(model, Resumable):
-        write_under_way(model, folder)
-        if save_replay_buffer and "buffer" not in exclude:
-            write_transitions(model, folder)
+UNDER_WAY, TRANSITIONS = "under_way.pt", "replay_buffer.pt"
+_KIND, _BUFFER_KIND = "a run under way 1", "transitions of a replay buffer 1"
+_COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+_PLAIN_BUFFERS = (ReplayBuffer, DictReplayBuffer, NStepReplayBuffer)
+"""Replay buffers that hold nothing but columns; what others know, no file here has."""
 
 
 def check_recordable(model: object) -> None:
@@ -78,3 +76,105 @@ def _sees_the_task(env: VecEnv) -> bool:
         return all(env.env_is_wrapped(Monitor))
     changes_rewards = (BonusVecEnvWrapper, VecNormalize)
     return not any(is_vecenv_wrapped(monitor.venv, each) for each in changes_rewards)
+
+
+def write_model(
+    model: Recordable, folder: Path, exclude: list[str], *, save_replay_buffer: bool
+) -> None:
+    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint.
+
+    Of Stable-Baselines3's own algorithms also what their file lacks of the run.
+    """
+    model.save(folder / "model", exclude)
+    bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
+    if bonus is not None:
+        bonus.save(folder / "bonus.pt")
+    if normalize is not None:
+        normalize.save(str(folder / "vecnormalize.pkl"))
+    if isinstance(model, EvolutionaryAlgorithm):
+        policy, best_return = model.policy, np.array(model.best_return)
+        best = {"parameters": policy.vector, "net_arch": policy.net_arch, "return": best_return}
+        write_arrays(folder / "best_policy.npz", best)
+    elif not isinstance(model, Resumable):
+        _write_under_way(model, folder)
+        if save_replay_buffer and "buffer" not in exclude:
+            _write_transitions(model, folder)
+
+
+def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
+    """Write where draws and episodes stand."""
+    try:
+        episodes = encode(environment_states(_below(model)))
+    except TypeError:  # more than arrays and plain values
+        episodes = None
+    state = {
+        "draws": global_state(model.device),
+        "actions": SpaceGenerator(model.action_space).state_dict(),
+        "episodes": episodes,
+    }
+    write_plain(folder / UNDER_WAY, state, _KIND)
+
+
+def _write_transitions(model: BaseAlgorithm, folder: Path) -> None:
+    """Write the replay buffer of a model, if it has one of a known kind."""
+    buffer: Any = getattr(model, "replay_buffer", None)
+    if isinstance(buffer, BonusReplayBuffer):
+        buffer.save(folder / TRANSITIONS)
+    elif type(buffer) in _PLAIN_BUFFERS:
+        n = min(buffer.size() + 1, buffer.buffer_size)  # the last row may lead to the next one
+        held = {name: th.from_numpy(column[:n]) for name, column in _columns(buffer).items()}
+        state = {"held": held, "pos": buffer.pos, "full": buffer.full}
+        write_plain(folder / TRANSITIONS, state, _BUFFER_KIND)
+
+
+def _columns(buffer: ReplayBuffer) -> dict[str, npt.NDArray[Any]]:
+    """The arrays (buffer_size, ...) of a replay buffer, those of a Dict each."""
+    found: dict[str, npt.NDArray[Any]] = {}
+    for name in _COLUMNS:
+        column = getattr(buffer, name, {})  # one that saves memory lacks next observations
+        parts = column if isinstance(column, dict) else {"": column}
+        found |= {f"{name}/{key}": part for key, part in parts.items()}
+    return found
+
+
+def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
+    """Bring a model that was loaded to where it stood, as far as its checkpoint knows.
+
+    Episodes that cannot go on begin anew; it warns where transitions are missing.
+    """
+    _restore_transitions(model, folder)
+    if not (folder / UNDER_WAY).exists():  # of an older version
+        model._last_obs = None
+        return
+    state = read_plain(folder / UNDER_WAY, _KIND, what="run")
+    if not resume_episodes(_below(model), decode(state["episodes"])):
+        model._last_obs = None
+    SpaceGenerator(model.action_space).load_state_dict(state["actions"])
+    load_global_state(state["draws"], model.device)
+
+
+def _below(model: BaseAlgorithm) -> VecEnv:
+    """The environments of a model, below a bonus, whose own file knows its state."""
+    env, wrapper = model.get_env(), bonus_wrapper(model)
+    assert env is not None
+    return env if wrapper is None else wrapper.venv
+
+
+def _restore_transitions(model: BaseAlgorithm, folder: Path) -> None:
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is None:
+        return
+    if not (folder / TRANSITIONS).exists():
+        warnings.warn(
+            "The checkpoint was taken without the replay buffer, which begins empty: what is "
+            "learned from here on is not what an uninterrupted run would have learned.",
+            stacklevel=4,
+        )
+    elif isinstance(buffer, BonusReplayBuffer):
+        buffer.restore(folder / TRANSITIONS)
+    else:
+        saved = read_plain(folder / TRANSITIONS, _BUFFER_KIND, what="replay buffer")
+        for name, column in _columns(buffer).items():
+            rows: npt.NDArray[np.generic] = saved["held"][name].numpy()
+            column[: len(rows)] = rows
+        buffer.pos, buffer.full = saved["pos"], saved["full"]

@@ -46,16 +46,16 @@ def find_bonus(name: str) -> str:
     return find_known("bonus", name, BONUSES, spelled=plain_name)
 
 
-def _split(
-    holder: type[Any], bonus: str, bonus_kwargs: Mapping[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Keywords of what holds a bonus, and of the bonus itself."""
+def _keywords(holder: type[Any], bonus: str, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Keywords of what holds a bonus, among them the bonus and its own."""
+    bonus = find_bonus(bonus)
     of_holder = _keyword_only(holder) - {"bonus", "bonus_kwargs", "device", "seed"}
     of_bonus = {*_keyword_only(BONUSES[bonus]), *NETWORK_KEYWORDS} - {"device", "seed"}
     for name in bonus_kwargs:
         find_known("bonus_kwargs", name, sorted(of_holder | of_bonus))
     held = {name: value for name, value in bonus_kwargs.items() if name in of_holder}
-    return held, {name: value for name, value in bonus_kwargs.items() if name not in held}
+    own = {name: value for name, value in bonus_kwargs.items() if name not in held}
+    return {"bonus": bonus, "bonus_kwargs": own, **held}
 
 
 def _keyword_only(made: Any) -> set[str]:
@@ -87,13 +87,12 @@ def make_baseline(
     if bonus is not None and issubclass(cls, OffPolicyAlgorithm):
         for name in settings.keys() & {"replay_buffer_class", "replay_buffer_kwargs"}:
             raise ValueError(f"`{name}` must be left out with a `bonus`, which has its own buffer.")
-        held, own = _split(BonusReplayBuffer, find_bonus(bonus), bonus_kwargs)
-        given = {"bonus": find_bonus(bonus), "bonus_kwargs": own, **held}
+        given = _keywords(BonusReplayBuffer, bonus, bonus_kwargs)
         settings |= {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": given}
     elif bonus is not None:
-        held, own = _split(BonusVecEnvWrapper, find_bonus(bonus), bonus_kwargs)
-        held |= {"seed": seed, "device": settings.get("device", "auto")}
-        venv = BonusVecEnvWrapper(venv, bonus=find_bonus(bonus), bonus_kwargs=own, **held)
+        given = _keywords(BonusVecEnvWrapper, bonus, bonus_kwargs)
+        device = settings.get("device", "auto")
+        venv = BonusVecEnvWrapper(venv, seed=seed, device=device, **given)
     model: BaseAlgorithm = cls(env=venv, **settings)
     return model
 

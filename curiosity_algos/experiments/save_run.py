@@ -95,7 +95,6 @@ class SaveRun(BaseCallback):
         seeds = [np.random.SeedSequence(self.model.seed, spawn_key=(key,)) for key in _SPAWN_KEYS]
         self._rewarding = Reservoir(self.n_rewarding, seeds[0])
         self._sample = Reservoir(self.n_sampled, seeds[1])
-        self._n_episodes, self._seconds_before = 0, 0.0
         self._pending: list[Columns] = []
         description = describe_run(self.model)
         self._check_folder(description)
@@ -141,10 +140,10 @@ class SaveRun(BaseCallback):
             self.folder.begin(description)
         result = self.folder.result()
         self._n_episodes = result.get("n_episodes", 0)
+        self._seconds_before: float = result.get("seconds", 0.0)
         self.folder.drop_after(self._n_episodes)
         if checkpoint is None:
             return
-        self._seconds_before = result["seconds"]
         self._rewarding.load(read_arrays(checkpoint / "rewarding.npz", REWARDING))
         if (checkpoint / "sample.npz").exists():
             self._sample.load(read_arrays(checkpoint / "sample.npz", REWARDING))
@@ -246,8 +245,7 @@ class SaveRun(BaseCallback):
         self._saved = time.monotonic()
 
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
-        keeps = self.save_replay_buffer
-        write_model(self.model, folder, exclude, save_replay_buffer=keeps)
+        write_model(self.model, folder, exclude, save_replay_buffer=self.save_replay_buffer)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
         if isinstance(self.model, EvolutionaryAlgorithm) and self._sample.size:
             write_arrays(folder / "sample.npz", self._sample.arrays())

@@ -15,8 +15,7 @@ from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
-from curiosity_algos.experiments.report.pairs import AHEAD, BEHIND, pairs
-from curiosity_algos.experiments.report.tables import summary, swatch
+from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, pairs, summary, swatch
 from curiosity_gym.extras import import_extra
 
 PAGE = """<!DOCTYPE html>

@@ -1,11 +1,18 @@
+import itertools
 import re
 
+import numpy as np
+import pandas as pd
+import pytest
 from html_tables import first_table
+from scipy.stats import mannwhitneyu
 
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.report.tables import percent, summary
+from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, pairs, percent, summary
 
 NOTHING = "\N{EN DASH}"
+TITLES = ["Best return", "Coverage", "First success"]
+NEVER = float("nan")
 
 
 def rows_of(runs):
@@ -43,3 +50,83 @@ def test_shares_are_told_in_three_digits():
     shares = {0.1234: "12.3", 1.0: "100", 0.0: "0", 0.005: "0.5", 0.000123: "0.0123"}
     for share, text in shares.items():
         assert percent(share) == f"{text}\N{NO-BREAK SPACE}%"
+
+
+def make_runs(**groups):
+    """Runs of each label: best returns, coverages and timesteps of first successes."""
+    columns = ["label", "best_return", "coverage.reachable", "first_success_timesteps"]
+    rows = [(label, *run) for label, runs in groups.items() for run in zip(*runs, strict=True)]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def pairs_of(runs):
+    """By pair of labels the texts of its row, without spaces that do not break."""
+    html = pairs(runs, color_labels(runs["label"]))
+    head, *rows = first_table(html.replace("<br>", " ").replace("\N{NO-BREAK SPACE}", " "))
+    assert head[1:] == TITLES
+    return {tuple(name.split(" over ")): texts for name, *texts in rows}
+
+
+def share_of_wins(one, other):
+    return mannwhitneyu(one, other).statistic / (len(one) * len(other))
+
+
+def test_estimates_are_those_of_mann_and_whitney():
+    rng = np.random.default_rng(0)
+    groups = {
+        label: (rng.integers(0, 5, n) / 4, rng.random(n) + shift, rng.integers(1, 9, n) * 100.0)
+        for label, n, shift in [("A", 5, 0.0), ("B", 4, 0.1), ("C", 7, 2.0)]
+    }
+    groups["B"][2][:2] = NEVER
+    found = pairs_of(make_runs(**groups))
+    assert [*found] == [("A", "B"), ("A", "C"), ("B", "C")]
+    for (one, other), texts in found.items():
+        (*more, first), (*more_other, first_other) = groups[one], groups[other]
+        latest = [-np.where(np.isnan(each), 1e9, each) for each in (first, first_other)]
+        scores = [*zip(more, more_other, strict=True), latest]
+        for text, score in zip(texts, scores, strict=True):
+            assert text.split()[0] == f"{share_of_wins(*score):.2f}"
+    assert found["A", "C"][1] == f"0.00 {BEHIND} (0.00 to 0.00)"
+
+
+def test_intervals_that_exclude_one_half_are_marked_beside_their_text():
+    low, high = [0.0, 0.1, 0.2], [0.3, 0.4, 0.5]
+    runs = make_runs(A=(high, low, [1, 2, 3]), B=(low, high, [3, 2, 1]))
+    (texts,) = pairs_of(runs).values()
+    assert texts[:2] == [f"1.00 {AHEAD} (1.00 to 1.00)", f"0.00 {BEHIND} (0.00 to 0.00)"]
+    assert re.fullmatch(r"0\.50 \(0\.\d+ to [01]\.\d+\)", texts[2])
+    html = pairs(runs, color_labels(runs["label"]))
+    assert [html.count(name) for name in ("the first is ahead", "the second is ahead")] == [1, 1]
+
+
+def test_runs_without_a_success_are_later_than_all_that_had_one():
+    runs = make_runs(
+        A=([1.0] * 3, [0.5] * 3, [9e9, 9e9, 9e9]),
+        B=([1.0] * 3, [0.5] * 3, [NEVER, NEVER, NEVER]),
+        C=([1.0] * 3, [0.5] * 3, [NEVER, NEVER, NEVER]),
+    )
+    found = {pair: texts[2].split()[0] for pair, texts in pairs_of(runs).items()}
+    assert found == {("A", "B"): "1.00", ("A", "C"): "1.00", ("B", "C"): "0.50"}
+
+
+def test_what_is_not_known_of_a_pair_is_a_dash():
+    nothing = [NEVER] * 3
+    dense = make_runs(A=([9.0] * 3, nothing, nothing), B=([8.0] * 3, nothing, nothing))
+    (texts,) = pairs_of(dense).values()
+    assert texts[1:] == [NOTHING, NOTHING]
+    (texts,) = pairs_of(dense.drop(columns="coverage.reachable")).values()
+    assert texts[1:] == [NOTHING, NOTHING]
+
+
+def test_a_label_with_fewer_than_three_runs_has_no_row():
+    three, two = ([1.0] * 3, [0.5] * 3, [1.0] * 3), ([1.0] * 2, [0.5] * 2, [1.0] * 2)
+    assert [*pairs_of(make_runs(A=three, B=two, C=three))] == [("A", "C")]
+    assert pairs(make_runs(A=three, B=two), {"A": "#000000", "B": "#000000"}) == ""
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_each_two_labels_have_a_row(n):
+    labels = [f"<{i}>" for i in range(n)]
+    runs = make_runs(**{label: ([1.0] * 3, [0.5] * 3, [1.0] * 3) for label in labels})
+    assert len(pairs_of(runs)) == len([*itertools.combinations(labels, 2)])
+    assert "<0>" not in pairs(runs, color_labels(labels))

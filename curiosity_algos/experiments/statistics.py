@@ -187,7 +187,10 @@ def survival(
     """
     times, found = _censored(first_rewards, budgets)
     share = stats.ecdf(stats.CensoredData.right_censored(times, ~found)).sf
-    estimate, low, high = np.insert([share.probabilities, *_greenwood(share)], 0, 1.0, axis=1)
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+        bounds = share.confidence_interval(method="log-log")  # NaN where the share is 0 or 1
+    heights = [each.probabilities for each in (share, bounds.low, bounds.high)]
+    estimate, low, high = np.insert(heights, 0, 1.0, axis=1)
     low[estimate == 1.0] = high[estimate == 1.0] = 1.0
     if estimate[-1] == 0.0:
         low[-1], high[-1] = 0.0, high[-2]
@@ -196,13 +199,6 @@ def survival(
     curve = Curve(np.insert(share.quantiles, 0, 0.0), estimate, low, high)
     is_past = estimate <= 0.5 + 1e-9  # the heights are products, with errors of rounding
     return Survival(curve, float(curve.x[is_past.argmax()]) if is_past.any() else None)
-
-
-def _greenwood(share: Any) -> tuple[Float64, Float64]:
-    """Lower and upper bounds of scipy's survival function, NaN where it is 0 or 1."""
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
-        bounds = share.confidence_interval(method="log-log")
-    return bounds.low.probabilities, bounds.high.probabilities
 
 
 def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64, Any]:

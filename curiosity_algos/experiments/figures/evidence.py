@@ -48,19 +48,15 @@ class Evidence(Protocol):
     @property
     def seeds(self) -> Sequence[int]:
         """Seeds of the runs."""
-        ...
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
         """A curve of each run, of one of `MEASURES`; none where nothing was trained."""
-        ...
 
     def final_states(self, series: Series, env: str) -> Counts:
         """How many episodes of all runs ended in each square of a maze, by y and x."""
-        ...
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""
-        ...
 
 
 class TrainedRuns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -18,28 +19,21 @@ _SPARSE = {
 }
 
 
-def _maze(**kwargs: Any) -> dict[str, Any]:
+def _spec(kind: str, **kwargs: Any) -> dict[str, Any]:
+    """Of the environment and the vector environment of `maze`, `control` or `locomotion`."""
+    module, name = f"curiosity_gym.{kind}", kind.capitalize()
     return {
-        "entry_point": "curiosity_gym.maze.maze_env:MazeEnv",
-        "vector_entry_point": "curiosity_gym.maze.vector_env:MazeVectorEnv",
+        "entry_point": f"{module}.{kind}_env:{name}Env",
+        "vector_entry_point": f"{module}.vector_env:{name}VectorEnv",
         "kwargs": kwargs,
     }
 
 
-def _control(task: str) -> dict[str, Any]:
-    return {
-        "entry_point": "curiosity_gym.control.control_env:ControlEnv",
-        "vector_entry_point": "curiosity_gym.control.vector_env:ControlVectorEnv",
-        "kwargs": {"task": task},
-    }
+_maze, _control = partial(_spec, "maze"), partial(_spec, "control")
 
 
 def _locomotion(robot: str, **kwargs: Any) -> dict[str, Any]:
-    return {
-        "entry_point": "curiosity_gym.locomotion.locomotion_env:LocomotionEnv",
-        "vector_entry_point": "curiosity_gym.locomotion.vector_env:LocomotionVectorEnv",
-        "kwargs": {"env_id": f"{robot}-v5", **kwargs},
-    }
+    return _spec("locomotion", env_id=f"{robot}-v5", **kwargs)
 
 
 def _sparse(env_id: str) -> dict[str, Any]:
@@ -53,7 +47,7 @@ SPECS: dict[str, dict[str, Any]] = {
     **{f"CuriosityMaze-{name}-v0": _maze(layout=layout) for name, layout in _MAZES.items()},
     **{f"Maze-{name}-v0": _maze(layout=layout) for name, layout in _MAZES.items()},
     "CuriosityMaze-v0": _maze(),
-    **{f"CuriosityControl-{name}-v0": _control(task) for name, task in _CONTROL.items()},
+    **{f"CuriosityControl-{name}-v0": _control(task=task) for name, task in _CONTROL.items()},
     **{f"CuriosityLocomotion-{robot}-v0": _locomotion(robot) for robot in _LOCOMOTION},
     "CuriosityLocomotion-AntTrap-v0": _locomotion("Ant", world="trap", sparse=True),
     "CuriosityLocomotion-AntMaze-v0": _locomotion("Ant", world="maze", sparse=True),

@@ -209,10 +209,9 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         truncated = self._truncated(terminated)
         rewards = self._rewards()
         self._ended = terminated | truncated
-        everywhere = np.ones(self.num_envs, dtype=np.bool_)
-        infos = self._infos(everywhere, ~resets, self.simulation.success)
-        if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
-            infos = self._reset_ended(infos)
+        is_reset_now = self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any()
+        finals = self._reset_ended() if is_reset_now else {}
+        infos = {**finals, **self._infos(np.ones(self.num_envs, dtype=np.bool_))}
         return self._handed_out(), rewards, terminated, truncated, infos
 
     def _truncated(self, terminated: Mask) -> Mask:
@@ -234,34 +233,28 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         observations = self.simulation.observations
         return observations.copy() if self.copy else observations
 
-    def _reset_ended(self, infos: dict[str, Any]) -> dict[str, Any]:
-        """Same-step autoreset: the final observations and infos go into the infos."""
+    def _reset_ended(self) -> dict[str, Any]:
+        """Same-step autoreset; the final observations and infos, for the infos."""
         ended = self._ended
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
             final_obs[i] = self.simulation.observations[i].copy()
-        everywhere, success = np.ones(self.num_envs, dtype=np.bool_), infos["is_success"]
-        final_info = self._infos(ended, ended, success)
+        final_info = self._infos(ended)
         self._begin(ended)
         return {
             "final_obs": final_obs,
             "_final_obs": ended.copy(),
             "final_info": final_info,
             "_final_info": ended.copy(),
-            **self._infos(everywhere, ~ended, success & ~ended),
         }
 
-    def _infos(
-        self, mask: Mask, stepped: Mask | None = None, success: Mask | None = None
-    ) -> dict[str, Any]:
+    def _infos(self, mask: Mask) -> dict[str, Any]:
         """Infos in the form that Gymnasium's vector environments give.
 
-        They tell of `mask`, of which `stepped` took a step rather than began an episode.
+        They tell of `mask`, and of a last step where one was taken since the episode began.
         """
-        none = np.zeros(self.num_envs, dtype=np.bool_)
-        stepped = none if stepped is None else stepped & mask
-        is_success = none if success is None else success.copy()
-        told = [({**self.simulation.info, "is_success": is_success}, mask)]
+        told = [({**self.simulation.info, "is_success": self.simulation.success.copy()}, mask)]
+        stepped = mask & (self._steps > 0)
         if stepped.any():
             told.append((self.simulation.outcome, stepped))
         infos: dict[str, Any] = {}

@@ -11,11 +11,26 @@ import numpy.typing as npt
 AnyArray = npt.NDArray[Any]
 
 
-def checked_state(state: Mapping[str, Any], like: Mapping[str, Any]) -> dict[str, AnyArray]:
-    """The entries of `state` as new arrays, each finite, of the shape and type that `like` has."""
+def checked_state(
+    state: Mapping[str, Any], like: Mapping[str, Any], limit: int
+) -> dict[str, AnyArray]:
+    """The entries of `state` as new arrays, each finite, of the shape and type that `like` has.
+
+    Raises:
+        ValueError: If they are not, or no episodes of at most `limit` steps can be there.
+    """
     if not isinstance(state, Mapping) or set(state) != set(like):
         raise ValueError(f"`state` must hold {', '.join(like)}, as state_dict() gives them.")
-    return {key: _checked_entry(key, state[key], np.asarray(like[key])) for key in like}
+    own = {key: _checked_entry(key, state[key], np.asarray(like[key])) for key in like}
+    steps, ended = own["steps"], own["ended"]
+    # A step has ended those that have ended; the others have one left before the limit.
+    if ((steps < ended) | (steps >= limit + ended)).any():
+        raise ValueError(f"`state` must be of episodes of at most {limit} steps.")
+    # The last two words of a generator are whether half of a draw is left over, and which.
+    words = own.get("generators", np.zeros((0, 6), np.uint64))
+    if (words[:, 4] > 1).any() or (words[:, 5] >= 2**32).any():
+        raise ValueError("`state` must hold generators as state_dict() gives them.")
+    return own
 
 
 def _checked_entry(key: str, value: object, like: AnyArray) -> AnyArray:
@@ -37,16 +52,6 @@ def generator_states(rngs: Sequence[np.random.Generator]) -> dict[str, AnyArray]
     return {"generators": np.stack([_to_words(rng) for rng in rngs])} if rngs else {}
 
 
-def check_generators(state: Mapping[str, AnyArray]) -> None:
-    """Raise ValueError unless the generators of `state`, if any, can be where they are said to be.
-
-    The last two words are whether half of a draw is left over, and which.
-    """
-    words = state.get("generators", np.zeros((0, 6), np.uint64))
-    if (words[:, 4] > 1).any() or (words[:, 5] >= 2**32).any():
-        raise ValueError("`state` must hold generators as state_dict() gives them.")
-
-
 def load_generator_states(
     rngs: Sequence[np.random.Generator], state: Mapping[str, AnyArray]
 ) -> None:
@@ -66,10 +71,3 @@ def _from_words(words: list[int]) -> dict[str, Any]:
     state = {"state": high * 2**64 + low, "inc": inc_high * 2**64 + inc_low}
     own = {"bit_generator": "PCG64", "state": state}
     return {**own, "has_uint32": has_uint32, "uinteger": uinteger}
-
-
-def check_steps(steps: AnyArray, ended: AnyArray, limit: int) -> None:
-    """Raise ValueError unless episodes of at most `limit` steps can be where they say."""
-    # A step has ended those that have ended; the others have one left before the limit.
-    if ((steps < ended) | (steps >= limit + ended)).any():
-        raise ValueError(f"`state` must be of episodes of at most {limit} steps.")

@@ -11,13 +11,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from curiosity_gym.core import Float32Array, FloatArray, Frame
-from curiosity_gym.episode_state import (
-    check_generators,
-    check_steps,
-    checked_state,
-    generator_states,
-    load_generator_states,
-)
+from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
 from curiosity_gym.simulation import BaseSimulation
 from curiosity_gym.validation import check_render_mode
 
@@ -169,9 +163,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         Raises:
             ValueError: If it is not a state of such an environment; nothing has changed then.
         """
-        own = checked_state(state, self._snapshot())
-        check_steps(own["steps"], own["ended"], self.horizon)
-        check_generators(own)
+        own = checked_state(state, self._snapshot(), self.horizon)
         self.simulation.restore(own["physics"][None], own["observation"][None])
         self._t, self._ended = int(own["steps"]), bool(own["ended"])
         load_generator_states(self._generators(), own)

@@ -18,13 +18,7 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
-from curiosity_gym.episode_state import (
-    check_generators,
-    check_steps,
-    checked_state,
-    generator_states,
-    load_generator_states,
-)
+from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.validation import check_at_least_one, check_render_mode
 
@@ -301,10 +295,8 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         Raises:
             ValueError: If it is not a state of such an environment; nothing has changed then.
         """
-        own = checked_state(state, self._snapshot())
         longest = min(self.horizon, self.max_episode_steps or self.horizon)
-        check_steps(own["steps"], own["ended"], longest)
-        check_generators(own)
+        own = checked_state(state, self._snapshot(), longest)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
             raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
         self.simulation.restore(own["physics"], own["observations"])

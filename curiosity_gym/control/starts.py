@@ -33,12 +33,11 @@ class RandomStarts:
             rng: Every draw is made from its bit generator.
         """
         episode = self._task.make_suite_task(np.random.RandomState(rng.bit_generator))
-        with self._physics.reset_context():
-            episode.initialize_episode(self._physics)
-        while self._is_solved():
+        while True:
             with self._physics.reset_context():
                 episode.initialize_episode(self._physics)
-        return self._task.state(self._physics.model.ptr, self._physics.data.ptr)
+            if not self._is_solved():
+                return self._task.state(self._physics.model.ptr, self._physics.data.ptr)
 
     def _is_solved(self) -> bool:
         data = self._physics.data.ptr

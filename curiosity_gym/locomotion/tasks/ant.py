@@ -39,6 +39,7 @@ class Ant(LocomotionTask):
         "fourth_ankle_geom": "back right foot",
     }
     places = ("_torso",)
+    draws_normal = True
     walks_around = True
 
     contact_cost_weight: float
@@ -52,10 +53,6 @@ class Ant(LocomotionTask):
             self._torso = env.data.body(env._main_body).id
         except (IndexError, KeyError) as error:
             raise ValueError(f"`main_body` must be a body of the model ({error}).") from error
-
-    def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
-        drawn: Float64Array = noise * rng.standard_normal(self.model.nv)
-        return drawn
 
     def place(self, fields: Fields) -> Float64Array:
         """See `LocomotionTask`."""

@@ -80,6 +80,8 @@ class LocomotionTask:
     """Coordinates of a position: those that begin `qpos`."""
     draws: ClassVar[bool] = True
     """Whether episodes begin at random."""
+    draws_normal: ClassVar[bool] = False
+    """Whether the velocities of a start are normal, not uniform as its positions are."""
     walks_around: ClassVar[bool] = False
     """Whether there can be walls around it."""
 
@@ -140,20 +142,17 @@ class LocomotionTask:
             )
 
     def _bound_behavior(self) -> None:
-        n = len(self.foot_bodies)
-        self._n_coordinates = self.n_dimensions if self.behavior_name == "position" else 0
-        self.behavior_names = ("x (m)", "y (m)")[: self._n_coordinates]
-        if n:
-            self.behavior_names = tuple(f"{foot} (share of steps)" for foot in self.feet.values())
-        low, high = np.full(self.n_dimensions, -EXTENT), np.full(self.n_dimensions, EXTENT)
-        if self.world is not None:
-            low, high = self.world.low, self.world.high
-        self.behavior_low = np.zeros(n) if n else low[: self._n_coordinates]
-        self.behavior_high = np.ones(n) if n else high[: self._n_coordinates]
+        n = self.n_dimensions if self.behavior_name == "position" else len(self.foot_bodies)
+        names, low, high = ("x (m)", "y (m)")[:n], np.full(n, -EXTENT), np.full(n, EXTENT)
+        if self.foot_bodies:
+            names = tuple(f"{foot} (share of steps)" for foot in self.feet.values())
+            low, high = np.zeros(n), np.ones(n)
+        elif self.world is not None:
+            low, high = self.world.low[:n], self.world.high[:n]
+        self.behavior_names, self.behavior_low, self.behavior_high = names, low, high
         self.coverage_grid: CoverageGrid | None = None
         if self.behavior_name is not None:
-            entries = tuple(range(len(self.behavior_low)))
-            self.coverage_grid = CoverageGrid(entries, self.behavior_low, self.behavior_high)
+            self.coverage_grid = CoverageGrid(tuple(range(n)), low, high)
 
     def _foot_bodies(self) -> list[int]:
         if not self.feet:
@@ -173,7 +172,7 @@ class LocomotionTask:
         names = (*self.options, *self.places, "behavior_name", "frame_skip")
         return (
             self.world == other.world
-            and all(_same(getattr(self, name), getattr(other, name)) for name in names)
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
             and np.array_equal(self._start, other._start)
             and np.array_equal(_bytes(self.model), _bytes(other.model))
         )
@@ -187,18 +186,16 @@ class LocomotionTask:
         """Positions and velocities (nq,), (nv,) of a start, drawn as Gymnasium draws them."""
         noise, (qpos, qvel) = self.reset_noise_scale, np.split(self._start, [self.model.nq])
         moved = qpos + rng.uniform(low=-noise, high=noise, size=self.model.nq)
-        return moved, qvel + self._draw_velocities(rng, noise)
-
-    def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
-        drawn: Float64Array = rng.uniform(low=-noise, high=noise, size=self.model.nv)
-        return drawn
+        if self.draws_normal:
+            return moved, qvel + noise * rng.standard_normal(self.model.nv)
+        return moved, qvel + rng.uniform(low=-noise, high=noise, size=self.model.nv)
 
     def _prepare(self, env: Any) -> None:
         """Note where things are in the model."""
 
     def behavior(self, fields: Fields, shares: Float64Array) -> Float64Array:
         """The behavior of each simulation, (k, B), of the shares of touching feet (k, F)."""
-        values = shares if self.foot_bodies else fields.qpos[:, : self._n_coordinates]
+        values = shares if self.foot_bodies else fields.qpos[:, : len(self.behavior_names)]
         return np.clip(values, self.behavior_low, self.behavior_high)
 
     def touches(self, fields: Fields) -> Mask:
@@ -289,12 +286,7 @@ def flat(array: Float64Array) -> Float64Array:
 def is_inside(values: Float64Array, bounds: tuple[float, float]) -> Mask:
     """Whether values lie between bounds, which are not part of it."""
     low, high = bounds
-    inside: Mask = (low < values) & (values < high)
-    return inside
-
-
-def _same(one: Any, other: Any) -> bool:
-    return bool(np.array_equal(one, other))
+    return (low < values) & (values < high)
 
 
 def _bytes(model: Any) -> Any:

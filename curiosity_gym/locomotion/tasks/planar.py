@@ -23,10 +23,7 @@ class HalfCheetah(LocomotionTask):
     entry_point = "gymnasium.envs.mujoco.half_cheetah_v5:HalfCheetahEnv"
     feet: ClassVar[Mapping[str, str]] = {"bfoot": "back foot", "ffoot": "front foot"}
     n_dimensions = 1
-
-    def _draw_velocities(self, rng: np.random.Generator, noise: float) -> Float64Array:
-        drawn: Float64Array = noise * rng.standard_normal(self.model.nv)
-        return drawn
+    draws_normal = True
 
     def info(self, fields: Fields) -> Values:
         """See `LocomotionTask`."""

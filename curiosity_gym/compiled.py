@@ -62,12 +62,8 @@ def _keep_on_disk(dispatcher: Any, package: str) -> None:
     except RuntimeError:  # no folder to keep it in: it is compiled anew in every process
         return
     index = dispatcher._cache._cache_file
-    index._source_stamp = (index._source_stamp, *_sources(package))
-
-
-def _sources(package: str) -> tuple[bytes, ...]:
-    """Digests of the sources that functions of a package may inline: its own and this package's."""
-    return tuple(map(_digest, sorted({__name__.partition(".")[0], package})))
+    inlined = sorted({__name__.partition(".")[0], package})
+    index._source_stamp = (index._source_stamp, *map(_digest, inlined))
 
 
 @cache

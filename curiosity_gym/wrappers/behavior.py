@@ -98,12 +98,6 @@ def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
     return spaces.Box(low, high, dtype=np.float64)
 
 
-def _checked_names(
-    names: Sequence[str] | None, space: spaces.Box[np.float64]
-) -> tuple[str, ...] | None:
-    return None if names is None else entry_names(names, space.shape[0])
-
-
 def _numbers(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
     try:
         if value is not None:  # which numpy takes for NaN
@@ -147,7 +141,8 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         gym.Wrapper.__init__(self, env)
         self.behavior_space = _checked_space(behavior_space)
         # Hides those of `env`, which name another behavior.
-        self.behavior_names = _checked_names(behavior_names, self.behavior_space)
+        n, names = self.behavior_space.shape[0], behavior_names
+        self.behavior_names = None if names is None else entry_names(names, n)
         self._accumulator = _own_accumulator(behavior)
         # Hides the grid of `env`, which counts another behavior.
         self.coverage_grid = None

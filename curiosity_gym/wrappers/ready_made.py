@@ -13,14 +13,13 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from curiosity_gym.core import SimulationError
+from curiosity_gym.core import Float64Array, SimulationError
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 from curiosity_gym.wrappers.behavior import BehaviorFunction
 from curiosity_gym.wrappers.sparse import Observation, SparseRewardWrapper, Success
 
 BareEnv = gym.Env[Any, Any]
-Float64Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -153,17 +152,13 @@ class _StableMaze(gym.Wrapper[Any, Any, Any, Any]):
         result = self.env.step(action)
         counts = self.unwrapped.data.warning.number  # type: ignore[attr-defined]
         if np.count_nonzero(counts):
+            (mujoco,) = import_extra("robotics", "mujoco")
+            name = mujoco.mjtWarning(int(counts.argmax())).name.removeprefix("mjWARN_")
             raise SimulationError(
-                f"MuJoCo warned of {_warning_name(counts)} and may have reset the simulation: the "
-                "episode cannot go on, reset the environment."
+                f"MuJoCo warned of {name} and may have reset the simulation: the episode cannot go "
+                "on, reset the environment."
             )
         return result
-
-
-def _warning_name(counts: npt.NDArray[np.int32]) -> str:
-    (mujoco,) = import_extra("robotics", "mujoco")
-    name: str = mujoco.mjtWarning(int(counts.argmax())).name
-    return name.removeprefix("mjWARN_")
 
 
 def _make_robotics(env_id: str, **kwargs: Any) -> BareEnv:

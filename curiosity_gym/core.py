@@ -106,5 +106,4 @@ class CoverageGrid:
         kept = self.projections[name]
         indices = np.unravel_index(cells, self.shape)
         shape = (self.n_cells,) * len(kept)
-        flat: npt.NDArray[np.int64] = np.ravel_multi_index([indices[i] for i in kept], shape)
-        return flat
+        return np.ravel_multi_index([indices[i] for i in kept], shape)

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_gym.maze.reachability import BoolArray, FloatArray, Region, reachable_region
+from curiosity_gym.core import Float64Array, Mask
+from curiosity_gym.maze.reachability import Region, reachable_region
 
 ROBOT_RADIUS = 1.0
 GOAL_RADIUS = 2.0
@@ -50,7 +51,7 @@ class MazeLayout:
     height: float
     start: tuple[float, float]
     goal: tuple[float, float]
-    walls: FloatArray
+    walls: Float64Array
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -133,7 +134,7 @@ class MazeLayout:
         return self.name, self.width, self.height, self.start, self.goal, self.walls.tobytes()
 
 
-def reachable_cells(layout: MazeLayout, n_cells: int = 50) -> BoolArray:
+def reachable_cells(layout: MazeLayout, n_cells: int = 50) -> Mask:
     """Mark the cells of a regular grid that the robot's center can enter from the start.
 
     Returns:
@@ -166,7 +167,7 @@ def _point(field: str, value: object) -> tuple[float, float]:
     return x, y
 
 
-def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> FloatArray:
+def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> Float64Array:
     """Convert to finite float64 of a shape, in which -1 stands for any length, or raise."""
     try:
         array = np.asarray(value)
@@ -184,7 +185,7 @@ def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> 
     return array.astype(np.float64) + 0.0  # -0.0 would make equal layouts differ in bytes
 
 
-def _walls(value: object) -> FloatArray:
+def _walls(value: object) -> Float64Array:
     walls = _floats("walls", value, "rows of x, y, width, height", (-1, 4))
     if len(walls) > MAX_WALLS:
         raise ValueError(f"walls must be at most {MAX_WALLS}, got {len(walls)}.")
@@ -194,7 +195,7 @@ def _walls(value: object) -> FloatArray:
     return walls
 
 
-def _clip(walls: FloatArray, width: float, height: float) -> FloatArray:
+def _clip(walls: Float64Array, width: float, height: float) -> Float64Array:
     """Clip walls (n, 4) to the world and drop what is outside; those inside keep their bits."""
     low, limit = walls[:, :2], np.array([width, height])
     high = low + walls[:, 2:]
@@ -204,7 +205,7 @@ def _clip(walls: FloatArray, width: float, height: float) -> FloatArray:
     return np.hstack([low, size])[(size > 0).all(axis=1)]
 
 
-def _inside_wall(point: tuple[float, float], walls: FloatArray, margin: float = 0.0) -> bool:
+def _inside_wall(point: tuple[float, float], walls: Float64Array, margin: float = 0.0) -> bool:
     low, high = walls[:, :2] - margin, walls[:, :2] + walls[:, 2:] + margin
     return bool(((low < point) & (point < high)).all(axis=1).any())
 

@@ -102,13 +102,11 @@ class World:
 
     def is_at_goal(self, positions: Float64Array) -> Mask:
         """Whether positions (k, 2) are within `GOAL_RADIUS` of the goal."""
-        at_goal: Mask = self.distances(positions) <= GOAL_RADIUS
-        return at_goal
+        return self.distances(positions) <= GOAL_RADIUS
 
     def standardize(self, positions: Float64Array) -> Float64Array:
         """Positions (k, 2) with the world's bounds at -1 and 1."""
-        scaled: Float64Array = 2.0 * (positions - self.low) / (self.high - self.low) - 1.0
-        return scaled
+        return 2.0 * (positions - self.low) / (self.high - self.low) - 1.0
 
     def model_of(self, path: str) -> Any:
         """The model of an XML file, compiled with the walls."""

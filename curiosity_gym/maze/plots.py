@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from curiosity_gym.core import Float64Array
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.viewer import FLOOR, WALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-FloatArray = NDArray[np.float64]
 
 
 def draw_layout(ax: "Axes", layout: MazeLayout) -> None:
@@ -31,7 +30,7 @@ def draw_layout(ax: "Axes", layout: MazeLayout) -> None:
 
 
 def plot_density(
-    positions: FloatArray, layout: MazeLayout, *, ax: "Axes | None" = None, bins: int = 100
+    positions: Float64Array, layout: MazeLayout, *, ax: "Axes | None" = None, bins: int = 100
 ) -> "Axes":
     """Plot how many positions are in each square of a maze; squares without one are left out.
 
@@ -61,7 +60,7 @@ def plot_density(
     return ax
 
 
-def count(positions: FloatArray, layout: MazeLayout, side: float) -> NDArray[np.int64]:
+def count(positions: Float64Array, layout: MazeLayout, side: float) -> NDArray[np.int64]:
     """How many positions (n, 2) are in each square of so many maze units, by y and x."""
     edges = [side * np.arange(np.ceil(size / side) + 1) for size in (layout.height, layout.width)]
     counts, _, _ = np.histogram2d(positions[:, 1], positions[:, 0], bins=edges)

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from curiosity_gym.core import Float64Array, Mask
+
 IntArray = NDArray[np.integer]
 
 # Edges closer than this are one edge: 0.1 + 0.2 and 0.3 leave no gap for the robot.
@@ -24,11 +24,11 @@ MAX_RECTANGLES = 10_000_000
 class Region(NamedTuple):
     """The union of the rectangles `[xs[i], xs[i + 1]] x [ys[j], ys[j + 1]]` with `mask[i, j]`."""
 
-    xs: FloatArray
-    ys: FloatArray
-    mask: BoolArray
+    xs: Float64Array
+    ys: Float64Array
+    mask: Mask
 
-    def cells(self, size: tuple[float, float], n_cells: int) -> BoolArray:
+    def cells(self, size: tuple[float, float], n_cells: int) -> Mask:
         """Mark the cells of a regular grid over a world of a size that hold an open piece of it.
 
         Returns:
@@ -37,8 +37,7 @@ class Region(NamedTuple):
         # As numbers: numpy multiplies truth values a hundred times slower.
         columns = _overlaps(self.xs, np.linspace(0.0, size[0], n_cells + 1)).astype(np.float32)
         rows = _overlaps(self.ys, np.linspace(0.0, size[1], n_cells + 1)).astype(np.float32)
-        held: BoolArray = columns.T @ self.mask.astype(np.float32) @ rows > 0.0
-        return held
+        return columns.T @ self.mask.astype(np.float32) @ rows > 0.0
 
     def distance(self, point: tuple[float, float]) -> float:
         """Return the distance from a point to the region, infinite if the region is empty."""
@@ -51,7 +50,7 @@ class Region(NamedTuple):
 
 
 def reachable_region(
-    walls: FloatArray, size: tuple[float, float], start: Sequence[float], radius: float
+    walls: Float64Array, size: tuple[float, float], start: Sequence[float], radius: float
 ) -> Region:
     """Return where the center of a robot can get to from a start.
 
@@ -79,8 +78,8 @@ def reachable_region(
 
 
 def _grown_spans(
-    low: FloatArray, length: FloatArray, size: float, radius: float
-) -> tuple[IntArray, IntArray, FloatArray]:
+    low: Float64Array, length: Float64Array, size: float, radius: float
+) -> tuple[IntArray, IntArray, Float64Array]:
     """Return the two ends of the grown walls along an axis as indices of its edges, and these."""
     limits = np.array([radius, size - radius])
     ends = np.concatenate([limits, low - radius, low + length + radius])
@@ -90,31 +89,31 @@ def _grown_spans(
 
 def _free_rectangles(
     shape: tuple[int, int], across: tuple[IntArray, IntArray], up: tuple[IntArray, IntArray]
-) -> BoolArray:
+) -> Mask:
     """Mark the rectangles that no wall covers, from the ends of the walls' spans along x and y."""
     changes = np.zeros((shape[0] + 1, shape[1] + 1), dtype=np.int32)
     for sign_x, x in zip((1, -1), across, strict=True):
         for sign_y, y in zip((1, -1), up, strict=True):
             np.add.at(changes, (x, y), sign_x * sign_y)
     n_walls = changes.cumsum(axis=0, out=changes).cumsum(axis=1, out=changes)
-    free: BoolArray = n_walls[:-1, :-1] == 0
+    free: Mask = n_walls[:-1, :-1] == 0
     return free
 
 
-def _holds(edges: FloatArray, value: float) -> BoolArray:
+def _holds(edges: Float64Array, value: float) -> Mask:
     """Mark the intervals that hold a value; two do where it is their common edge."""
     value = round(value, _DECIMALS)
     return (edges[:-1] <= value) & (value <= edges[1:])
 
 
-def _overlaps(edges: FloatArray, others: FloatArray) -> BoolArray:
+def _overlaps(edges: Float64Array, others: Float64Array) -> Mask:
     """Mark which intervals of one axis (rows) share an open piece with another's (columns)."""
     low = np.maximum(edges[:-1, None], others[None, :-1])
     high = np.minimum(edges[1:, None], others[None, 1:])
     return high - low > 10.0**-_DECIMALS
 
 
-def _flood(free: BoolArray, reached: BoolArray) -> BoolArray:
+def _flood(free: Mask, reached: Mask) -> Mask:
     """Spread over free neighbors."""
     from scipy import ndimage  # late: it takes longer to import than all of this package
 

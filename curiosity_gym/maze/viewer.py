@@ -3,13 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from curiosity_gym.core import FloatArray, Frame
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
-
-Frame = NDArray[np.uint8]
-FloatArray = NDArray[np.floating]
 
 FLOOR = "#faf9f6"
 WALL = "#3a4254"

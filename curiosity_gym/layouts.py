@@ -149,6 +149,16 @@ def closest_approach(layout: MazeLayout) -> float:
     return _reachable(layout).distance(layout.goal)
 
 
+def are_free(layout: MazeLayout, places: Float64Array, margin: float) -> Mask:
+    """Whether places (k, 2) are a margin or more away from every wall and from the border, (k,)."""
+    limit = np.array([layout.width, layout.height]) - margin
+    in_world = np.all((places >= margin) & (places <= limit), axis=1)
+    low, high = layout.walls[:, :2] - margin, layout.walls[:, :2] + layout.walls[:, 2:] + margin
+    in_walls = np.all((places[:, None] > low) & (places[:, None] < high), axis=2)
+    free: Mask = in_world & ~np.any(in_walls, axis=1)
+    return free
+
+
 @lru_cache(maxsize=8)  # a layout's check, its reachable cells and its goal ask for the same
 def _reachable(layout: MazeLayout) -> Region:
     size = layout.width, layout.height
@@ -205,15 +215,8 @@ def _clip(walls: Float64Array, width: float, height: float) -> Float64Array:
     return np.hstack([low, size])[(size > 0).all(axis=1)]
 
 
-def _inside_wall(point: tuple[float, float], walls: Float64Array, margin: float = 0.0) -> bool:
-    low, high = walls[:, :2] - margin, walls[:, :2] + walls[:, 2:] + margin
-    return bool(((low < point) & (point < high)).all(axis=1).any())
-
-
 def _check_start(layout: MazeLayout) -> None:
-    limits = zip(layout.start, (layout.width, layout.height), strict=True)
-    in_world = all(ROBOT_RADIUS <= x <= size - ROBOT_RADIUS for x, size in limits)
-    if not in_world or _inside_wall(layout.start, layout.walls, ROBOT_RADIUS):
+    if not are_free(layout, np.array([layout.start]), ROBOT_RADIUS).all():
         raise ValueError(
             f"start must be at least {ROBOT_RADIUS:g} away from every wall and from the border of "
             f"the {layout.width:g} x {layout.height:g} world, got {layout.start}."
@@ -226,7 +229,7 @@ def _check_goal(layout: MazeLayout) -> None:
         raise ValueError(
             f"goal must be in the {layout.width:g} x {layout.height:g} world, got {layout.goal}."
         )
-    if _inside_wall(layout.goal, layout.walls):
+    if not are_free(layout, np.array([layout.goal]), 0.0).all():
         raise ValueError(f"goal must be outside the walls, got {layout.goal}.")
     if not closest_approach(layout) < GOAL_RADIUS:
         raise ValueError(

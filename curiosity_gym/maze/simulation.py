@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
-from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, reachable_cells
+from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, are_free, reachable_cells
 from curiosity_gym.maze.dynamics import DT, MARGIN, N_BASE_FEATURES, Maze, observe, step
 from curiosity_gym.simulation import BaseSimulation, Ids, Values
 
@@ -160,12 +160,7 @@ class MazeSimulation(BaseSimulation):
         """Raise ValueError, naming an argument, unless robots go and stand as they may."""
         if (np.abs(states[:, 2:]) > self.maze.max_speed).any():
             raise ValueError(f"`{name}` must not be faster than {self.maze.max_speed:g} per axis.")
-        places = states[:, None, :2]
-        low, high = self.layout.walls[:, :2], self.layout.walls.reshape(-1, 2, 2).sum(axis=1)
-        inside = (places > low - NEAREST) & (places < high + NEAREST)
-        limit = np.array([self.layout.width, self.layout.height]) - NEAREST
-        in_world = ((places >= NEAREST) & (places <= limit)).all(axis=(1, 2))
-        wrong = states[~in_world | inside.all(axis=2).any(axis=1)]
+        wrong = states[~are_free(self.layout, states[:, :2], NEAREST)]
         if len(wrong):
             x, y = wrong[0, :2]
             raise ValueError(
@@ -180,7 +175,7 @@ class MazeSimulation(BaseSimulation):
         return frame
 
 
-def _four_numbers(value: object) -> npt.NDArray[np.float64]:
+def _four_numbers(value: object) -> Float64Array:
     try:
         state = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

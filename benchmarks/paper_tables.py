@@ -28,15 +28,10 @@ def judge(settings: str) -> list[Verdict]:
     return [claim.judge(evidence(settings)) for claim in CLAIMS]
 
 
-def claims(settings: str) -> str:
-    """A row for each claim: the verdict, and its numbers."""
-    judged = zip(CLAIMS, judge(settings), strict=True)
-    return markdown(COLUMNS, [[claim.section, claim.text, *verdict] for claim, verdict in judged])
-
-
-def other_claims(settings: str, others: str) -> str:
-    """A row for each claim of which these settings tell something else than others."""
-    judged = zip(CLAIMS, judge(settings), judge(others), strict=True)
+def claims(settings: str, others: str | None = None) -> str:
+    """A row for each claim, the verdict and its numbers; or where `others` tell something else."""
+    compared = [None] * len(CLAIMS) if others is None else judge(others)
+    judged = zip(CLAIMS, judge(settings), compared, strict=True)
     rows = [
         [claim.section, claim.text, *verdict]
         for claim, verdict, other in judged

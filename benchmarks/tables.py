@@ -19,6 +19,7 @@ import typer
 from benchmarks import paper_tables
 from benchmarks.headline import headline
 from benchmarks.markdown import markdown
+from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
 from benchmarks.results import in_order, read_rows, read_runs
 from benchmarks.speed_tables import HEADLINES, SPEED_FILE, section, summary_of
@@ -51,13 +52,20 @@ def summary(runs: pd.DataFrame) -> str:
     The time is Kaplan and Meier's median, which counts runs that found none; the share is the
     interquartile mean over seeds of the reachable cells, with its 95 % interval.
     """
+    return _by_environment(runs, _cell)
+
+
+def _by_environment(
+    runs: pd.DataFrame, cell: Callable[[pd.DataFrame], str], head: str = "Algorithm"
+) -> str:
+    """A row for each algorithm, with a cell of its runs in each environment that it has."""
     envs = list(dict.fromkeys(runs["env"]))
-    cells = {key: _cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
+    cells = {key: cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
     rows = [
         [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
         for algorithm in dict.fromkeys(runs["algorithm"])
     ]
-    return markdown(["Algorithm", *map(short_name, envs)], rows)
+    return markdown([head, *map(short_name, envs)], rows)
 
 
 def visits(runs: pd.DataFrame) -> str:
@@ -87,16 +95,12 @@ def learned() -> str:
 
 def returns(runs: pd.DataFrame) -> str:
     """Interquartile mean of the best returns of runs, with its 95 % interval."""
-    envs = list(dict.fromkeys(runs["env"]))
-    of_runs = runs.groupby(["algorithm", "env"], sort=False)["best_return"]
-    rows = []
-    for algorithm in dict.fromkeys(runs["algorithm"]):
-        groups = [of_runs.get_group((algorithm, env)).to_numpy() for env in envs]
-        found = [stratified_bootstrap(each, interquartile_mean) for each in groups]
-        rows.append(
-            [algorithm, *(f"{x.estimate:.0f} ({x.low:.0f} to {x.high:.0f})" for x in found)]
-        )
-    return markdown(["Algorithm", *map(short_name, envs)], rows)
+
+    def cell(group: pd.DataFrame) -> str:
+        found = stratified_bootstrap(group["best_return"].to_numpy(), interquartile_mean)
+        return f"{found.estimate:.0f} ({found.low:.0f} to {found.high:.0f})"
+
+    return _by_environment(runs, cell)
 
 
 def _cell(group: pd.DataFrame) -> str:
@@ -185,14 +189,8 @@ def _try(run: Any) -> str:
 
 def unseen(values: pd.DataFrame) -> str:
     """A row for each algorithm: of so many starts those that the policy of each seed solves."""
-    envs = list(dict.fromkeys(values["env"]))
-    counts = values.groupby(["algorithm", "env"])["solved"].agg(
-        lambda each: " / ".join(map(str, each))
-    )
-    rows = [
-        [name, *(counts[name, env] for env in envs)] for name in dict.fromkeys(values["algorithm"])
-    ]
-    return markdown([f"Of {values['starts'].iloc[0]} starts", *map(short_name, envs)], rows)
+    head = f"Of {values['starts'].iloc[0]} starts"
+    return _by_environment(values, lambda group: " / ".join(map(str, group["solved"])), head)
 
 
 def roaming(values: pd.DataFrame) -> str:
@@ -281,19 +279,16 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),
-    "paper-verdicts": partial(paper_tables.verdicts, "paper"),
-    "public-claims": partial(paper_tables.other_claims, "public", "paper"),
-    "public-verdicts": partial(paper_tables.verdicts, "public"),
-    "tuned-claims": partial(paper_tables.other_claims, "tuned", "public"),
-    "tuned-verdicts": partial(paper_tables.verdicts, "tuned"),
-    "paper-diversity": partial(paper_tables.diversity, "paper"),
-    "public-diversity": partial(paper_tables.diversity, "public"),
-    "tuned-diversity": partial(paper_tables.diversity, "tuned"),
+    "public-claims": partial(paper_tables.claims, "public", "paper"),
+    "tuned-claims": partial(paper_tables.claims, "tuned", "public"),
+    **{f"{name}-verdicts": partial(paper_tables.verdicts, name) for name in SETTINGS},
+    **{f"{name}-diversity": partial(paper_tables.diversity, name) for name in SETTINGS},
+    **{
+        f"{name}-summary": partial(make_table, paper_tables.of_the_figures, name, summary)
+        for name in SETTINGS
+    },
     "paper-hours": partial(paper_tables.hours, "paper"),
     "tuned-hours": partial(paper_tables.hours, "tuned"),
-    "paper-summary": partial(make_table, paper_tables.of_the_figures, "paper", summary),
-    "public-summary": partial(make_table, paper_tables.of_the_figures, "public", summary),
-    "tuned-summary": partial(make_table, paper_tables.of_the_figures, "tuned", summary),
     "paper-reasons": partial(make_table, paper_tables.of_reasons, "paper", summary),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }

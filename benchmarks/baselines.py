@@ -25,20 +25,18 @@ from curiosity_gym.locomotion.simulation import LocomotionSimulation
 
 Actions = npt.NDArray[np.float32]
 
+STRICT, RANDOM = {"success_threshold": 0.5}, {"random_start": True}
 CONTROL: dict[str, tuple[str, dict[str, Any]]] = {
     "BallInCup": ("CuriosityControl-BallInCup-v0", {}),
     "Finger": ("CuriosityControl-Finger-v0", {}),
     "Stacker": ("CuriosityControl-Stacker-v0", {}),
-    "Stacker, `success_threshold=0.5`": (
-        "CuriosityControl-Stacker-v0",
-        {"success_threshold": 0.5},
-    ),
-    "BallInCup, `random_start`": ("CuriosityControl-BallInCup-v0", {"random_start": True}),
-    "Finger, `random_start`": ("CuriosityControl-Finger-v0", {"random_start": True}),
-    "Stacker, `random_start`": ("CuriosityControl-Stacker-v0", {"random_start": True}),
+    "Stacker, `success_threshold=0.5`": ("CuriosityControl-Stacker-v0", STRICT),
+    "BallInCup, `random_start`": ("CuriosityControl-BallInCup-v0", RANDOM),
+    "Finger, `random_start`": ("CuriosityControl-Finger-v0", RANDOM),
+    "Stacker, `random_start`": ("CuriosityControl-Stacker-v0", RANDOM),
     "Stacker, `random_start`, `success_threshold=0.5`": (
         "CuriosityControl-Stacker-v0",
-        {"random_start": True, "success_threshold": 0.5},
+        {**RANDOM, **STRICT},
     ),
 }
 UNENDING = {"env_kwargs": {"terminate_when_unhealthy": False}}

@@ -20,6 +20,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
 
+from benchmarks.learning import MAZES, WORLDS
 from benchmarks.off_policy import make_td3
 from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, collect
@@ -27,9 +28,7 @@ from curiosity_algos import TD3ICM, BonusReplayBuffer, BonusVecEnvWrapper
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments import RunFolder, SaveRun
 
-MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
 US = MAZES[1]
-ANTS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
 PARTS: dict[str, dict[str, Any]] = {
     "power=1": {"power": 1.0},
     "horizon=100": {"horizon": 100},
@@ -111,7 +110,7 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
     "sac/stored": {f"apt/{US}": partial(sac, env=US, stored="apt")},
     "locomotion/ppo": {
         f"{bonus} {env}": partial(ant_ppo, bonus=bonus, env=env)
-        for env, bonus in product(ANTS, (None, "apt"))
+        for env, bonus in product(WORLDS, (None, "apt"))
     },
     "td3": {
         "TD3": lambda seed: make_td3(US, seed=seed),

@@ -5,11 +5,9 @@ from __future__ import annotations
 import time
 from itertools import count
 
-from benchmarks.measure import Plan, Row, Table
-from benchmarks.training import Stopwatch
+from benchmarks.measure import Plan, Row, Stopwatch, Table
 from curiosity_algos import MAPElites
-
-MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
+from curiosity_algos.experiments.figures.plan import MAZES
 
 
 def run(plan: Plan) -> list[Table]:

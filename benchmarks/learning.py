@@ -14,13 +14,8 @@ import typer
 
 from benchmarks.results import FOLDER, collect
 from curiosity_algos.cli.sweep import sweep
+from curiosity_algos.experiments.figures.plan import CONTROL, MAZES
 
-MAZES = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0")
-TASKS = (
-    "CuriosityControl-BallInCup-v0",
-    "CuriosityControl-Finger-v0",
-    "CuriosityControl-Stacker-v0",
-)
 WORLDS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
 ALGORITHMS = (
     "CuriosityES",
@@ -49,12 +44,12 @@ SWEEPS: dict[str, dict[str, Any]] = {
     },
     "control": {
         "algos": ("CuriosityES", "CanonicalES"),
-        "envs": TASKS,
+        "envs": CONTROL,
         "timesteps": 1e6,
     },
     "control_random": {
         "algos": ("CuriosityES", "CanonicalES"),
-        "envs": TASKS,
+        "envs": CONTROL,
         "timesteps": 1e6,
         "env_kwargs": ["random_start:True"],
     },

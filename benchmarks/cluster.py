@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
-from benchmarks.population import DEVIATION
+from benchmarks.population import POPULATION_SIZE, random_policies
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.blocks import summarize_in_blocks
 from curiosity_algos.evaluation.rollouts import Summarizer
@@ -22,7 +22,6 @@ from curiosity_gym.processors import available_cpus
 
 MAZE, CONTROL = "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0"
 IN_PYTHON = "Pusher-v5"
-POPULATION_SIZE = 56
 MAZE_POPULATIONS = (56, 560, 5600)
 NODES = (10, 100)
 MODELLED = {MAZE: 10_000, CONTROL: 560}
@@ -98,9 +97,7 @@ def _run(plan: Plan) -> list[Table]:
 
 def _task(evaluator: Any, workload: Workload) -> Task:
     """Seconds of a generation."""
-    rng = np.random.default_rng(0)
-    parameters = rng.normal(0.0, DEVIATION, (workload.n, evaluator.n_parameters))
-    parameters = parameters.astype(np.float32)
+    parameters = random_policies(evaluator, workload.n)
     summarizers = _summarizers(workload.env_id, workload.n)
 
     def play() -> None:
@@ -149,8 +146,7 @@ class Nothing:
 def _bytes(n: int) -> Table:
     """What a generation of a maze is, pickled, and what of it is needed."""
     evaluator = make_evaluator(MAZE)
-    rng = np.random.default_rng(0)
-    parameters = rng.normal(0.0, DEVIATION, (n, evaluator.n_parameters)).astype(np.float32)
+    parameters = random_policies(evaluator, n)
     whole = evaluator.evaluate(parameters, 0)
     summarizers = _summarizers(MAZE, n)
     contents = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
+from benchmarks.population import POPULATION_SIZE, random_policies
 from benchmarks.python_loop import loop
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.evaluator import Evaluator
@@ -24,10 +26,7 @@ Float64Array = npt.NDArray[np.float64]
 Episodes = list[Float64Array]
 """The actions (L, A) of each episode until it ended."""
 
-POPULATION_SIZE = 56
 N_ASYNC = 8
-DEVIATION = 0.3
-"""Of the policies' weights."""
 TARGETS = {"BallInCup": 0.85, "Finger": 0.75, "Stacker": 0.85}
 """Share of the bare physics' speed that an evaluation on one thread should reach."""
 SHIMMY = {
@@ -78,8 +77,7 @@ def tasks(name: str, plan: Plan) -> dict[str, Task]:
     env = gym.make(f"CuriosityControl-{name}-v0", horizon=plan.size(1000, 20))
     n_threads = available_cpus()
     one, many = make_evaluator(env, n_threads=1), make_evaluator(env, n_threads=n_threads)
-    shape = (POPULATION_SIZE, one.n_parameters)
-    parameters = np.random.default_rng(0).normal(0.0, DEVIATION, shape).astype(np.float32)
+    parameters = random_policies(one)
     rollouts = many.evaluate(parameters)
     one.evaluate(parameters)
     pairs = zip(rollouts.trajectories[1], rollouts.lengths, strict=True)
@@ -95,7 +93,7 @@ def tasks(name: str, plan: Plan) -> dict[str, Task]:
         VECTOR_ONE: vector_task(name, episodes, 1, plan),
         VECTOR_ALL: vector_task(name, episodes, n_threads, plan),
         ALL: partial(rate, many),
-        ASYNC: async_task(name, episodes, plan),
+        ASYNC: async_task(partial(make_peer, name), streams(episodes[:N_ASYNC], plan.size(500, 5))),
         SINGLE: single_task(name, episodes, plan),
     }
 
@@ -134,15 +132,17 @@ def single_task(name: str, episodes: Episodes, plan: Plan) -> Task:
     return lambda: len(actions) / seconds(lambda: loop(env, actions))
 
 
-def async_task(name: str, episodes: Episodes, plan: Plan) -> Task:
-    """Steps a second of all envs; the worker processes live only while this is measured."""
-    actions = streams(episodes[:N_ASYNC], plan.size(500, 5))
+def async_task(make: Callable[[], gym.Env[Any, Any]], actions: npt.NDArray[Any]) -> Task:
+    """Steps a second of n envs over actions (n_steps, n, A).
+
+    The worker processes live only while this is measured.
+    """
 
     def rate() -> float:
-        with closing(gym.vector.AsyncVectorEnv([partial(make_peer, name)] * N_ASYNC)) as envs:
+        with closing(gym.vector.AsyncVectorEnv([make] * actions.shape[1])) as envs:
             envs.reset(seed=0)
             envs.step(actions[0])
-            return actions.shape[0] * N_ASYNC / seconds(lambda: [envs.step(a) for a in actions])
+            return actions[..., 0].size / seconds(lambda: [envs.step(each) for each in actions])
 
     return rate
 

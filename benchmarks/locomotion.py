@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -11,20 +10,16 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.control import ALL, ASYNC, BARE, N_ASYNC, ONE, UNIT, VECTOR_ALL, async_task
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
+from benchmarks.population import POPULATION_SIZE, random_policies
 from curiosity_algos import make_evaluator
 from curiosity_gym.locomotion.tasks import LocomotionTask
 from curiosity_gym.processors import available_cpus
 
 ROBOTS = ("Ant", "Humanoid", "HalfCheetah", "Walker2d", "Hopper", "Swimmer")
 TARGETED = ("Ant", "Humanoid")
-POPULATION_SIZE, N_ASYNC = 56, 8
-DEVIATION = 0.3
-"""Of the policies' weights."""
-UNIT = "steps/s"
-
-BARE, ONE, ALL = "bare physics", "one thread", "all threads"
-VECTOR, ASYNC, SINGLE = "vector env, all threads", f"AsyncVectorEnv of {N_ASYNC}", "Gymnasium's env"
+SINGLE = "Gymnasium's env"
 NOTES = [
     f"{POPULATION_SIZE} policies with hidden layers (32, 16) in closed loop, on one thread and on "
     "all, of robots that go on where they have fallen, for 200 steps. The others replay their "
@@ -42,7 +37,7 @@ def _table(robot: str, plan: Plan) -> Table:
     figures = interleave(tasks(robot, plan), plan.repeats)
     rows = [Row(what, values, UNIT) for what, values in figures.items()]
     bare, peer = (">= .9", ">= 5") if robot in TARGETED else ("", "")
-    targets = {(ONE, BARE): bare, (ALL, ONE): "", (ALL, ASYNC): peer, (VECTOR, ASYNC): peer}
+    targets = {(ONE, BARE): bare, (ALL, ONE): "", (ALL, ASYNC): peer, (VECTOR_ALL, ASYNC): peer}
     for (ours, other), target in targets.items():
         rows.append(Row(f"{ours} over {other}", ratios(figures[ours], figures[other]), "x", target))
     return Table(f"locomotion: {robot}-v5", rows, NOTES)
@@ -54,8 +49,7 @@ def tasks(robot: str, plan: Plan) -> dict[str, Task]:
     env_kwargs = endless(robot)
     env = gym.make(f"CuriosityLocomotion-{robot}-v0", horizon=n_steps, env_kwargs=env_kwargs)
     evaluators = {ONE: make_evaluator(env, n_threads=1), ALL: make_evaluator(env)}
-    shape = (POPULATION_SIZE, evaluators[ONE].n_parameters)
-    parameters = np.random.default_rng(0).normal(0.0, DEVIATION, shape).astype(np.float32)
+    parameters = random_policies(evaluators[ONE])
     actions = evaluators[ALL].evaluate(parameters, seed=0).trajectories[1].swapaxes(0, 1)
     evaluators[ONE].evaluate(parameters, seed=0)
 
@@ -65,9 +59,9 @@ def tasks(robot: str, plan: Plan) -> dict[str, Task]:
     return {
         BARE: bare_task(env.unwrapped.task, actions),
         ONE: partial(rate, ONE),
-        VECTOR: vector_task(robot, actions, n_threads),
+        VECTOR_ALL: vector_task(robot, actions, n_threads),
         ALL: partial(rate, ALL),
-        ASYNC: async_task(robot, actions[:, :N_ASYNC]),
+        ASYNC: async_task(partial(gym.make, f"{robot}-v5", **endless(robot)), actions[:, :N_ASYNC]),
         SINGLE: single_task(robot, actions[:, 0]),
     }
 
@@ -104,19 +98,6 @@ def vector_task(robot: str, actions: npt.NDArray[np.float32], n_threads: int) ->
     def rate() -> float:
         envs.reset(seed=0)
         return actions[..., 0].size / seconds(lambda: [envs.step(each) for each in actions])
-
-    return rate
-
-
-def async_task(robot: str, actions: npt.NDArray[np.float32]) -> Task:
-    """Steps a second of Gymnasium's envs; the worker processes live only while it is measured."""
-    make = partial(gym.make, f"{robot}-v5", **endless(robot))
-
-    def rate() -> float:
-        with closing(gym.vector.AsyncVectorEnv([make] * actions.shape[1])) as envs:
-            envs.reset(seed=0)
-            envs.step(actions[0])
-            return actions[..., 0].size / seconds(lambda: [envs.step(each) for each in actions])
 
     return rate
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.measure import (
     Figures,
@@ -22,6 +23,7 @@ from benchmarks.measure import (
 )
 from benchmarks.roofline import loops_task
 from curiosity_algos import make_evaluator
+from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_gym.compiled import ThreadPool
 
 POPULATION_SIZE = 56
@@ -94,14 +96,18 @@ def _roof(n_threads: int) -> str:
     return f"roof, {n_threads} threads"
 
 
+def random_policies(evaluator: Evaluator, n: int = POPULATION_SIZE) -> npt.NDArray[np.float32]:
+    """Parameters (n, ...) as the search samples them around its first center, always the same."""
+    parameters = np.random.default_rng(0).normal(0.0, DEVIATION, (n, evaluator.n_parameters))
+    return parameters.astype(np.float32)
+
+
 def maze_task(name: str, n_threads: int, plan: Plan) -> Task:
     """Million environment steps a second of one evaluation, all kernels compiled."""
     horizon = plan.size(2000, 50)
     env = gym.make(f"CuriosityMaze-{name}-v0", n_beams=N_BEAMS, horizon=horizon)
     evaluator = make_evaluator(env, {"net_arch": list(HIDDEN)}, n_threads)
-    rng = np.random.default_rng(0)
-    shape = (POPULATION_SIZE, evaluator.n_parameters)
-    parameters = rng.normal(0.0, DEVIATION, shape).astype(np.float32)
+    parameters = random_policies(evaluator)
     n_evaluations = plan.size(10, 1)
     timesteps = n_evaluations * evaluator.evaluate(parameters).timesteps
 

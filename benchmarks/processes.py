@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 import gymnasium as gym
-import numpy as np
 
 from benchmarks.measure import Plan, Row, Table, interleave, ratios, seconds
+from benchmarks.population import POPULATION_SIZE, random_policies
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import Float32Array
@@ -15,7 +15,6 @@ from curiosity_gym.processors import available_cpus
 
 ENVIRONMENTS = ("Pendulum-v1", "Pusher-v5")
 """One whose steps take microseconds, and one with physics."""
-POPULATION_SIZE = 56
 UNIT = "steps/s"
 ONE, ALL = "one process", "one process a processor"
 
@@ -29,8 +28,7 @@ def _table(env_id: str, plan: Plan) -> Table:
     make = partial(gym.make, env_id, max_episode_steps=plan.size(200, 5))
     n = available_cpus()
     evaluators = {ONE: make_evaluator(make), ALL: make_evaluator(make, n_threads=n)}
-    shape = (POPULATION_SIZE, evaluators[ONE].n_parameters)
-    parameters = np.random.default_rng(0).normal(0.0, 0.3, shape).astype(np.float32)
+    parameters = random_policies(evaluators[ONE])
     for evaluator in evaluators.values():
         evaluator.evaluate(parameters, seed=0)  # the first starts processes and makes environments
     tasks = {name: partial(_rate, each, parameters) for name, each in evaluators.items()}

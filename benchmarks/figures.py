@@ -19,6 +19,7 @@ from curiosity_algos.experiments.figures.canvas import (
 )
 from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
 from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.measures import Points
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 TITLES = {
@@ -58,12 +59,13 @@ def lines_of(curves: pd.DataFrame, name: str) -> list[Line]:
     """A line for each algorithm on one environment."""
     colors = color_labels(curves["algorithm"])
     return [
-        Line(label, colors[label], [_points(run, name) for _, run in runs.groupby("seed")])
+        Line(label, colors[label], [points_of(run, name) for _, run in runs.groupby("seed")])
         for label, runs in curves.groupby("algorithm")
     ]
 
 
-def _points(run: pd.DataFrame, name: str) -> tuple[np.ndarray, np.ndarray]:
+def points_of(run: pd.DataFrame, name: str) -> Points:
+    """A curve of one run, from nothing on."""
     return np.r_[0.0, run["timesteps"]], np.r_[0.0, run[name]]
 
 

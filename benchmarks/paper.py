@@ -24,7 +24,7 @@ import pandas as pd
 import typer
 
 from benchmarks import results
-from benchmarks.figures import IMAGES
+from benchmarks.figures import IMAGES, points_of
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.canvas import save
@@ -213,10 +213,7 @@ class Tables:
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
         """A curve of each run, of one of `MEASURES`."""
         curves = self._of("curves", series, env)
-        return [
-            (np.r_[0.0, curve["timesteps"]], np.r_[0.0, curve[measure]])
-            for _, curve in curves.groupby("seed")
-        ]
+        return [points_of(curve, measure) for _, curve in curves.groupby("seed")]
 
     def final_states(self, series: Series, env: str) -> Counts:
         """How many episodes of all runs ended in each square of a maze, by y and x."""

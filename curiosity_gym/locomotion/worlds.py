@@ -7,7 +7,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_gym.built_in import BUILT_IN, resolve_layout
 from curiosity_gym.core import Float64Array, Mask
@@ -28,14 +27,8 @@ BORDER = 1.0
 """Thickness of the walls around the world."""
 COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)
 
-TRAP = MazeLayout(
-    "trap",
-    width=40.0,
-    height=30.0,
-    start=(8.0, 15.0),
-    goal=(26.0, 15.0),
-    walls=np.array([(19.5, 11.5, 1.0, 7.0), (14.5, 17.5, 6.0, 1.0), (14.5, 11.5, 6.0, 1.0)]),
-)
+_TRAP = np.array([(19.5, 11.5, 1.0, 7.0), (14.5, 17.5, 6.0, 1.0), (14.5, 11.5, 6.0, 1.0)])
+TRAP = MazeLayout("trap", 40.0, 30.0, (8.0, 15.0), (26.0, 15.0), _TRAP)
 """A U between start and goal, open towards the start: who makes for the goal gets stuck in it.
 
 The walls are where QDax had them for its ant, 12 m ahead. It took the idea from Conti et al. 2018,
@@ -43,23 +36,11 @@ The walls are where QDax had them for its ant, 12 m ahead. It took the idea from
 Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560). Theirs are capsules in an open field;
 these are boxes, there is a border, and a goal behind the U.
 """
-SMALL_TRAP = MazeLayout(
-    "small_trap",
-    width=20.0,
-    height=16.0,
-    start=(4.0, 8.0),
-    goal=(13.0, 8.0),
-    walls=np.array([(9.5, 6.0, 0.5, 4.0), (7.0, 9.5, 2.5, 0.5), (7.0, 6.0, 2.5, 0.5)]),
-)
+_SMALL_TRAP = np.array([(9.5, 6.0, 0.5, 4.0), (7.0, 9.5, 2.5, 0.5), (7.0, 6.0, 2.5, 0.5)])
+SMALL_TRAP = MazeLayout("small_trap", 20.0, 16.0, (4.0, 8.0), (13.0, 8.0), _SMALL_TRAP)
 """The same for a humanoid, whose steps take a third of the time of an ant's: at half the size."""
-MAZE = MazeLayout(
-    "maze",
-    width=22.0,
-    height=22.0,
-    start=(2.5, 2.5),
-    goal=(19.5, 2.5),
-    walls=np.array([(12.0, 0.0, 0.5, 12.0), (7.5, 6.0, 4.5, 0.5), (7.0, 12.5, 0.5, 9.5)]),
-)
+_MAZE = np.array([(12.0, 0.0, 0.5, 12.0), (7.5, 6.0, 4.5, 0.5), (7.0, 12.5, 0.5, 9.5)])
+MAZE = MazeLayout("maze", 22.0, 22.0, (2.5, 2.5), (19.5, 2.5), _MAZE)
 """A wall between start and goal that ends far up, and two more that lead astray.
 
 After QDax's `antmaze`, at half its size: what lasted 50 seconds there, a thousand steps of
@@ -136,7 +117,7 @@ class World:
             camera.alt.xyaxes = CAMERA_AXES
         return spec.compile()
 
-    def _boxes(self) -> npt.NDArray[np.float64]:
+    def _boxes(self) -> Float64Array:
         """Lower left corner, width and height of the walls and of the border, (n, 4)."""
         (x, y), (width, height) = self.low, self.high - self.low
         border = [

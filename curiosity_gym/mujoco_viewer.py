@@ -11,9 +11,9 @@ import weakref
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium.error import DependencyNotInstalled, Error
 
+from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
 from curiosity_gym.simulation import MujocoSimulation
@@ -66,7 +66,7 @@ class MujocoViewer:
         # Registered after EGL's own farewell, and so called before it.
         atexit.register(self.close)
 
-    def draw(self, simulation: MujocoSimulation, index: int = 0) -> npt.NDArray[np.uint8]:
+    def draw(self, simulation: MujocoSimulation, index: int = 0) -> Frame:
         """A frame (height, width, 3) of simulation `index`.
 
         Raises:

@@ -65,7 +65,7 @@ class BaseSimulation:
         """
 
     @abstractmethod
-    def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
+    def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
         """Advance episodes by a step; which of them it ends, (k,), a new array.
 
         Args:
@@ -73,9 +73,7 @@ class BaseSimulation:
             ids: k of them, sorted; None: all.
         """
 
-    def advance(
-        self, actions: npt.NDArray[np.floating[Any]], resets: Mask, rngs: list[np.random.Generator]
-    ) -> Mask:
+    def advance(self, actions: FloatArray, resets: Mask, rngs: list[np.random.Generator]) -> Mask:
         """Step all (n, A), but begin an episode in those of `resets`; which a step ended, (n,)."""
         if not resets.any():
             return self.step(actions)

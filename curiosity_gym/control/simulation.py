@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_gym.control.starts import RandomStarts
 from curiosity_gym.control.tasks import ControlTask
@@ -77,7 +76,7 @@ class Simulation(MujocoSimulation):
         self._batch.state[rows] = states[..., :n]
         self._targets[rows] = states[..., n:]
 
-    def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
+    def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
         """See `BaseSimulation`.
 
         Raises:

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.core import Float64Array, FloatArray, Mask
@@ -78,7 +77,7 @@ class LocomotionSimulation(MujocoSimulation):
         self._places[ids] = self.task.place(fields)
         self.observations[ids] = self.task.observe(fields)
 
-    def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
+    def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
         """See `BaseSimulation`; actions beyond their range cost what they cost."""
         numbers = range(self.n) if ids is None else ids.tolist()
         n_slices = SLICES_PER_THREAD * self._pool.n_threads
@@ -99,9 +98,7 @@ class LocomotionSimulation(MujocoSimulation):
         self.success[rows] = success = self.task.success(fields)
         return success | (~healthy & self.task.ends_unhealthy)
 
-    def _stepping(
-        self, numbers: Sequence[int], actions: npt.NDArray[np.floating[Any]]
-    ) -> Callable[[int, int], None]:
+    def _stepping(self, numbers: Sequence[int], actions: FloatArray) -> Callable[[int, int], None]:
         """The work of each thread on a part of the simulations."""
         model, frame_skip, mujoco = self.task.model, self.task.frame_skip, self._mujoco
         needs_forces = self.task.needs_forces

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
 from curiosity_gym.compiled import ThreadPool, compiled
@@ -121,7 +120,7 @@ class MazeSimulation(BaseSimulation):
         self._check_robots(state[None], name='options["state"]')
         return state
 
-    def step(self, actions: npt.NDArray[np.floating[Any]], ids: Ids | None = None) -> Mask:
+    def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
         """See `BaseSimulation`."""
         rows = self._all if ids is None else ids
         arrays = (rows, self.states, actions, self.observations, self.success)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
-from curiosity_gym.core import entry_names
+from curiosity_gym.core import Float64Array, entry_names
 from curiosity_gym.validation import check_copyable, check_info
 
 BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
@@ -98,7 +98,7 @@ def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
     return spaces.Box(low, high, dtype=np.float64)
 
 
-def _numbers(value: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def _numbers(value: npt.ArrayLike) -> Float64Array:
     try:
         if value is not None:  # which numpy takes for NaN
             return np.array(value, dtype=np.float64)
@@ -163,7 +163,7 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self._accumulator.step(self.env, observation, info)
         return observation, reward, terminated, truncated, {**info, "behavior": self._behavior()}
 
-    def _behavior(self) -> npt.NDArray[np.float64]:
+    def _behavior(self) -> Float64Array:
         """A new array: environments may write into the same one at every step."""
         behavior = _numbers(self._accumulator.result())
         if behavior.shape != self.behavior_space.shape:

@@ -23,3 +23,12 @@ def test_steps_of_held_actions_are_counted(tmp_path):
     shutil.rmtree(tmp_path / "ppo_parts" / "num_repeats=1")
     results.collect(tmp_path / "ppo_parts", "parts", tmp_path)  # the others stay
     assert (tmp_path / "parts.csv").read_text() == written
+
+
+def test_a_stored_bonus_stands_beside_that_of_now(tmp_path):
+    for name, variant in (("sac", f"apt {bonuses.US}"), ("sac/stored", f"apt/{bonuses.US}")):
+        bonuses.train(name, variant, 0, 2e3, tmp_path)
+    results.collect(tmp_path / "sac", "sac", tmp_path)
+    runs = pd.read_csv(tmp_path / "sac.csv")
+    assert runs["algorithm"].tolist() == ["SAC + APT", "SAC + APT, stored"]
+    assert runs["timesteps"].tolist() == [2560, 2560]

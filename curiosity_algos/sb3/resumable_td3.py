@@ -5,16 +5,15 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Set
-from typing import Any, ClassVar, Never, Self
+from contextlib import suppress
+from typing import Any, Never, Self
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import ActionNoise
-from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import (
     MaybeCallback,
@@ -24,7 +23,6 @@ from stable_baselines3.common.type_aliases import (
 )
 from stable_baselines3.common.utils import should_collect_more_steps
 from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.td3 import CnnPolicy, MlpPolicy, MultiInputPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.checkpoints.environment_state import (
@@ -97,12 +95,6 @@ class ResumableTD3(Resumable, TD3):
     Raises:
         ValueError: If an argument is out of its range, or the env's spaces are not supported.
     """
-
-    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {
-        "MlpPolicy": MlpPolicy,
-        "CnnPolicy": CnnPolicy,
-        "MultiInputPolicy": MultiInputPolicy,
-    }
 
     def __init__(
         self,
@@ -296,7 +288,10 @@ class ResumableTD3(Resumable, TD3):
         else:
             vars(self.action_noise).update(noise)  # SB3 has reset it, as if an episode began
         if is_resumed and self._interrupted is not None:
-            self._resume_episode(**self._interrupted)
+            assert self.env is not None
+            with suppress(ValueError):  # another environment, in which an episode has just begun
+                load_environment_states(self.env, self._interrupted["states"])
+                self._last_obs = self._interrupted["last_obs"]
         self._interrupted = None
         return begun
 
@@ -327,8 +322,10 @@ class ResumableTD3(Resumable, TD3):
                 step = self._step(env, replay_buffer, action_noise, learning_starts)
                 callback.update_locals({**step, "train_freq": train_freq})
                 goes_on = callback.on_step()
-                self._log(step["dones"], log_interval)
-            n_steps = 0 if step["dones"][0] else n_steps + 1
+                is_over = step["dones"][0]
+                if is_over and log_interval is not None and self._episode_num % log_interval == 0:
+                    self.dump_logs()
+            n_steps = 0 if is_over else n_steps + 1
         rollout = RolloutReturn(self._n_steps, self._n_episodes, continue_training=goes_on)
         if goes_on:
             callback.on_rollout_end()
@@ -374,10 +371,6 @@ class ResumableTD3(Resumable, TD3):
             "num_collected_episodes": self._n_episodes,
         }
 
-    def _log(self, dones: npt.NDArray[np.bool_], log_interval: int | None) -> None:
-        if dones[0] and log_interval is not None and self._episode_num % log_interval == 0:
-            self.dump_logs()
-
     def _end_rollout(self) -> None:
         """Show the rollout to the algorithm, once; its counts stay until it has been trained on."""
         if not self._is_seen:
@@ -405,23 +398,12 @@ class ResumableTD3(Resumable, TD3):
 
     # -- save and load --------------------------------------------------------------------------
 
-    def _episode_under_way(self) -> dict[str, Any] | None:
-        """The state that `_resume_episode` takes; None where the env has no state to give."""
-        if self.env is None or self._last_obs is None:
-            return self._interrupted
-        states = environment_states(self.env)
-        return None if states is None else {"states": states, "last_obs": self._last_obs}
-
-    def _resume_episode(self, states: list[Any], last_obs: Any) -> None:
-        assert self.env is not None
-        try:
-            load_environment_states(self.env, states)
-        except ValueError:
-            return  # another environment, in which an episode has just begun
-        self._last_obs = last_obs
-
     def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
-        instead: dict[str, Any] = {"_interrupted": self._episode_under_way()}
+        episode = self._interrupted  # where none has begun since
+        if self.env is not None and self._last_obs is not None:
+            states = environment_states(self.env)
+            episode = None if states is None else {"states": states, "last_obs": self._last_obs}
+        instead: dict[str, Any] = {"_interrupted": episode}
         if exclude & TRANSITIONS:  # none are left to train on
             instead |= {"_n_steps": 0, "_n_episodes": 0, "_is_seen": False}
         return instead

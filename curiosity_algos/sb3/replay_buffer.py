@@ -331,14 +331,13 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If the state of a bonus of your own holds what no file of torch may.
         """
-        write_buffer(
-            path,
-            made=self._made,
-            bonus=self.bonus.state_dict(),
-            scale=None if self._scale is None else self._scale.state_dict(),
-            counters={name: getattr(self, name) for name in COUNTERS},
-            transitions=self.state_dict(),
-        )
+        parts = {
+            "made": self._made,
+            "bonus": self.bonus.state_dict(),
+            "scale": None if self._scale is None else self._scale.state_dict(),
+            "counters": {name: getattr(self, name) for name in COUNTERS},
+        }
+        write_buffer(path, self.state_dict() | parts)
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.

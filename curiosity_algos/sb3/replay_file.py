@@ -15,22 +15,12 @@ from curiosity_algos.sb3.held_observations import Array, as_tensors
 from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS
 
 FORMAT = "curiosity replay buffer 2"
-WHAT = "BonusReplayBuffer"
 
 
-def write_buffer(
-    path: str | os.PathLike[str],
-    *,
-    made: dict[str, Any],
-    bonus: dict[str, Any],
-    scale: dict[str, Any] | None,
-    counters: dict[str, Any],
-    transitions: dict[str, Any],
-) -> None:
+def write_buffer(path: str | os.PathLike[str], content: dict[str, Any]) -> None:
     """Write the file; ValueError where it cannot hold the state of the bonus."""
-    check_plain(bonus, "bonus")
-    parts = {"made": made, "bonus": bonus, "scale": scale, "counters": counters}
-    write_plain(path, {**transitions, **parts}, FORMAT)
+    check_plain(content["bonus"], "bonus")
+    write_plain(path, content, FORMAT)
 
 
 def read_buffer(path: str | os.PathLike[str], made: dict[str, Any]) -> dict[str, Any]:
@@ -40,7 +30,7 @@ def read_buffer(path: str | os.PathLike[str], made: dict[str, Any]) -> dict[str,
         FileNotFoundError: If there is no such file.
         ValueError: If it is no whole one, or its bonus was made with others than `made`.
     """
-    saved = read_plain(path, FORMAT, what=WHAT)
+    saved = read_plain(path, FORMAT, what="BonusReplayBuffer")
     if saved.get("made") != made:
         raise ValueError(
             f"`path` must be saved of a buffer with the bonus {made}, {path} has "

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.preprocessing import get_obs_shape
@@ -27,7 +26,7 @@ class OrderedReplayBuffer(ReplayBuffer):
     A place is a row and an environment. Draws are those of a generator of its own.
 
     Args:
-        buffer_size: As in SB3, and all up to `handle_timeout_termination`.
+        buffer_size: As in SB3, and all that follow.
         rng: Of the draws.
 
     Raises:
@@ -38,29 +37,17 @@ class OrderedReplayBuffer(ReplayBuffer):
         self,
         buffer_size: int,
         observation_space: spaces.Space[Any],
-        action_space: spaces.Space[Any],
-        device: th.device | str,
-        n_envs: int,
-        optimize_memory_usage: bool,
-        handle_timeout_termination: bool,
+        *args: Any,
         rng: np.random.Generator,
     ) -> None:
         held = HeldObservations(observation_space)
-        super().__init__(
-            buffer_size,
-            held.array_space,
-            action_space,
-            device,
-            n_envs,
-            optimize_memory_usage,
-            handle_timeout_termination,
-        )
+        super().__init__(buffer_size, held.array_space, *args)
         self.observation_space = observation_space
         self.obs_shape = get_obs_shape(observation_space)  # type: ignore[assignment]  # SB3's of a Dict
         self._rng = rng
         if held.array_space is not observation_space:
             self.observations = self.observations.view(held.dtype)[..., 0]
-            if not optimize_memory_usage:
+            if not self.optimize_memory_usage:
                 self.next_observations = self.next_observations.view(held.dtype)[..., 0]
 
     @cached_property
@@ -69,19 +56,11 @@ class OrderedReplayBuffer(ReplayBuffer):
 
     # -- what is collected ----------------------------------------------------------------------
 
-    def add(
-        self,
-        obs: Any,
-        next_obs: Any,
-        action: Array,
-        reward: Array,
-        done: Array,
-        infos: list[dict[str, Any]],
-    ) -> None:
+    def add(self, obs: Any, next_obs: Any, *args: Any, **kwargs: Any) -> None:
         """Add as SB3 does; an episode that this step does not go on with is truncated before."""
         obs, next_obs = (self._held.hold(each, self.n_envs) for each in (obs, next_obs))
         self._end_what_was_left(obs)
-        super().add(obs, next_obs, action, reward, done, infos)
+        super().add(obs, next_obs, *args, **kwargs)
 
     def _end_what_was_left(self, obs: Array) -> None:
         """Truncate episodes before that this step does not go on with: no span goes over a gap."""

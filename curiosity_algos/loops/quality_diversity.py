@@ -219,8 +219,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
         start_seed, archive_seed, emitter_seed = seed.spawn(3)
         start = np.random.default_rng(start_seed)
         x0 = INITIAL_DEVIATION * start.standard_normal(self.policy.mlp.n_parameters)
-        self._check_user_parts("archive", _kinds(self._own_archive))
         if self._own_archive is None:
+            self._check_user_parts("archive", [])
             self.archive = self._make_archive(archive_seed)
         else:
             self.archive = self._own_archive
@@ -232,6 +232,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self, archive: EliteArchive | PyribsArchive, seed: np.random.SeedSequence
     ) -> None:
         """Make the user's archive keep policies of this search."""
+        made_with = json.dumps(archive_settings(archive))
+        self._check_user_parts("archive", [f"{type(archive).__name__} {made_with}"])
         n_parameters, net_arch = self.policy.mlp.n_parameters, self.policy.net_arch
         part = archive_part(archive)
         if archive.solution_dim != n_parameters or part.net_arch not in (None, net_arch):
@@ -248,7 +250,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
             self._check_user_parts("emitters", [])
             return Emitters([self._make_emitter(x0, seed)], self.archive, x0)
         emitters = Emitters(self.emitters(self.archive, x0, seed), self.archive, x0)
-        self._check_user_parts("emitters", _kinds(*emitters.emitters))
+        self._check_user_parts("emitters", [type(each).__name__ for each in emitters.emitters])
         emitters.state_dict()  # raises where no checkpoint could hold them
         if self.population_size not in (POPULATION_SIZE, emitters.batch_size):
             raise ValueError(
@@ -359,16 +361,3 @@ class QualityDiversity(EvolutionaryAlgorithm):
             return super().predict(observation, state, episode_start, deterministic)
         finally:
             self.policy.vector[:] = acting
-
-
-def _kinds(*parts: object) -> list[str]:
-    """The kinds of parts that the user passed; a file holds no more of them."""
-    return [_kind(part) for part in parts if part is not None]
-
-
-def _kind(part: object) -> str:
-    """The part's class; of an archive, what it was made with, too."""
-    name = type(part).__name__
-    if not isinstance(part, EliteArchive | PyribsArchive):
-        return name
-    return f"{name} {json.dumps(archive_settings(part))}"

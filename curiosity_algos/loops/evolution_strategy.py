@@ -165,11 +165,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         search_seed, *own_seeds = seed.spawn(3)
-        made: Any = self.search  # a Search, once it is made
-        if self.search is None:
-            made = self._canonical_search(search_seed)
-        elif not _is_search(self.search):
-            made = made(self.policy.mlp.n_parameters, search_seed)
+        make: Any = self._canonical_search if self.search is None else self.search
+        made = make if _is_search(make) else make(self.policy.mlp.n_parameters, search_seed)
         self._check_search(made)
         is_normalized = self.normalize_observations
         self._search = NormalizedSearch(made, self.policy.mlp) if is_normalized else made
@@ -194,9 +191,9 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _fixed_settings(cls) -> set[str]:
         return super()._fixed_settings() | {"normalize_observations"}
 
-    def _canonical_search(self, seed: np.random.SeedSequence) -> Search:
+    def _canonical_search(self, n_parameters: int, seed: np.random.SeedSequence) -> Search:
         return CanonicalSearch(
-            self.policy.mlp.n_parameters,
+            n_parameters,
             population_size=self.population_size,
             n_parents=self.n_parents,
             sigma=self.sigma,

@@ -148,10 +148,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._must_reset = False
 
     def _make_parts(
-        self,
-        bonus: str | Bonus,
-        seed: np.random.SeedSequence,
-        device: th.device | str,
+        self, bonus: str | Bonus, seed: np.random.SeedSequence, device: th.device | str
     ) -> None:
         networks_seed, buffer_seed, steps_seed = seed.spawn(3)
         space, action_space = self._view.space, self._acted.space
@@ -164,8 +161,9 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             device=device,
         )
         self._episodes = episodes_of(self.bonus, self.num_envs)
-        self._has_images = ImageInputs.of(space) is not None
         assert isinstance(space, spaces.Box)
+        # As the networks take them: images stay bytes.
+        self._dtype = np.dtype(np.float32 if ImageInputs.of(space) is None else np.uint8)
         n_stored = get_action_dim(action_space)
         self.buffer = TransitionBuffer(
             self.buffer_size, space, n_stored, seed=integer_seed(buffer_seed)
@@ -174,7 +172,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             self.num_envs,
             horizon_of(self.bonus),
             space.shape,
-            np.uint8 if self._has_images else np.float32,
+            self._dtype,
             n_stored,
             seed=steps_seed,
         )
@@ -223,9 +221,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         return observations, total.astype(np.float32), dones, infos
 
     def _stored(self, observations: VecEnvObs) -> npt.NDArray[Any]:
-        """A copy, as the networks take them: images stay bytes."""
-        seen = self._view(observations)
-        stored = np.array(seen, dtype=np.uint8 if self._has_images else np.float32)
+        """A copy, of what the bonus sees."""
+        stored = np.array(self._view(observations), dtype=self._dtype)
         check_observations(stored)
         return stored
 
@@ -302,8 +299,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_counters(state)
         check_actions(state["buffer"]["actions"], self._acted.space)
         shape = (self.num_envs, *(self._view.space.shape or ()))
-        dtype = np.uint8 if self._has_images else np.float32
-        observations = last_observations(state["observations"], shape, dtype)
+        observations = last_observations(state["observations"], shape, self._dtype)
         self._recent.check(state["recent"])
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])

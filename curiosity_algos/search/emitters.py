@@ -26,10 +26,6 @@ class Emitters:
         archive: What they work on.
         x0: (n_parameters,) where they begin.
 
-    Attributes:
-        emitters: As given.
-        x0: As given.
-
     Raises:
         ValueError: If `emitters` is no such list, or one of them works on another archive.
     """

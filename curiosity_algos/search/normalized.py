@@ -89,8 +89,7 @@ class NormalizedSearch:
 
     def state_dict(self) -> dict[str, Any]:
         """The state of the search, and what was seen."""
-        seen = (self._seen.mean, self._seen.var)
-        mean, var = (th.from_numpy(np.array(each)) for each in seen)
+        mean, var = (th.from_numpy(np.array(each)) for each in (self._seen.mean, self._seen.var))
         count = float(self._seen.count)
         return {"search": self.search.state_dict(), "mean": mean, "var": var, "count": count}
 

@@ -36,9 +36,6 @@ from curiosity_gym.validation import (
 
 Float64Array = npt.NDArray[np.float64]
 
-STEPS = ("canonical", "paper")
-NO_REWARD = ("ignore", "random")
-
 
 def standardize(values: Float64Array) -> Float64Array:
     """Values with mean 0 and deviation 1; all 0 where they do not differ."""
@@ -154,7 +151,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         check_at_least_one(population_size=self.population_size)
         check_whole(1, self.population_size, n_parents=self.n_parents)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
-        check_choice(STEPS, step=self.step)
+        check_choice(("canonical", "paper"), step=self.step)
         check_bool(mirrored_sampling=self.mirrored_sampling)
         check_bool(normalize_observations=self.normalize_observations)
         if not (self.search is None or _is_search(self.search) or callable(self.search)):
@@ -289,7 +286,7 @@ class MotivatedStrategy(EvolutionStrategy):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_phi(self.phi)
-        check_choice(NO_REWARD, no_reward=self.no_reward)
+        check_choice(("ignore", "random"), no_reward=self.no_reward)
 
     def _make_parts(
         self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence

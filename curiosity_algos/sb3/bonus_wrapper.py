@@ -261,14 +261,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.buffer.add(observations, actions, th.from_numpy(after))
         self._n_untrained += len(before)
         if self._n_untrained >= self.train_interval:
-            self._train()
-
-    def _train(self) -> None:
-        self._n_untrained = 0
-        self._has_trained = True
-        self.metrics = train(
-            self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
-        )
+            self._n_untrained = 0
+            self._has_trained = True
+            draw, n_updates = self.buffer.sample, self.n_updates
+            self.metrics = train(self.bonus, draw, n_updates=n_updates, batch_size=self.batch_size)
 
     # -- save and load --------------------------------------------------------------------------
 

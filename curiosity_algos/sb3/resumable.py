@@ -342,23 +342,19 @@ def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str,
 
 def _all_parameters(cls: type) -> list[inspect.Parameter]:
     """Parameters of the constructor, and of those that it passes keywords on to."""
+    passed_on = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     found: dict[str, inspect.Parameter] = {}
     for each in cls.__mro__[: cls.__mro__.index(Resumable)]:
         if "__init__" not in vars(each):
             continue
         _, *own = inspect.signature(vars(each)["__init__"]).parameters.values()
-        shown = [parameter for parameter in own if _is_shown(parameter)]
+        shown = [each for each in own if each.kind not in passed_on and each.name[0] != "_"]
         if found:  # the constructors before pass keywords on, and nothing else
             shown = [parameter.replace(kind=parameter.KEYWORD_ONLY) for parameter in shown]
         found |= {each.name: each for each in shown if each.name not in found}
         if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in own):
             break
     return sorted(found.values(), key=lambda parameter: parameter.kind)
-
-
-def _is_shown(parameter: inspect.Parameter) -> bool:
-    is_passed_on = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    return not (is_passed_on or parameter.name.startswith("_"))
 
 
 def _known_name(cls: type) -> str:

@@ -295,8 +295,7 @@ class EvolutionaryAlgorithm(PopulationModel):
     @property
     def n_workers(self) -> int | None:
         """Workers of a Ray cluster that evaluate at present; None: the evaluator has none."""
-        n_live: int | None = getattr(self.evaluator, "n_live", None)
-        return n_live
+        return getattr(self.evaluator, "n_live", None)
 
     # -- the loop -------------------------------------------------------------------------------
 

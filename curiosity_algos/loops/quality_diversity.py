@@ -271,8 +271,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
     def _ask(self) -> Float32Array:
         # Made anew each time: after an env's error the old one would wait for what never comes.
         self._scheduler = Scheduler(self.archive, self._emitters.emitters)
-        asked: Float32Array = self._scheduler.ask().astype(np.float32)
-        return asked
+        return self._scheduler.ask().astype(np.float32)
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         measures, fields = self._measures(rollouts), self._fields(rollouts)

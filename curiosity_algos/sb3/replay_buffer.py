@@ -319,8 +319,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         if not isinstance(self.action_space, spaces.Box):
             return actions[:, 0]
         center, half_range = action_scale(self.action_space)
-        taken: Array = center + half_range * actions
-        return taken
+        return center + half_range * actions
 
     # -- save and load --------------------------------------------------------------------------
 

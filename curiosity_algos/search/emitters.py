@@ -115,8 +115,7 @@ class TournamentEmitter(GaussianEmitter):
     def ask(self) -> Float32Array:
         """Mutants (batch_size, n_parameters) of the winners; of `x0` while there are no elites."""
         if self.archive.empty:
-            first: Float32Array = super().ask()
-            return first
+            return super().ask()
         candidates = self.archive.sample_elites(self._tournament_size * self.batch_size)
         scores = self._score(candidates).reshape(self.batch_size, self._tournament_size)
         winners = np.arange(self.batch_size) * self._tournament_size + scores.argmax(axis=1)

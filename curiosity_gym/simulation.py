@@ -29,7 +29,7 @@ class BaseSimulation:
         n: Number of episodes.
         observations: (n, O), overwritten by each step.
         rewards: (n,) of the last step of each, of a kind that does not reward success alone.
-        success: (n,) whether that step reached the goal.
+        success: (n,) whether that step reached the goal; False where an episode begins.
     """
 
     observation_space: spaces.Box[Any]

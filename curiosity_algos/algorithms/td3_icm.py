@@ -126,9 +126,13 @@ class TD3ICM(ResumableTD3):
 
     def _setup_model(self) -> None:
         super()._setup_model()
+        if self.policy_kwargs.keys() & {"optimizer_class", "optimizer_kwargs"}:
+            return
+        # One call for all weights: a sixth less time. As a keyword it would be a setting of runs.
         for optimizer in (self.actor.optimizer, self.critic.optimizer):
-            if type(optimizer) is th.optim.Adam:  # one call for all weights: a fifth less time
-                optimizer.param_groups[0]["fused"] = True
+            if type(optimizer) is th.optim.Adam:
+                for group in optimizer.param_groups:
+                    group["fused"] = True
 
     def _make_parts(self, seed: np.random.SeedSequence) -> BonusReplayBuffer:
         networks_seed, buffer_seed = seed.spawn(2)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.preprocessing import get_obs_shape
@@ -26,7 +27,7 @@ class OrderedReplayBuffer(ReplayBuffer):
     A place is a row and an environment. Draws are those of a generator of its own.
 
     Args:
-        buffer_size: As in SB3, and all that follow.
+        buffer_size: As in SB3, and all up to `handle_timeout_termination`.
         rng: Of the draws.
 
     Raises:
@@ -37,11 +38,23 @@ class OrderedReplayBuffer(ReplayBuffer):
         self,
         buffer_size: int,
         observation_space: spaces.Space[Any],
-        *args: Any,
+        action_space: spaces.Space[Any],
+        device: th.device | str,
+        n_envs: int,
+        optimize_memory_usage: bool,
+        handle_timeout_termination: bool,
         rng: np.random.Generator,
     ) -> None:
         held = HeldObservations(observation_space)
-        super().__init__(buffer_size, held.array_space, *args)
+        super().__init__(
+            buffer_size,
+            held.array_space,
+            action_space,
+            device,
+            n_envs,
+            optimize_memory_usage,
+            handle_timeout_termination,
+        )
         self.observation_space = observation_space
         self.obs_shape = get_obs_shape(observation_space)  # type: ignore[assignment]  # SB3's of a Dict
         self._rng = rng

@@ -142,7 +142,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             n_envs,
             optimize_memory_usage,
             handle_timeout_termination,
-            rng=np.random.default_rng(seed),
+            np.random.default_rng(seed),
         )
         self.observation_key = observation_key
         self.weight = float(weight)

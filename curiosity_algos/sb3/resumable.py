@@ -348,7 +348,7 @@ def _all_parameters(cls: type) -> list[inspect.Parameter]:
         if "__init__" not in vars(each):
             continue
         _, *own = inspect.signature(vars(each)["__init__"]).parameters.values()
-        shown = [each for each in own if each.kind not in passed_on and each.name[0] != "_"]
+        shown = [one for one in own if one.kind not in passed_on and one.name[0] != "_"]
         if found:  # the constructors before pass keywords on, and nothing else
             shown = [parameter.replace(kind=parameter.KEYWORD_ONLY) for parameter in shown]
         found |= {each.name: each for each in shown if each.name not in found}

@@ -28,7 +28,7 @@ BORDER = 1.0
 COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)
 
 _TRAP = np.array([(19.5, 11.5, 1.0, 7.0), (14.5, 17.5, 6.0, 1.0), (14.5, 11.5, 6.0, 1.0)])
-TRAP = MazeLayout("trap", 40.0, 30.0, (8.0, 15.0), (26.0, 15.0), _TRAP)
+TRAP = MazeLayout("trap", 40.0, 30.0, start=(8.0, 15.0), goal=(26.0, 15.0), walls=_TRAP)
 """A U between start and goal, open towards the start: who makes for the goal gets stuck in it.
 
 The walls are where QDax had them for its ant, 12 m ahead. It took the idea from Conti et al. 2018,
@@ -37,10 +37,12 @@ Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560). Theirs are capsules 
 these are boxes, there is a border, and a goal behind the U.
 """
 _SMALL_TRAP = np.array([(9.5, 6.0, 0.5, 4.0), (7.0, 9.5, 2.5, 0.5), (7.0, 6.0, 2.5, 0.5)])
-SMALL_TRAP = MazeLayout("small_trap", 20.0, 16.0, (4.0, 8.0), (13.0, 8.0), _SMALL_TRAP)
+SMALL_TRAP = MazeLayout(
+    "small_trap", 20.0, 16.0, start=(4.0, 8.0), goal=(13.0, 8.0), walls=_SMALL_TRAP
+)
 """The same for a humanoid, whose steps take a third of the time of an ant's: at half the size."""
 _MAZE = np.array([(12.0, 0.0, 0.5, 12.0), (7.5, 6.0, 4.5, 0.5), (7.0, 12.5, 0.5, 9.5)])
-MAZE = MazeLayout("maze", 22.0, 22.0, (2.5, 2.5), (19.5, 2.5), _MAZE)
+MAZE = MazeLayout("maze", 22.0, 22.0, start=(2.5, 2.5), goal=(19.5, 2.5), walls=_MAZE)
 """A wall between start and goal that ends far up, and two more that lead astray.
 
 After QDax's `antmaze`, at half its size: what lasted 50 seconds there, a thousand steps of

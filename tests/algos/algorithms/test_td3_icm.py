@@ -34,10 +34,28 @@ def test_defaults_are_the_papers():
     assert noise.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.01)
 
 
-def test_adam_is_fused_and_other_optimizers_are_taken_as_they_are(make, make_maze):
-    assert make(make_maze()).critic.optimizer.param_groups[0]["fused"]
-    other = make(make_maze(), policy_kwargs={"optimizer_class": th.optim.RMSprop})
-    assert isinstance(other.critic.optimizer, th.optim.RMSprop)
+class TestOptimizers:
+    def test_adam_is_fused(self, make, make_maze):
+        model = make(make_maze())
+        for optimizer in (model.actor.optimizer, model.critic.optimizer):
+            assert [group["fused"] for group in optimizer.param_groups] == [True]
+        assert model.policy_kwargs == {"net_arch": [4]}
+
+    def test_what_is_asked_for_stays(self, make, make_maze):
+        given = {"optimizer_class": th.optim.RMSprop}
+        assert type(make(make_maze(), policy_kwargs=given).actor.optimizer) is th.optim.RMSprop
+        given = {"optimizer_kwargs": {"fused": False}}
+        model = make(make_maze(), policy_kwargs=given)
+        assert not model.critic.optimizer.param_groups[0]["fused"]
+
+    def test_a_model_of_before_goes_on_as_it_was(self, make, make_maze, tmp_path):
+        model = make(make_maze())
+        for optimizer in (model.actor.optimizer, model.critic.optimizer):
+            optimizer.param_groups[0]["fused"] = None
+        model.learn(60).save(tmp_path / "model")
+        loaded = TD3ICM.load(tmp_path / "model", env=make_maze())
+        for optimizer in (loaded.actor.optimizer, loaded.critic.optimizer):
+            assert optimizer.param_groups[0]["fused"] is None
 
 
 class TestTraining:

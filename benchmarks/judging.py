@@ -4,7 +4,8 @@ That one algorithm is ahead of another holds in an environment if the ranks of t
 to that by chance in less than 5 % of all cases (Mann and Whitney's test, over all permutations),
 and does not hold if the opposite would. That one is as good as another holds if the 95 % interval
 of the difference of their means is above minus the margin. A reward is found if every run finds
-one, not found if less than half of them do. Fewer than three runs say nothing.
+one, not found if less than half of them do, unless they had less than `LEAST_SHARE` of the paper's
+steps. Fewer than three runs say nothing.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.figures.plan import Series
 from curiosity_algos.experiments.statistics import LEAST_RUNS, Interval, stratified_bootstrap
 
+LEAST_SHARE = 0.01
+"""Of the paper's steps: what runs with fewer do not find may come later."""
 REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "cannot be told"
 
 
@@ -88,6 +91,9 @@ def _found(word: Callable[[float], str], series: Series, env: str, tables: Table
     if not len(is_found):
         return _not_trained(env)
     numbers = f"{short_name(env)} {is_found.sum()} of {len(is_found)}"
+    spent = _numbers(tables, "share of the paper's steps", series, env).max()
+    if is_found.mean() < 0.5 and spent < LEAST_SHARE:
+        return Verdict(UNKNOWN, f"{numbers} in {100 * spent:.2g} % of the paper's steps")
     return Verdict(word(float(is_found.mean())), numbers)
 
 

@@ -16,7 +16,7 @@ from scipy.stats import entropy
 
 from benchmarks.paper import COLUMNS, SIZE, Tables
 from curiosity_algos.experiments.figures.mazes import SIDE
-from curiosity_algos.experiments.figures.plan import MAZES
+from curiosity_algos.experiments.figures.plan import BUDGETS, CONTROL, MAZES
 from curiosity_gym.layouts import reachable_cells
 
 Float64 = npt.NDArray[np.float64]
@@ -40,6 +40,14 @@ def _column(name: str, tables: Tables) -> Runs:
 def budget_share(tables: Tables) -> Runs:
     """The share of a run's timesteps by which it had its first reward."""
     return _column("first_success_timesteps", tables) / _column("timesteps", tables)
+
+
+def paper_share(tables: Tables) -> Runs:
+    """A run's timesteps over those that the paper spends on its environment."""
+    paper = BUDGETS["paper"]
+    spent = dict.fromkeys(MAZES, paper.maze) | dict.fromkeys(CONTROL, paper.control)
+    timesteps = _column("timesteps", tables)
+    return timesteps / timesteps.index.get_level_values("env").map(spent)
 
 
 def _of_curves(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
@@ -168,6 +176,7 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "rewarding policies": partial(_column, "n_rewarding"),
     "first reward": partial(_column, "first_success_timesteps"),
     "share of the budget": budget_share,
+    "share of the paper's steps": paper_share,
     "late gain": partial(_of_curves, late_gain),
     "decline": partial(_of_curves, decline),
     "bonus left": partial(_of_curves, bonus_left),

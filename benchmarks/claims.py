@@ -13,6 +13,7 @@ from benchmarks.judging import (
     below,
     finds,
     finds_none,
+    nearly_as_good,
     not_measured,
     opposite,
     takes_longer,
@@ -55,9 +56,9 @@ def _explores(x: str, y: str, *envs: str, **settings: str) -> Judge:
 
 
 def _explores_as_much(x: str, y: str, *envs: str) -> Judge:
-    """The same, or as much: up to .05."""
+    """The same, or as much: up to a tenth."""
     return all_of(
-        *(as_good("coverage", exploring(x, env), exploring(y, env), 0.05, env) for env in envs)
+        *(nearly_as_good("coverage", exploring(x, env), exploring(y, env), env) for env in envs)
     )
 
 
@@ -156,7 +157,7 @@ _SAID: dict[str, dict[str, Judge]] = {
         },
         "Without reward Curiosity-ES explores more of BallInCup and Finger than "
         "MAP-Elites.": _explores("CuriosityES", "MAPElites", BALL, FINGER),
-        "MAP-Elites explores as much of Stacker as Curiosity-ES, up to .05.": _explores_as_much(
+        "MAP-Elites explores as much of Stacker as Curiosity-ES, up to a tenth.": _explores_as_much(
             "MAPElites", "CuriosityES", STACKER
         ),
         **{
@@ -187,8 +188,8 @@ _SAID: dict[str, dict[str, Judge]] = {
             )
             for name in ("NSES", "NSLC")
         },
-        "Curiosity-ES, which is told no behavior, explores as much as NS-ES, up to .05, or "
-        "more.": _explores_as_much("CuriosityES", "NSES", *BOTTLENECK),
+        "Curiosity-ES, which is told no behavior, explores as much as NS-ES, up to a tenth, "
+        "or more.": _explores_as_much("CuriosityES", "NSES", *BOTTLENECK),
     },
     "6": {
         "CMA-ME and Curiosity-ES cover nearly all of US: 90 % or more.": all_of(

@@ -107,8 +107,7 @@ def ahead(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
                 return found
         return UNKNOWN
 
-    pair = _series(x), _series(y)
-    return all_of(*(partial(_compared, word, measure, *pair, env) for env in envs))
+    return _in_each(word, measure, x, y, *envs)
 
 
 def as_good(measure: str, x: str | Series, y: str | Series, margin: float, *envs: str) -> Judge:
@@ -117,6 +116,25 @@ def as_good(measure: str, x: str | Series, y: str | Series, margin: float, *envs
     def word(first: Float64, second: Float64, difference: Interval) -> str:
         return _reaches(difference, -margin)
 
+    return _in_each(word, measure, x, y, *envs)
+
+
+def nearly_as_good(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
+    """The same up to a tenth of what `y` has, where a margin might be more than all of it."""
+
+    def word(first: Float64, second: Float64, difference: Interval) -> str:
+        return _reaches(difference, -0.1 * float(second.mean()))
+
+    return _in_each(word, measure, x, y, *envs)
+
+
+def _in_each(
+    word: Callable[[Float64, Float64, Interval], str],
+    measure: str,
+    x: str | Series,
+    y: str | Series,
+    *envs: str,
+) -> Judge:
     pair = _series(x), _series(y)
     return all_of(*(partial(_compared, word, measure, *pair, env) for env in envs))
 

@@ -261,6 +261,8 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "ppo-summary": ("ppo", visits),
     "ppo-with-and-without": ("ppo", with_and_without),
     "ppo-seeds": ("ppo", every_seed),
+    "sac-summary": ("sac", visits),
+    "sac-seeds": ("sac", every_seed),
     "td3-summary": ("td3", summary),
     "td3-seeds": ("td3", every_seed),
 }

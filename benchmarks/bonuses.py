@@ -56,14 +56,14 @@ def ppo(
     return PPO("MlpPolicy", venv, n_steps=n_steps, seed=seed, device="cpu")
 
 
-def sac(seed: int, env: str, *, bonus: str | None = None, stored: str | None = None) -> SAC:
-    """SB3's SAC, an update every 4 decisions; a `stored` bonus stays as it was collected."""
+def sac(seed: int, env: str, *, stored: bool) -> SAC:
+    """SB3's SAC with APT, an update every 4 decisions; a stored bonus stays as it was collected."""
     venv = _held(env, seed, 10)
     buffer: dict[str, Any] = {}
-    if stored is not None:
-        venv = BonusVecEnvWrapper(venv, bonus=stored, seed=seed, device="cpu")
-    elif bonus is not None:
-        keywords = {"bonus": bonus}
+    if stored:
+        venv = BonusVecEnvWrapper(venv, bonus="apt", seed=seed, device="cpu")
+    else:
+        keywords = {"bonus": "apt"}
         buffer = {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": keywords}
     return SAC(
         "MlpPolicy",
@@ -106,8 +106,8 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
         f"ppo_parts/{part}": {f"apt/{US}": partial(ppo, bonus="apt", env=US, **changes)}
         for part, changes in PARTS.items()
     },
-    "sac": {f"{bonus} {US}": partial(sac, env=US, bonus=bonus) for bonus in (None, "apt")},
-    "sac/stored": {f"apt/{US}": partial(sac, env=US, stored="apt")},
+    "sac": {f"apt {US}": partial(sac, env=US, stored=False)},
+    "sac/stored": {f"apt/{US}": partial(sac, env=US, stored=True)},
     "locomotion/ppo": {
         f"{bonus} {env}": partial(ant_ppo, bonus=bonus, env=env)
         for env, bonus in product(WORLDS, (None, "apt"))

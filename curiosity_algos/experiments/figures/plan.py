@@ -86,12 +86,12 @@ BUDGETS = {
         note=SMOKE_NOTE,
     ),
     "short": Budget(seeds=(0, 1, 2), maze=3e7, control=1e6, td3_maze=3e5, td3_control=1e5),
-    "tenth": Budget(seeds=(0, 1, 2), maze=2.24e7, control=1.12e7, td3_maze=1e6, td3_control=2e5),
+    "tenth": Budget(seeds=(0, 1, 2), maze=2.24e7, control=1.12e7, td3_maze=2e5, td3_control=2e5),
     "paper": Budget(
         seeds=(0, 1, 2, 3, 4),
         maze=GENERATIONS * POPULATION * 2_000,
         control=GENERATIONS * POPULATION * 1_000,
-        td3_maze=2e6,
+        td3_maze=1e6,
         td3_control=1e6,
     ),
 }

@@ -145,7 +145,12 @@ def check_episodes(make_bonus: MakeBonus, seed: int = 0) -> None:
     actions = rng.integers(0, N_ACTIONS, (N_EPISODES, N_STEPS))
     bonus = make_bonus(spaces.Box(-np.inf, np.inf, (N_ENTRIES,)), spaces.Discrete(N_ACTIONS))
     assert isinstance(bonus, EpisodicBonus)
-    bonus.observe(th.from_numpy(states))
+    seen, taken, reached = (
+        th.from_numpy(each.reshape(N_EPISODES * N_STEPS, -1))
+        for each in (observations[:, :-1], actions, observations[:, 1:])
+    )
+    bonus.observe(seen)
+    bonus.update(seen, taken, reached)  # what is new in training may count, too
     alone = [bonus.score_trajectory(*each) for each in zip(observations, actions, strict=True)]
     episodes = bonus.episodes(N_EPISODES)
     for when in ("beside others", "after another"):

@@ -29,6 +29,10 @@ from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments import RunFolder, SaveRun
 
 US = MAZES[1]
+SPARSE = ("MountainCarContinuous-v0", "CuriositySparse-PointMaze_Large-v0")
+"""Tasks of others' where reward is far away."""
+SAMPLED = ("apt", "disagreement", "icm", "ramp", "rnd")
+"""Bonuses that a replay buffer takes: they ask for no episodes."""
 PARTS: dict[str, dict[str, Any]] = {
     "power=1": {"power": 1.0},
     "horizon=100": {"horizon": 100},
@@ -56,14 +60,14 @@ def ppo(
     return PPO("MlpPolicy", venv, n_steps=n_steps, seed=seed, device="cpu")
 
 
-def sac(seed: int, env: str, *, stored: bool) -> SAC:
-    """SB3's SAC with APT, an update every 4 decisions; a stored bonus stays as it was collected."""
+def sac(seed: int, bonus: str | None, env: str, *, stored: bool = False) -> SAC:
+    """SB3's SAC, an update every 4 decisions; a stored bonus stays as it was collected."""
     venv = _held(env, seed, 10)
     buffer: dict[str, Any] = {}
-    if stored:
-        venv = BonusVecEnvWrapper(venv, bonus="apt", seed=seed, device="cpu")
-    else:
-        keywords = {"bonus": "apt"}
+    if bonus is not None and stored:
+        venv = BonusVecEnvWrapper(venv, bonus=bonus, seed=seed, device="cpu")
+    elif bonus is not None:
+        keywords = {"bonus": bonus}
         buffer = {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": keywords}
     return SAC(
         "MlpPolicy",
@@ -102,12 +106,16 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
         f"{bonus} {env}": partial(ppo, bonus=bonus, env=env)
         for bonus, env in product((None, *BONUSES), MAZES)
     },
+    "sparse": {
+        f"{bonus} {env}": partial(ppo, bonus=bonus, env=env)
+        for bonus, env in product((None, "apt", "ngu", "rnd"), SPARSE)
+    },
     **{
         f"ppo_parts/{part}": {f"apt/{US}": partial(ppo, bonus="apt", env=US, **changes)}
         for part, changes in PARTS.items()
     },
-    "sac": {f"apt {US}": partial(sac, env=US, stored=False)},
-    "sac/stored": {f"apt/{US}": partial(sac, env=US, stored=True)},
+    "sac": {f"{bonus} {US}": partial(sac, bonus=bonus, env=US) for bonus in (None, *SAMPLED)},
+    "sac/stored": {f"apt/{US}": partial(sac, bonus="apt", env=US, stored=True)},
     "locomotion/ppo": {
         f"{bonus} {env}": partial(ant_ppo, bonus=bonus, env=env)
         for env, bonus in product(WORLDS, (None, "apt"))
@@ -118,7 +126,7 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
     },
 }
 """What makes the model of each row, by the name of the table, which ends at a "/"."""
-TIMESTEPS = {"ppo": 1e6, "ppo_parts": 1e6, "sac": 1e6, "locomotion": 1e6, "td3": 4e5}
+TIMESTEPS = {"ppo": 1e6, "sparse": 1e6, "ppo_parts": 1e6, "sac": 1e6, "locomotion": 1e6, "td3": 4e5}
 """Steps of the environment, by table."""
 
 

@@ -219,6 +219,19 @@ def ramp(values: pd.DataFrame) -> str:
     return markdown(["Published", "Share of the best run (%)"], rows)
 
 
+def doors(values: pd.DataFrame) -> str:
+    """A row for each algorithm: when the mean return of each seed is .9, and what it ends at."""
+    rows = []
+    for (env, algorithm), runs in values.groupby(["env", "algorithm"], sort=False):
+        last = runs.groupby("seed")["return"].last()
+        solved = runs[runs["return"] >= 0.9].groupby("seed")["frames"].min().reindex(last.index)
+        frames = " / ".join("never" if pd.isna(each) else f"{each:,.0f}" for each in solved)
+        returns = " / ".join(f"{each:.2f}" for each in last)
+        rows.append([env, -last.mean(), [short_name(env), algorithm, frames, returns]])
+    head = ["Task", "Algorithm", "Frames to a mean return of .9", "Mean return at the end"]
+    return markdown(head, [cells for *_, cells in sorted(rows, key=lambda row: row[:2])])
+
+
 def counts(values: pd.DataFrame) -> str:
     """The rows as they are."""
     return markdown(list(values), values.astype(str).to_numpy().tolist())
@@ -275,6 +288,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
     "ppo-parts": parts,
     "mazes-learned-summary": learned,
+    "minigrid": partial(make_table, read_rows, "minigrid", doors),
     "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", roaming),
     "ramp": partial(make_table, read_rows, "ramp", ramp),

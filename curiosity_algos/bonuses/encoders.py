@@ -98,17 +98,28 @@ class SmallCNN(BaseFeaturesExtractor):
     Args:
         observation_space: Box of images (channels, height, width), 4 by 4 at least.
         features_dim: Number of features.
+        batch_norm: Whether images and what the convolutions make of them are standardized by
+            their batch, with which a policy learns from fewer frames; bonuses do without.
     """
 
-    def __init__(self, observation_space: spaces.Space[Any], features_dim: int = 128) -> None:
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        features_dim: int = 128,
+        *,
+        batch_norm: bool = False,
+    ) -> None:
         super().__init__(observation_space, features_dim)
         channels, *sizes = observation_space.shape or ()
-        layers: list[th.nn.Module] = []
+        layers: list[th.nn.Module] = [th.nn.BatchNorm2d(channels)] if batch_norm else []
         for before, after in pairwise((channels, 16, 32, 64)):
-            layers += [th.nn.Conv2d(before, after, 2), th.nn.ReLU()]
+            norm = [th.nn.BatchNorm2d(after)] if batch_norm else []
+            layers += [th.nn.Conv2d(before, after, 2), *norm, th.nn.ReLU()]
         n_entries = 64 * math.prod(size - 3 for size in sizes)
-        linear = th.nn.Linear(n_entries, features_dim)
-        self.layers = th.nn.Sequential(*layers, th.nn.Flatten(), linear, th.nn.ReLU())
+        layers += [th.nn.Flatten(), th.nn.Linear(n_entries, features_dim)]
+        if batch_norm:
+            layers.append(th.nn.BatchNorm1d(features_dim))
+        self.layers = th.nn.Sequential(*layers, th.nn.ReLU())
 
     def forward(self, observations: th.Tensor) -> th.Tensor:
         """Features (n, features_dim) of images (n, channels, height, width)."""

@@ -45,6 +45,19 @@ def test_small_images_have_small_convolutions(shape):
     assert not th.equal(encoder(picture)[0], features[0])
 
 
+def test_batches_of_small_images_may_be_standardized():
+    pictures = 10.0 * th.rand(64, 3, 7, 7, generator=generator())
+    encoder = SmallCNN(images(3, 7, 7), batch_norm=True)
+    norms = [each for each in encoder.modules() if isinstance(each, th.nn.BatchNorm2d)]
+    assert [each.num_features for each in norms] == [3, 16, 32, 64]
+    encoder.train()
+    np.testing.assert_allclose(
+        encoder(pictures).detach(), encoder(5.0 * pictures + 7.0).detach(), atol=1e-3
+    )
+    encoder.eval()
+    assert not th.allclose(encoder(pictures), encoder(5.0 * pictures + 7.0), atol=0.1)
+
+
 @pytest.mark.parametrize(("shape", "order"), [((3, 36, 40), (0, 1, 2)), ((36, 40, 3), (2, 0, 1))])
 def test_colors_come_first_and_are_shares(shape, order):
     pixels = np.random.default_rng(0).integers(0, 256, (2, *shape), np.uint8)

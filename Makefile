@@ -7,7 +7,7 @@ SEED ?= 1
 PYTEST = .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo check test shuffle fuzz lint docs bench clean
+.PHONY: help demo check test shuffle gpu fuzz lint docs bench clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
@@ -23,6 +23,9 @@ test: .venv/.installed  ## run all tests
 
 shuffle: .venv/.installed  ## run all tests in an order that SEED draws (make shuffle SEED=2)
 	$(PYTEST) --shuffle $(SEED)
+
+gpu: .venv/.installed  ## run the tests that need a GPU
+	$(PYTEST) --gpu tests/algos/test_cuda.py
 
 fuzz: .venv/.installed  ## run the property tests on examples drawn anew
 	$(PYTEST) -m hypothesis --hypothesis-profile fuzz

@@ -28,6 +28,7 @@ SECTIONS = {
     "cluster": "benchmarks.cluster",
     "cold_start": "benchmarks.cold_start",
     "whole_run": "benchmarks.whole_run",
+    "gpu": "benchmarks.gpu",
 }
 """The module of each section, imported late: spawned workers import this file again."""
 PACKAGES = ("numpy", "numba", "torch", "gymnasium", "stable-baselines3")

@@ -109,7 +109,14 @@ def extras_of(item):
 def pytest_addoption(parser):
     """Add the options that tests run in another order, and that only fast ones do."""
     parser.addoption("--fast", action="store_true", help="leave out what SLOW lists")
+    parser.addoption("--gpu", action="store_true", help="let the tests see the GPU")
     parser.addoption("--shuffle", metavar="SEED", help="run the tests in the order that SEED draws")
+
+
+def pytest_configure(config):
+    """Hide the GPU from tests that do not ask for it: the bits they expect are the processor's."""
+    if not config.getoption("gpu"):
+        os.environ["CUDA_VISIBLE_DEVICES"] = ""
 
 
 def pytest_ignore_collect(collection_path, config):

@@ -59,6 +59,7 @@ TITLES = {
         "whole_run: from a cold process to the saved model",
         "whole_run: resident memory",
     ],
+    "gpu": ["gpu: bonuses", "gpu: CuriosityMaze-US-v0"],
 }
 DIFFERENCES = ["curiosity_gym beyond gymnasium", "overhead"]
 
@@ -87,6 +88,7 @@ def medians(printed):
         pytest.param(["cluster"], marks=pytest.mark.extra("control", "ray")),
         ["cold_start"],
         ["whole_run"],
+        ["gpu"],
     ],
 )
 def test_sections_print_figures(names, capsys):

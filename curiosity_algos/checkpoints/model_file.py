@@ -15,12 +15,11 @@ from numbers import Integral, Real
 from typing import Any
 
 import cloudpickle
-import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, save_to_zip_file
 from stable_baselines3.common.type_aliases import TensorDict
-from stable_baselines3.common.utils import get_device, get_system_info
+from stable_baselines3.common.utils import get_system_info
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
@@ -166,15 +165,13 @@ def read_attributes(
 def read_model(
     file: pathlib.Path | io.BufferedIOBase,
     algorithm: str,
-    device: th.device | str,
     custom_objects: dict[str, Any] | None,
     print_system_info: bool = False,
 ) -> tuple[dict[str, Any], TensorDict]:
-    """Read a model's attributes and the states of its parts, arguments as in SB3.
+    """Read a model's attributes and the states of its parts, on the CPU; arguments as in SB3.
 
     Raises ValueError if the file is damaged, or its tensors would run code.
     """
-    device = get_device(device)
     if print_system_info:
         print("== CURRENT SYSTEM INFO ==")
         get_system_info()
@@ -183,7 +180,7 @@ def read_model(
         data, parameters, variables = load_from_zip_file(
             file,
             custom_objects=custom_objects,
-            device=device,
+            device="cpu",
             print_system_info=print_system_info,
         )
     except pickle.UnpicklingError as error:

@@ -46,10 +46,10 @@ def _is_part(model: BaseAlgorithm, name: str) -> bool:
     return all(hasattr(part, method) for method in ("state_dict", "load_state_dict"))
 
 
-def read_parts(
-    model: BaseAlgorithm, source: str | TensorDict, exact_match: bool, device: th.device | str
-) -> TensorDict:
+def read_parts(model: BaseAlgorithm, source: str | TensorDict, exact_match: bool) -> TensorDict:
     """States for `set_parameters`, in a dictionary or a file, whose names the model knows.
+
+    A file's are on the CPU: networks copy them to where they are, other parts are arrays.
 
     Raises:
         ValueError: If the model has no part of a name, or, with `exact_match`, one is missing.
@@ -57,7 +57,7 @@ def read_parts(
     if isinstance(source, dict):
         parameters: TensorDict = source
     else:
-        parameters = load_from_zip_file(source, device=device, load_data=False)[1]
+        parameters = load_from_zip_file(source, device="cpu", load_data=False)[1]
     given, expected = set(parameters), set(model._get_torch_save_params()[0])
     wrong = {"missing": expected - given if exact_match else set(), "unknown": given - expected}
     if any(wrong.values()):

@@ -89,7 +89,6 @@ class PopulationModel(Resumable):
         cls,
         file: pathlib.Path | io.BufferedIOBase,
         env: Any,
-        device: th.device | str,
         custom_objects: dict[str, Any] | None,
         print_system_info: bool,
         given: dict[str, Any],
@@ -104,7 +103,7 @@ class PopulationModel(Resumable):
         if isinstance(policy := attributes.get("policy_class"), str):
             check_choice(tuple(cls.policy_aliases), policy=policy)
             attributes["policy_class"] = cls.policy_aliases[policy]
-        data, parameters = read_model(file, name, device, attributes, print_system_info)
+        data, parameters = read_model(file, name, attributes, print_system_info)
         had = data["_user_parts"].get("evaluator")
         if env is not None and had and "_evaluator_choice" not in given:
             raise ValueError(

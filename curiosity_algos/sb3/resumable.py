@@ -211,7 +211,7 @@ class Resumable(BaseAlgorithm):
                 has no use for it: archives have parents of their own once they hold elites. Nothing
                 has changed then.
         """
-        parameters = read_parts(self, load_path_or_dict, exact_match, device)
+        parameters = read_parts(self, load_path_or_dict, exact_match)
         self._prepare_for(parameters, exact_match)
         super().set_parameters(parameters, exact_match, device)
 
@@ -293,7 +293,7 @@ class Resumable(BaseAlgorithm):
         seed = ((custom_objects or {}) | kwargs).get("seed")
         check_seed(seed)
         given = kwargs | {"allow_pickle": allow_pickle}
-        data, parameters = cls._read(file, env, device, custom_objects, print_system_info, given)
+        data, parameters = cls._read(file, env, custom_objects, print_system_info, given)
         with cls._unchanged_on_error(data):
             model = build_model(cls, data, parameters, env, device, force_reset)
             model._go_on(data)
@@ -310,14 +310,13 @@ class Resumable(BaseAlgorithm):
         cls,
         file: pathlib.Path | io.BufferedIOBase,
         env: Any,
-        device: th.device | str,
         custom_objects: dict[str, Any] | None,
         print_system_info: bool,
         given: dict[str, Any],
     ) -> tuple[dict[str, Any], TensorDict]:
         """A model's attributes, those that were given among them, and the states of its parts."""
         del given["allow_pickle"]
-        data, parameters = read_model(file, cls.__name__, device, custom_objects, print_system_info)
+        data, parameters = read_model(file, cls.__name__, custom_objects, print_system_info)
         for name in given.keys() & {"policy_kwargs", "preset"}:
             if given[name] != data.get(name):
                 raise ValueError(f"`{name}` must be as saved, {data.get(name)}.")

@@ -1,0 +1,230 @@
+"""What a GPU computes is what the processor does, but for rounding, and a run goes on on either."""
+
+import io
+
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.env_util import make_vec_env
+
+from curiosity_algos import (
+    AURORA,
+    NSLC,
+    TD3ICM,
+    BonusReplayBuffer,
+    BonusVecEnvWrapper,
+    CuriosityES,
+    CuriosityMAPElites,
+)
+from curiosity_algos.bonuses.checks import check_bonus
+from curiosity_algos.bonuses.episodes import episodes_of
+from curiosity_algos.bonuses.make import BONUSES, make_bonus
+from curiosity_algos.experiments import RunFolder, load_runs
+from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.experiments.training import train
+from curiosity_algos.search.canonical import CanonicalSearch
+
+pytestmark = pytest.mark.skipif(
+    not th.cuda.is_available(), reason="there is no GPU, or `make gpu` was not asked for"
+)
+
+VECTORS, ACTIONS = spaces.Box(-1, 1, (6,)), spaces.Box(-1, 1, (2,))
+OBSERVATIONS = {
+    "vectors": VECTORS,
+    "tiles": spaces.Box(0, 255, (7, 7, 3), np.uint8),
+    "pixels": spaces.Box(0, 255, (3, 40, 40), np.uint8),
+}
+CURIOUS = [CuriosityES, CuriosityMAPElites, AURORA, TD3ICM]
+"""The algorithms that train networks of their own."""
+SAMPLED = ("apt", "disagreement", "icm", "ramp", "rnd")
+"""Bonuses that ask for no episodes."""
+
+
+def transitions(space, n, seed=0):
+    """Observations of one walk, actions, and the observations that these led to."""
+    space.seed(seed)
+    observations = np.stack([space.sample() for _ in range(n + 1)])
+    actions = np.random.default_rng(seed).uniform(-1, 1, (n, 2)).astype(np.float32)
+    return observations[:-1], actions, observations[1:]
+
+
+def make(name, space, device):
+    return make_bonus(name, {"n_features": 8}, space, ACTIONS, seed=0, device=device)
+
+
+def learn(bonus, space, n_updates=3):
+    """Train a bonus, and return its losses."""
+    losses = []
+    for seed in range(n_updates):
+        batch = [th.from_numpy(each) for each in transitions(space, 32, seed)]
+        bonus.observe(batch[0])
+        losses.append(bonus.update(*batch))
+    return losses
+
+
+def scores(bonus, space):
+    """What a walk is worth, as the first of an episode where that counts."""
+    batch = transitions(space, 16, seed=9)
+    return (episodes_of(bonus, 16) or bonus).score(*batch)
+
+
+@pytest.fixture(params=BONUSES)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(autouse=True)
+def _whole_floats(monkeypatch):
+    """Convolutions keep all bits of a float, as they do on the processor."""
+    monkeypatch.setattr(th.backends.cudnn, "allow_tf32", False)
+
+
+@pytest.mark.parametrize("space", OBSERVATIONS.values(), ids=OBSERVATIONS)
+class TestBonuses:
+    def test_it_scores_and_learns_as_on_the_processor(self, name, space):
+        here, there = make(name, space, "cpu"), make(name, space, "cuda")
+        assert {each.device.type for each in there.parameters()} == {"cuda"}
+        np.testing.assert_allclose(scores(there, space), scores(here, space), rtol=1e-3, atol=1e-4)
+        for one, other in zip(learn(there, space), learn(here, space), strict=True):
+            assert one == pytest.approx(other, rel=2e-2, abs=1e-3)
+        np.testing.assert_allclose(scores(there, space), scores(here, space), rtol=5e-2, atol=1e-3)
+
+    @pytest.mark.parametrize(("begun", "gone_on"), [("cuda", "cpu"), ("cpu", "cuda")])
+    def test_it_goes_on_elsewhere(self, name, space, begun, gone_on):
+        one, other = make(name, space, begun), make(name, space, gone_on)
+        learn(one, space)
+        file = io.BytesIO()
+        th.save(one.state_dict(), file)
+        file.seek(0)
+        other.load_state_dict(th.load(file, map_location="cpu", weights_only=True))
+        np.testing.assert_allclose(scores(one, space), scores(other, space), rtol=1e-3, atol=1e-4)
+        for loss, same in zip(learn(one, space), learn(other, space), strict=True):
+            assert loss == pytest.approx(same, rel=5e-2, abs=2e-3)
+
+
+def test_it_falls_where_it_is_trained():
+    check_bonus(lambda *spaces: make_bonus("icm", {}, *spaces, seed=0, device="cuda"))
+
+
+class TestAlgorithms:
+    @pytest.mark.parametrize("algorithm", CURIOUS)
+    def test_a_run_goes_on_bit_for_bit(
+        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+    ):
+        uninterrupted = make_model(algorithm, make_easy_maze(), device="cuda").learn(600)
+        uninterrupted.save(tmp_path / "model")
+        resumed = algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cuda")
+        for model in (uninterrupted, resumed):
+            assert model.device.type == "cuda"
+            model.learn(900, reset_num_timesteps=False)
+        assert_same_run(uninterrupted, resumed)
+
+    @pytest.mark.parametrize(("begun", "gone_on"), [("cuda", "cpu"), ("cpu", "cuda")])
+    @pytest.mark.parametrize("algorithm", CURIOUS)
+    def test_a_run_goes_on_elsewhere(
+        self, algorithm, make_model, make_easy_maze, tmp_path, begun, gone_on
+    ):
+        make_model(algorithm, make_easy_maze(), device=begun).learn(600).save(tmp_path / "model")
+        model = algorithm.load(tmp_path / "model", env=make_easy_maze(), device=gone_on)
+        before = model.num_timesteps
+        assert model.learn(600, reset_num_timesteps=False).num_timesteps >= before + 600
+        assert model.device.type == gone_on
+
+    def test_a_search_is_given_arrays(self, make_model, make_easy_maze, tmp_path, monkeypatch):
+        devices = []
+        load = CanonicalSearch.load_state_dict
+
+        def record(self, state, strict=True):
+            devices.append(state["center"].device.type)
+            load(self, state, strict)
+
+        monkeypatch.setattr(CanonicalSearch, "load_state_dict", record)
+        make_model(CuriosityES, make_easy_maze(), device="cuda").save(tmp_path / "model")
+        CuriosityES.load(tmp_path / "model", device="cuda")
+        assert devices == ["cpu"]
+
+    @pytest.mark.parametrize("bonus", BONUSES)
+    def test_curiosity_es_takes_every_bonus(self, bonus, make_model, make_easy_maze):
+        model = make_model(CuriosityES, make_easy_maze(), bonus=bonus, device="cuda").learn(900)
+        assert {each.device.type for each in model.trained_bonus.parameters()} == {"cuda"}
+        observation, _ = make_easy_maze().reset(seed=0)
+        assert model.predict(observation)[0].shape == (2,)
+
+    def test_learned_behaviors(self, make_model, make_easy_maze, tmp_path, assert_same_run):
+        settings = {"behavior": "learned", "device": "cuda"}
+        one = make_model(NSLC, make_easy_maze(), **settings).learn(600)
+        one.save(tmp_path / "model")
+        other = NSLC.load(tmp_path / "model", env=make_easy_maze(), device="cuda")
+        for model in (one, other):
+            model.learn(600, reset_num_timesteps=False)
+        assert_same_run(one, other)
+
+
+class TestStableBaselines:
+    def test_ppo_with_every_bonus(self, name, tmp_path):
+        def wrap():
+            venv = make_vec_env("CuriosityMaze-US-v0", 4, seed=0)
+            return BonusVecEnvWrapper(venv, bonus=name, seed=0, device="cuda")
+
+        venv = wrap()
+        PPO("MlpPolicy", venv, n_steps=64, seed=0, device="cuda").learn(600)
+        venv.save(tmp_path / "bonus.pt")
+        below = make_vec_env("CuriosityMaze-US-v0", 4, seed=0)
+        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", below, device="cpu")
+        np.testing.assert_allclose(
+            scores_of(loaded.bonus), scores_of(venv.bonus), rtol=1e-2, atol=1e-3
+        )
+
+    @pytest.mark.parametrize("bonus", SAMPLED)
+    def test_sac_with_every_bonus(self, bonus, tmp_path):
+        def make_sac(device):
+            return SAC(
+                "MlpPolicy",
+                make_vec_env("CuriosityMaze-US-v0", 2, seed=0),
+                learning_starts=50,
+                train_freq=8,
+                gradient_steps=2,
+                replay_buffer_class=BonusReplayBuffer,
+                replay_buffer_kwargs={"bonus": bonus, "train_interval": 64},
+                seed=0,
+                device=device,
+            )
+
+        model = make_sac("cuda").learn(400)
+        batch = model.replay_buffer.sample(8)
+        assert batch.rewards.device.type == "cuda"
+        assert bool((batch.rewards != 0).any())
+        model.replay_buffer.save(tmp_path / "buffer.pt")
+        other = make_sac("cpu")
+        other.replay_buffer.restore(tmp_path / "buffer.pt")
+        np.testing.assert_allclose(
+            scores_of(other.replay_buffer.bonus),
+            scores_of(model.replay_buffer.bonus),
+            rtol=1e-2,
+            atol=1e-3,
+        )
+
+
+def scores_of(bonus):
+    """What some places of a maze are worth."""
+    rng = np.random.default_rng(0)
+    before, after = rng.uniform(-1, 1, (2, 16, 36)).astype(np.float32)
+    actions = rng.uniform(-1, 1, (16, 2)).astype(np.float32)
+    return (episodes_of(bonus, 16) or bonus).score(before, actions, after)
+
+
+def test_the_folder_of_a_run_is_read_without_a_gpu(tmp_path):
+    run = RunSpec(
+        "CuriosityES",
+        "CuriosityMaze-US-v0",
+        0,
+        2e5,
+        settings={"device": "cuda", "population_size": 10, "n_parents": 5},
+    )
+    folder = run.folder(tmp_path)
+    train(run, folder)
+    assert load_runs(tmp_path)["timesteps"].item() >= 2e5
+    saved = CuriosityES.load(RunFolder(folder).checkpoint / "model", device="cpu")
+    assert saved.device.type == "cpu"

@@ -24,7 +24,8 @@ IntArray = npt.NDArray[np.int64]
 class OrderedReplayBuffer(ReplayBuffer):
     """SB3's `ReplayBuffer`, which also knows what follows what, and takes Dict observations.
 
-    A place is a row and an environment. Draws are those of a generator of its own.
+    A place is a row and an environment. Draws are those of a generator of its own. What
+    `_columns` names is saved and loaded with the transitions.
 
     Args:
         buffer_size: As in SB3, and all up to `handle_timeout_termination`.
@@ -33,6 +34,8 @@ class OrderedReplayBuffer(ReplayBuffer):
     Raises:
         ValueError: If SB3's policies do not take the observations.
     """
+
+    _columns: tuple[str, ...] = COLUMNS
 
     def __init__(
         self,
@@ -133,7 +136,7 @@ class OrderedReplayBuffer(ReplayBuffer):
     def state_dict(self) -> dict[str, Any]:
         """Transitions held, oldest first, and the state of the draws."""
         rows = (self.pos - self._n_held + np.arange(self._n_held)) % self.buffer_size
-        held = {name: getattr(self, name)[rows] for name in COLUMNS}
+        held = {name: getattr(self, name)[rows] for name in self._columns}
         every = np.broadcast_to(np.arange(self.n_envs), (len(rows), self.n_envs))
         held["next_observations"] = self._next_observations(rows[:, None], every)
         buffer = {name: as_tensors(column) for name, column in held.items()}

@@ -26,14 +26,18 @@ from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.held_observations import Array, check_sb3_takes
-from curiosity_algos.sb3.ordered_replay_buffer import IntArray, OrderedReplayBuffer
+from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS, IntArray, OrderedReplayBuffer
 from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
 from curiosity_algos.sb3.scale import BonusScale, check_discount
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
 
 N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
-COUNTERS = ("metrics", "_n_untrained", "_has_trained")
+N_WHOLE = 128
+"""Of multiples of so many a bonus has the same bits whatever stands beside it."""
+SCORES = ("scores", "scored_at")
+"""Columns of what the bonus says of each transition, and after how many of its trainings."""
+COUNTERS = ("metrics", "_n_untrained", "_n_trainings")
 """What else a file holds, by the name of its attribute."""
 
 
@@ -48,8 +52,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
 
     The bonus is trained on what is collected, and divided by the running standard deviation of its
     discounted sum (Burda et al. 2018), so that a `weight` means much the same whatever its scale.
-    Until its first training it is 0. Value targets stop at terminations only, unless
-    `handle_timeout_termination` is off: the last step of a truncated episode goes on.
+    Until its first training it is 0; between two of them no transition is scored twice. Value
+    targets stop at terminations only, unless `handle_timeout_termination` is off: the last step of
+    a truncated episode goes on.
 
     Args:
         buffer_size: Transitions kept of all environments, the newest: one of each at least, and two
@@ -153,7 +158,11 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         self.metrics: dict[str, float] = {}
         self._scale = None if gamma is None else BonusScale(n_envs, gamma=gamma)
         self._n_untrained = 0  # steps of every environment
-        self._has_trained = train_interval is None
+        self._n_trainings = 0
+        if train_interval is not None:  # else the bonus may change at any time
+            shape = self.buffer_size, n_envs
+            self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
+            self._columns = COLUMNS + SCORES
 
     # -- what is collected ----------------------------------------------------------------------
 
@@ -175,6 +184,8 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             for entry in each.values() if isinstance(each, dict) else [each]:
                 check_observations(entry)
         check_rewards(reward)
+        if self.train_interval:
+            self.scored_at[[self.pos - 1, self.pos]] = 0  # where the newest leads may change, too
         super().add(obs, next_obs, action, reward, done, infos)
         self._n_untrained += 1
         if self.train_interval and self._n_untrained * self.n_envs >= self.train_interval:
@@ -191,7 +202,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             draw = self.sample_transitions
             losses = train(self.bonus, draw, n_updates=self.n_updates, batch_size=self.batch_size)
             bonus = self._score(rows, envs)
-        self._has_trained = True
+        self._n_trainings += 1
         if self._scale is not None:
             steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
             bonus = np.stack([self._scale.scaled(step, is_learning=True) for step in steps])
@@ -254,11 +265,36 @@ class BonusReplayBuffer(OrderedReplayBuffer):
 
     def _bonus_of(self, drawn: IntArray) -> Array:
         """Bonus (n,) of transitions, scaled, before it is weighted."""
-        if not self._has_trained:
+        if self.train_interval is None:
+            with single_torch_thread():
+                return self._score(*self._places(drawn))
+        if not self._n_trainings:
             return np.zeros(len(drawn), dtype=np.float32)
-        with single_torch_thread():
-            bonus = self._score(*self._places(drawn))
+        self._score_unknown(drawn)
+        bonus: Array = self.scores[self._places(drawn)]
         return bonus if self._scale is None else self._scale.scaled(bonus, is_learning=False)
+
+    def _score_unknown(self, drawn: IntArray) -> None:
+        """Score those of the transitions that were not since the bonus was last trained.
+
+        Others that may be drawn later fill a batch up.
+        """
+        unknown = self._unknown(np.unique(drawn))
+        if not len(unknown):
+            return
+        n_whole = min(N_WHOLE, len(drawn))
+        n = -(-len(unknown) // n_whole) * n_whole
+        others = (drawn[0] + np.arange(N_SCORED)) % (self._n_held * self.n_envs)
+        others = np.setdiff1d(self._unknown(others), unknown)
+        places = self._places(np.resize(np.concatenate([unknown, others])[:n], n))
+        with single_torch_thread():
+            self.scores[places] = self._score(*places)
+        self.scored_at[places] = self._n_trainings
+
+    def _unknown(self, drawn: IntArray) -> IntArray:
+        """Those of the transitions that were not scored since then."""
+        unknown: IntArray = drawn[self.scored_at[self._places(drawn)] != self._n_trainings]
+        return unknown
 
     def _score(self, rows: IntArray, envs: IntArray) -> Array:
         """Bonus (n,) of the transitions of these places, as the module gives it."""
@@ -349,8 +385,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         saved = read_buffer(path, self._made)
         before = self.bonus.state_dict()
         own = {"next_observations": self.observations, **vars(self)}
+        columns = {name: own[name] for name in (*self._columns, "next_observations")}
         try:
-            check_buffer(saved, own, {name: own[name] for name in COUNTERS})
+            check_buffer(saved, columns, {name: own[name] for name in COUNTERS})
             self.bonus.load_state_dict(saved["bonus"])
             if self._scale is not None:
                 self._scale.load_state_dict(saved["scale"])

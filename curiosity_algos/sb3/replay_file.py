@@ -12,9 +12,8 @@ import torch as th
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
 from curiosity_algos.common.randomness import load_generator_state
 from curiosity_algos.sb3.held_observations import Array, as_tensors
-from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS
 
-FORMAT = "curiosity replay buffer 2"
+FORMAT = "curiosity replay buffer 3"
 
 
 def write_buffer(path: str | os.PathLike[str], content: dict[str, Any]) -> None:
@@ -44,8 +43,8 @@ def check_buffer(
 ) -> None:
     """Raise ValueError unless transitions and counters are like these; other errors, too."""
     n = len(saved["buffer"]["actions"])
-    for name in (*COLUMNS, "next_observations"):
-        _check_column(name, saved["buffer"][name], as_tensors(columns[name][:0]), n)
+    for name, column in columns.items():
+        _check_column(name, saved["buffer"][name], as_tensors(column[:0]), n)
     load_generator_state(np.random.default_rng(0), saved["rng"])
     types = {name: type(value) for name, value in counters.items()}
     if {name: type(value) for name, value in saved["counters"].items()} != types:

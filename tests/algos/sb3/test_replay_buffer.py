@@ -440,6 +440,67 @@ class TestTraining:
         assert buffer.metrics["weighted/loss"] == 1.0
         assert buffer.metrics["intrinsic/max"] == pytest.approx(0.5 * largest, rel=1e-5)
 
+    @pytest.mark.parametrize("optimize", [False, True])
+    def test_each_transition_is_scored_once_until_the_next(self, optimize, monkeypatch):
+        settings = {"n_envs": 2, "train_interval": 8, "optimize_memory_usage": optimize}
+        buffer = make_buffer(40, extrinsic=False, **settings)
+        score, scored = Weighted.score, []
+        monkeypatch.setattr(
+            Weighted,
+            "score",
+            lambda self, before, *rest: scored.extend(before) or score(self, before, *rest),
+        )
+        for round in range(1, 4):
+            buffer.bonus.factor = float(round)  # as of a bonus that has learned
+            walk(buffer, 4)
+            for n in (16, 500):
+                sample = buffer.sample(n)
+                x, after = sample.observations, sample.next_observations
+                assert th.allclose(sample.rewards, 0.5 * round * (2 * x + x / 100 + 4 * after))
+            scored.clear()
+            buffer.sample(500)
+            assert not scored
+
+    @pytest.mark.parametrize("optimize", [False, True])
+    def test_what_comes_in_the_place_of_another_is_scored(self, optimize):
+        settings = {"train_interval": 4, "optimize_memory_usage": optimize}
+        buffer = make_buffer(5, extrinsic=False, **settings)
+        for x in range(4):
+            add(buffer, x)
+        buffer.train_interval = 100
+        for x in (4, 5, 50, 6, 7, 8):  # an episode is left, so that 5 leads nowhere
+            add(buffer, x)
+            sample = buffer.sample(64)
+            before, after = sample.observations, sample.next_observations
+            bonus = 2 * before + before + 4 * after
+            assert th.allclose(sample.rewards, 0.5 * bonus)
+
+    def test_a_file_holds_what_was_scored(self, tmp_path):
+        buffer, twin = (make_buffer(20, train_interval=4) for _ in range(2))
+        for x in range(8):
+            add(buffer, x)
+        buffer.sample(100)
+        buffer.save(tmp_path / "buffer.pt")
+        twin.restore(tmp_path / "buffer.pt")
+        twin.bonus.score = None  # is not asked again
+        assert th.equal(buffer.sample(9).rewards, twin.sample(9).rewards)
+
+    @pytest.mark.parametrize("bonus", BONUSES)
+    def test_what_was_scored_before_is_what_is_scored_now(self, bonus):
+        settings = {"bonus": bonus, "gamma": 0.9, "train_interval": 64, "extrinsic": False}
+        buffer = make_buffer(300, spaces.Box(-1, 1, (5,)), **settings)
+        rng = np.random.default_rng(0)
+        for _ in range(200):
+            seen, then = rng.uniform(-1, 1, (2, 1, 5)).astype(np.float32)
+            buffer.add(seen, then, rng.uniform(-1, 1, (1, 1)), np.zeros(1), np.zeros(1), [{}])
+        for _ in range(4):
+            buffer.sample(50)
+        twin = copy.deepcopy(buffer)
+        twin.scored_at[:] = 0
+        for _ in range(4):
+            one, other = (each.sample(128).rewards for each in (buffer, twin))
+            np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-6)
+
     def test_a_bonus_that_is_not_finite_stops_it(self):
         buffer = make_buffer(60, train_interval=4)
         buffer.bonus.factor = np.nan

@@ -31,7 +31,7 @@ from curiosity_algos.experiments import RunFolder, SaveRun
 US = MAZES[1]
 SPARSE = ("MountainCarContinuous-v0", "CuriositySparse-PointMaze_Large-v0")
 """Tasks of others' where reward is far away."""
-SAMPLED = ("apt", "disagreement", "icm", "ramp", "rnd")
+SAMPLED = tuple(name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes"))
 """Bonuses that a replay buffer takes: they ask for no episodes."""
 PARTS: dict[str, dict[str, Any]] = {
     "power=1": {"power": 1.0},

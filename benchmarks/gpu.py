@@ -20,11 +20,11 @@ from curiosity_algos.common.networks import single_torch_thread
 MAZE = "CuriosityMaze-US-v0"
 VECTORS, IMAGES = spaces.Box(-1.0, 1.0, (36,)), spaces.Box(0, 255, (4, 84, 84), np.uint8)
 INPUTS = {
-    "256 of a maze's observations": (VECTORS, 256),
-    "2,048 of them": (VECTORS, 2048),
-    "64 images of 84 x 84 x 4": (IMAGES, 64),
+    "256 of a maze's observations": (VECTORS, 256, 20_000),
+    "2,048 of them": (VECTORS, 2048, 20_000),
+    "64 images of 84 x 84 x 4": (IMAGES, 64, 2_000),
 }
-"""What bonuses see at once."""
+"""What bonuses see at once, and how many they have observed: as many as APT remembers."""
 RUNS: Mapping[str, tuple[Callable[..., BaseAlgorithm], float]] = {
     "CuriosityES": (partial(CuriosityES, MAZE), 1e6),
     "CuriosityES, paper": (partial(CuriosityES.from_preset, "paper", MAZE), 1e6),
@@ -41,8 +41,8 @@ def run(plan: Plan) -> list[Table]:
     with single_torch_thread():
         bonuses = [
             row
-            for (what, (space, n)), bonus in product(INPUTS.items(), (APT, ICM, RND))
-            for row in _bonus(plan, devices, f"{bonus.__name__}, {what}", bonus, space, n)
+            for (what, sizes), bonus in product(INPUTS.items(), (APT, ICM, RND))
+            for row in _bonus(plan, devices, f"{bonus.__name__}, {what}", bonus, *sizes)
         ]
     runs = [
         row
@@ -67,10 +67,12 @@ def _bonus(
     cls: Callable[..., NetworkBonus],
     space: spaces.Box[Any],
     n: int,
+    n_observed: int,
 ) -> list[Row]:
     """Transitions a second that are trained on, and that are scored."""
     space.seed(0)
     states = np.stack([space.sample() for _ in range(plan.size(n, 16) + 1)])
+    observed = [space.sample() for _ in range(plan.size(n_observed, 16))]
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (len(states) - 1, 2)).astype(np.float32)
     batch = states[:-1], actions, states[1:]
     tensors = [th.from_numpy(each) for each in batch]
@@ -78,12 +80,13 @@ def _bonus(
         device: cls(space, spaces.Box(-1.0, 1.0, (2,)), seed=0, device=device) for device in devices
     }
     for bonus in made.values():
-        bonus.observe(tensors[0])
+        bonus.observe(th.from_numpy(np.stack(observed)))
 
     def train(bonus: NetworkBonus) -> float:
         return 5 * len(actions) / seconds(lambda: [bonus.update(*tensors) for _ in range(5)])
 
     def score(bonus: NetworkBonus) -> float:
+        bonus.score(*batch)  # which encodes what is remembered, once after a training
         return len(actions) / seconds(lambda: bonus.score(*batch))
 
     return [

@@ -1,7 +1,7 @@
 """What a bonus does for PPO behind MiniGrid's doors: `python -m benchmarks.minigrid` tells.
 
-It needs `pip install minigrid`. A run is three minutes of one thread, and what is in the CSV file
-is not done again; measures are those of DEIR's code, https://github.com/swan-utokyo/deir.
+It needs `pip install minigrid`. A run is three minutes of one thread, and one that is in the folder
+of runs is not done again; measures are those of DEIR's code, https://github.com/swan-utokyo/deir.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 
 from benchmarks.pool import run_all
-from benchmarks.results import FOLDER
+from benchmarks.results import FOLDER, replaced
 from curiosity_algos import BonusVecEnvWrapper, SmallCNN
 from curiosity_algos.bonuses.make import BONUSES
 
@@ -97,11 +97,13 @@ def main(
     jobs: int = 2,
     out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
-    """Train every task with every bonus and seed, and write the CSV file."""
+    """Train every task with every bonus and seed, and put their rows into the CSV file."""
     run_all(train, product([runs], FRAMES, bonuses.split(","), map(int, seeds.split(","))), jobs)
     table = pd.concat(map(pd.read_csv, sorted(runs.glob("*.csv"))))
-    columns = ["algorithm", "env", "seed", "frames", "return"]
-    table[columns].to_csv(out / "minigrid.csv", index=False, float_format="%.4g")
+    columns, path = ["algorithm", "env", "seed", "frames", "return"], out / "minigrid.csv"
+    if path.exists():
+        table = replaced(pd.read_csv(path), table, columns[:3])
+    table[columns].to_csv(path, index=False, float_format="%.4g")
 
 
 if __name__ == "__main__":

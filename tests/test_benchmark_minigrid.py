@@ -36,6 +36,9 @@ def test_runs_are_kept_with_the_returns_so_far(tmp_path, monkeypatch):
     monkeypatch.delattr(minigrid, "make_env")  # what is there is not trained again
     minigrid.main("noveld", "0", tmp_path / "runs", 1, tmp_path)
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "minigrid.csv"), written)
+    (tmp_path / "runs/MiniGrid-DoorKey-8x8-v0-none-0.csv").unlink()  # as where a clone begins
+    minigrid.main("noveld", "0", tmp_path / "runs", 1, tmp_path)
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "minigrid.csv"), written)
 
 
 def test_a_task_is_solved_when_the_mean_return_is():

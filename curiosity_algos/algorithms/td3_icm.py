@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import pathlib
+from contextlib import suppress
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
@@ -180,12 +181,18 @@ class TD3ICM(ResumableTD3):
         """Load as SB3 does; bonus and weight stay the model's own. Only for files that you trust.
 
         Raises:
-            ValueError: If the file holds no replay buffer of this class.
+            ValueError: If the file holds no replay buffer of this class, or of other spaces.
         """
         own = self.replay_buffer
-        super().load_replay_buffer(path, truncate_last_traj)
+        with suppress(AssertionError):  # SB3's, of what is no buffer
+            super().load_replay_buffer(path, truncate_last_traj)
         loaded, self.replay_buffer = self.replay_buffer, own
         if not isinstance(loaded, BonusReplayBuffer) or loaded.train_interval is not None:
             raise ValueError("`path` must be a replay buffer that TD3ICM has saved.")
+        one, other = ((each.observation_space, each.action_space) for each in (loaded, own))
+        if one != other:
+            raise ValueError(
+                "`path` must be a replay buffer of the model's spaces, it is of others."
+            )
         loaded.bonus, loaded.weight, loaded.extrinsic = own.bonus, own.weight, own.extrinsic
         self.replay_buffer = loaded

@@ -203,6 +203,7 @@ class NetworkBonus(th.nn.Module):
         try:
             moments = self._moments(state["optimizer"])
             _check_finite(state["modules"].values())
+            _check_alike(state["modules"], super().state_dict())
             super().load_state_dict(state["modules"], *args, **kwargs)
         except (KeyError, RuntimeError, TypeError, AttributeError) as error:
             raise RuntimeError("`bonus` must be made as the one that was saved.") from error
@@ -221,6 +222,15 @@ class NetworkBonus(th.nn.Module):
                 raise RuntimeError("The optimizer's state is of other networks.")
             _check_finite(moments.values())
         return copy.deepcopy(dict(saved))
+
+
+def _check_alike(saved: Mapping[str, th.Tensor], own: Mapping[str, th.Tensor]) -> None:
+    """Raise RuntimeError unless torch would take all of it: it takes what it can before."""
+    shapes, expected = (
+        {name: tensor.shape for name, tensor in each.items()} for each in (saved, own)
+    )
+    if shapes != expected:
+        raise RuntimeError("The state is of other networks.")
 
 
 def _check_finite(tensors: Iterable[th.Tensor]) -> None:

@@ -34,13 +34,14 @@ MEMORY = 100_000
 class NGU(RND):
     """`min(max(alpha, 1), 5) / (sqrt(sum of K(phi(s'), phi_i)) + c)` over the episode's nearest.
 
-    The kernel `K = eps / (d^2 / d_m^2 + eps)` is near 1 where the episode was, and small elsewhere.
-    The features `phi` are those of an inverse model; `d_m^2` is the mean of squared distances to
-    the nearest in training batches, where the paper averages those of its episodes: so it is the
-    same for all that are scored, and who hardly moves is not paid as who goes far.
+    The kernel `K = eps / (max(d^2 / d_m^2 - .008, 0) + eps)` is near 1 where the episode was, and
+    small elsewhere. The features `phi` are those of an inverse model; `d_m^2` is the mean of
+    squared distances to the nearest in training batches, where the paper averages those of its
+    episodes: so it is the same for all that are scored, and who hardly moves is not paid as who
+    goes far.
     `alpha = 1 + (e - mean e) / deviation of e` with RND's error `e` in the batches of late. The
     episode's first observation is remembered, too. The paper's bound of 8 on the root is left out,
-    which takes 63 neighbors at least. A step asks all that the episode has come to: an episode of T
+    which takes 64 neighbors at least. A step asks all that the episode has come to: an episode of T
     steps takes T^2 / 2 distances.
 
     Further keywords are those of `RND`.

@@ -26,7 +26,8 @@ class NovelD(RND):
 
     The novelty `e` is the root of RND's error, as in the authors' code. Of images, and other whole
     numbers, two observations are the same if they are equal; of others if their entries,
-    standardized as the episode began, are on the same side of `n_bits` random hyperplanes.
+    standardized as the episode began, are on the same side of `n_bits` random hyperplanes. An
+    episode that began before anything was observed begins its visits anew once there is a standard.
 
     Further keywords are those of `RND`.
 
@@ -126,8 +127,10 @@ class Visits:
     def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         gains = self._bonus.gains(observations, next_observations)
-        begin = [not seen for seen in self._seen]
-        self._mean[begin], self._scale[begin] = self._bonus.standard()
+        is_new = self._is_new()
+        for each in np.flatnonzero(is_new):
+            self._seen[each].clear()
+        self._mean[is_new], self._scale[is_new] = self._bonus.standard()
         before, after = (
             self._bonus.codes(each, self._mean, self._scale)
             for each in (observations, next_observations)
@@ -139,6 +142,13 @@ class Visits:
             gains[i] *= end not in seen
             seen.add(end)
         return gains
+
+    def _is_new(self) -> Mask:
+        """Which episodes (n,) have seen nothing yet, or had no standard when they began."""
+        mean, scale = self._bonus.standard()
+        has_standard = bool((mean != 0.0).any() or (scale != 1.0).any())
+        lack: Mask = ((self._mean == 0.0) & (self._scale == 1.0)).all(axis=1)
+        return np.array([not seen for seen in self._seen]) | (lack & has_standard)
 
     def end(self, dones: Mask) -> None:
         """Forget the episodes (n,) that have ended."""

@@ -39,6 +39,8 @@ def torch_device(device: th.device | str) -> th.device:
             raise TypeError
         found = get_device(device)
         th.empty(0, device=found)  # fails where there is no such hardware
+        if device != "auto" and found.type != th.device(device).type:  # SB3 takes the CPU then
+            raise RuntimeError
     except (AssertionError, NotImplementedError, RuntimeError, TypeError) as error:
         raise ValueError(
             f'`device` must be "auto", "cpu" or another that torch finds, got {device!r}.'

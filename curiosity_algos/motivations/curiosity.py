@@ -114,7 +114,7 @@ class CuriosityMotivation:
     with others does not count. A bonus that remembers its episode is told all of it all the same.
 
     Args:
-        observation_space: One-dimensional Box.
+        observation_space: Box of vectors or images, as of `NetworkBonus`.
         action_space: One-dimensional Box, or Discrete.
         bonus: Gives the curiosity `c_t` of each transition: "apt", "disagreement", "e3b", "icm",
             "ngu", "noveld", "ramp", "rnd", or a `Bonus` made for these spaces, which the

@@ -14,7 +14,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
@@ -207,7 +207,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         observations, rewards, dones, infos = self.venv.step_wait()
         self.is_new = False
         check_rewards(rewards)
-        _check_infos(infos)
+        _check_infos(infos, dones)
+        infos = [dict(info) for info in infos]  # a VecEnv may give one for all
         before, after = self._observations, self._stored(observations)
         self._observations = after
         bonus = self._visit(before, self._last_observations(after, dones, infos))
@@ -219,6 +220,17 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             info["reward_extrinsic"], info["reward_intrinsic"] = float(outer), float(inner)
         total = intrinsic + rewards if self.extrinsic else intrinsic
         return observations, total.astype(np.float32), dones, infos
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the environments, but not what would give rewards without the bonus."""
+        if method_name == "compute_reward":
+            raise ValueError(
+                "`replay_buffer_class` must not be HerReplayBuffer, which asks the task for "
+                "rewards anew, past the bonus."
+            )
+        return super().env_method(method_name, *method_args, indices=indices, **kwargs)
 
     def _stored(self, observations: VecEnvObs) -> npt.NDArray[Any]:
         """A copy, of what the bonus sees."""
@@ -288,8 +300,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         Raises:
             ValueError: If it is another's.
         """
-        self._load_all_but_the_bonus(state)
-        self._load_bonus(state["bonus"])
+        before = self.state_dict()
+        try:
+            self._load_all_but_the_bonus(state)
+            self._load_bonus(state["bonus"])
+        except Exception:
+            self._load_all_but_the_bonus(before)
+            raise
 
     def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
         check_counters(state)
@@ -388,7 +405,12 @@ def _check_venv(venv: object) -> None:
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
 
 
-def _check_infos(infos: list[dict[str, Any]]) -> None:
+def _check_infos(infos: list[dict[str, Any]], dones: npt.NDArray[Any]) -> None:
     # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
     if not all(isinstance(info, dict) for info in infos):
         raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
+    if not all("terminal_observation" in infos[i] for i in np.flatnonzero(dones)):
+        raise ValueError(
+            "`env` must give the last observation of an episode as `terminal_observation` in its "
+            "info, as Stable-Baselines3's VecEnvs do."
+        )

@@ -129,7 +129,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
         named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
-        self._made = {name: plain(value) for name, value in named.items()}
+        held = {"optimize_memory_usage": optimize_memory_usage, "is_scaled": gamma is not None}
+        made = {**named, **held, "observation_key": observation_key}
+        self._made = {name: plain(value) for name, value in made.items()}
         self.bonus = make_bonus(
             bonus,
             bonus_kwargs,

@@ -32,8 +32,7 @@ def read_buffer(path: str | os.PathLike[str], made: dict[str, Any]) -> dict[str,
     saved = read_plain(path, FORMAT, what="BonusReplayBuffer")
     if saved.get("made") != made:
         raise ValueError(
-            f"`path` must be saved of a buffer with the bonus {made}, {path} has "
-            f"{saved.get('made')}."
+            f"`path` must be saved of a buffer with {made}, {path} is of {saved.get('made')}."
         )
     return saved
 

@@ -38,7 +38,7 @@ OBSERVATIONS = {
 }
 CURIOUS = [CuriosityES, CuriosityMAPElites, AURORA, TD3ICM]
 """The algorithms that train networks of their own."""
-SAMPLED = ("apt", "disagreement", "icm", "ramp", "rnd")
+SAMPLED = [name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes")]
 """Bonuses that ask for no episodes."""
 
 

@@ -1,4 +1,5 @@
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -208,3 +209,16 @@ def test_a_replay_buffer_that_trains_by_itself_is_refused(make, make_maze, tmp_p
     model.save_replay_buffer(tmp_path / "other")
     with pytest.raises(ValueError, match="`path` must be a replay buffer that TD3ICM has saved"):
         model.load_replay_buffer(tmp_path / "other")
+
+
+def test_what_is_no_replay_buffer_of_the_env_leaves_the_model_as_it_was(
+    make, make_maze, make_pendulum, tmp_path
+):
+    model, own = make(make_maze()), make(make_pendulum(1.0))
+    before = model.replay_buffer
+    own.save_replay_buffer(tmp_path / "pendulum")
+    (tmp_path / "plain.pkl").write_bytes(pickle.dumps({"a": 1}))
+    for name, sentence in {"pendulum": "it is of others", "plain": "that TD3ICM has saved"}.items():
+        with pytest.raises(ValueError, match=f"`path` must be a replay buffer .*{sentence}"):
+            model.load_replay_buffer(tmp_path / name)
+        assert model.replay_buffer is before

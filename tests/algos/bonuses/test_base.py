@@ -139,12 +139,14 @@ def test_the_learning_rate_is_the_constructors(name, kind):
     assert [each.optimizer.param_groups[0]["lr"] for each in (one, other)] == [0.1, 0.2]
 
 
-def test_a_state_of_another_bonus_is_refused(name, kind):
+def test_a_state_of_another_bonus_is_refused(name, kind, assert_same):
     bonus = make_bonus(name, kind)
+    before = bonus.state_dict()
     others = [make_bonus(other, kind) for other in BONUSES if other != name]
     for other in [*others, make_bonus(name, kind, n_features=5)]:
         with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
             bonus.load_state_dict(other.state_dict())
+    assert_same(bonus.state_dict(), before)
 
 
 def test_observations_of_another_shape_are_refused(name, kind):

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -103,12 +104,25 @@ def test_few_entries_have_many_places_too(n_entries, least):
 def test_a_place_stays_the_same_while_statistics_change():
     noveld, places = make_noveld(beta=0.1, n_bits=62), make_observations(6)
     rng, episodes = np.random.default_rng(1), noveld.episodes(2)
+    noveld.observe(th.from_numpy(places))
     paid = []
     for i in range(200):
         begin, end = places[i % 6], places[(i + 1) % 6]
         paid.append(episodes.score(*(np.tile(x, (2, 1)) for x in (begin, [0], end))) > 0.0)
         noveld.observe(th.from_numpy(rng.normal(i, 1 + i, (4, 6)).astype(np.float32)))
     assert np.sum(paid, axis=0).tolist() == [5, 5]
+
+
+def test_an_episode_that_does_not_end_is_standardized_once_there_is_a_standard():
+    noveld, places = make_noveld(beta=0.1), 1e-3 * make_observations(20)
+    episodes = noveld.episodes(2)
+    walk = [np.tile(each, (2, 1)) for each in places]
+    assert (episodes.score(walk[0], NOTHING[:2], walk[1]) == 0.0).all()  # all is one place
+    noveld.observe(th.from_numpy(places))
+    paid = [episodes.score(a, NOTHING[:2], b) > 0.0 for a, b in pairwise(walk)]
+    assert np.sum(paid, axis=0).min() > 15
+    again = [episodes.score(a, NOTHING[:2], b) > 0.0 for a, b in pairwise(walk)]
+    assert not np.any(again)
 
 
 def test_codes_are_the_same_in_every_process(capsys):

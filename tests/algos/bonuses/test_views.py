@@ -74,6 +74,13 @@ def test_large_boxes_stay_what_bonuses_refuse():
     assert View(space).space is space
 
 
+def test_large_entries_are_seen_alone():
+    space = spaces.Dict(image=spaces.Box(0, 255, (84, 84, 3), np.uint8), place=PLACE)
+    with pytest.raises(ValueError, match=r"`observation_key` must name an entry .* are 21172"):
+        View(space)
+    assert View(space, "image").space == space["image"]
+
+
 def test_errors_name_the_key():
     with pytest.raises(ValueError, match=r"`observation_key` must be one of .*place.*, got 'goal'"):
         View(SPACE, "goal")

@@ -99,6 +99,13 @@ def test_a_device_is_one_of_torchs(device):
         torch_device(device)
 
 
+@pytest.mark.skipif(th.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_not_the_processor():
+    assert torch_device("auto") == th.device("cpu")
+    with pytest.raises(ValueError, match="`device` must be"):
+        torch_device("cuda")
+
+
 class TestSingleTorchThread:
     @pytest.mark.parametrize("n_threads", [1, 2, 3])
     def test_the_users_setting_comes_back(self, n_threads):

@@ -1,11 +1,14 @@
+from functools import partial
+
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
 from sb3_contrib import TQC, RecurrentPPO
-from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3, HerReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.envs import BitFlippingEnv
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 from torch_threads import heavy_threads
 
@@ -330,6 +333,38 @@ class TestRewards:
             play(venv, 4)
         assert len(venv.buffer) == 4
 
+    def test_replay_buffers_that_ask_for_rewards_anew_are_refused(self):
+        goals = partial(BitFlippingEnv, n_bits=4, continuous=True)
+        venv = wrap(make_venv(env=goals))
+        model = SAC(
+            "MultiInputPolicy",
+            venv,
+            learning_starts=20,
+            replay_buffer_class=HerReplayBuffer,
+            device="cpu",
+        )
+        with pytest.raises(ValueError, match="`replay_buffer_class` must not be HerReplayBuffer"):
+            model.learn(100)
+        assert venv.env_method("reset", indices=[0])
+
+    def test_one_info_may_be_that_of_all(self):
+        venv = make_venv(env=Count)
+        step_wait = venv.step_wait
+        venv.step_wait = lambda: (*step_wait()[:3], [{"terminal_observation": np.ones(1)}] * 2)
+        wrapper = wrap(venv, bonus=Recorder(), train_interval=1)
+        wrapper.bonus.score = lambda observations, *rest: np.array([1.0, 2.0])
+        *_, (_, rewards, _, infos) = play(wrapper, 9)
+        intrinsic = [info["reward_intrinsic"] for info in infos]
+        assert intrinsic[0] != intrinsic[1]
+        np.testing.assert_allclose(rewards, intrinsic, rtol=1e-6)
+
+    def test_an_end_without_its_last_observation_is_named(self):
+        venv = make_venv()
+        step_wait = venv.step_wait
+        venv.step_wait = lambda: (*step_wait()[:3], [{}, {}])
+        with pytest.raises(ValueError, match="`env` must give the last observation of an episode"):
+            play(wrap(venv), 4)
+
     def test_an_info_that_is_none_is_named(self):
         venv = make_venv()
         step_wait = venv.step_wait
@@ -594,6 +629,15 @@ class TestFiles:
         wrap(bonus=made[0]).save(tmp_path / "wrapper.pt")
         with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
             BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), bonus=made[1])
+
+    def test_a_state_that_does_not_fit_changes_nothing(self, assert_same):
+        venv, other = wrap(bonus="rnd"), wrap(bonus="rnd", bonus_kwargs={"hidden": 8})
+        play(venv, 9)
+        play(other, 30)
+        before = venv.state_dict()
+        with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
+            venv.load_state_dict(other.state_dict())
+        assert_same(venv.state_dict(), before)
 
     def test_numpys_numbers_may_be_settings(self, tmp_path):
         settings = {

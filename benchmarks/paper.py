@@ -93,7 +93,7 @@ def collect(runs: Path, out: Path = FOLDER) -> None:
         "runs": (found.reindex(columns=[*KEYS, *RESULTS]), KEYS),
         "curves": (_of_each(found, _curves), KEYS),
         "final_states": (_of_each(_shown(found, 4), _final_states), KEYS),
-        "projection": (_projection(_shown(found, 8)), ["preset"]),
+        "projection": (_projection(_shown(found, 8), out), ["preset"]),
     }
     for name, (table, keys) in tables.items():
         _merge(table, keys, out / f"{name}.csv")
@@ -148,9 +148,18 @@ def _final_states(run: Path) -> pd.DataFrame:
     return table.rename_axis("y").reset_index()
 
 
-def _projection(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each rewarding policy, and its route: equal ones have the same number."""
+def _projection(runs: pd.DataFrame, folder: Path) -> pd.DataFrame:
+    """A row for each rewarding policy, and its route: equal ones have the same number.
+
+    None where the folder's file has policies of other runs: it is one projection of all.
+    """
     keys = ["preset", "variant", "algorithm", "seed"]
+    if (folder / "projection.csv").exists():
+        old = read("projection", folder)
+        old = old[old["preset"].isin(runs["preset"])].set_index(keys)
+        if not old.index.isin(runs.set_index(keys).index).all():
+            typer.echo("projection.csv stays as it is: it shows runs that are not here.")
+            return pd.DataFrame(columns=keys)
     played = {run: [replay_rewarding(Path(run))] for run in runs["run"]}
     states = [policy for (each,) in played.values() for policy in each.states]
     if len(states) < 3:

@@ -165,6 +165,16 @@ def test_runs_of_other_folders_are_added(plan, collected, tmp_path):
         assert (out / f"{name}.csv").read_bytes() == (collected / f"{name}.csv").read_bytes()
 
 
+def test_a_projection_stays_where_some_of_its_runs_are_missing(plan, collected, tmp_path, capsys):
+    out, some = tmp_path / "out", tmp_path / "some"
+    shutil.copytree(collected, out)
+    shutil.copytree(plan.folder / "CMAME", some / "CMAME")
+    paper.collect(some, out=out)
+    assert "projection.csv stays as it is" in capsys.readouterr().out
+    for name in ("projection", "runs"):
+        assert (out / f"{name}.csv").read_bytes() == (collected / f"{name}.csv").read_bytes()
+
+
 def test_an_unfinished_run_is_left_out(tmp_path):
     run = RunSpec("NSES", US, 0, 1e5, {"horizon": 50}, {"n_threads": 1})
     sweep([run], tmp_path, backend=Processes(1))

@@ -235,6 +235,11 @@ def _saved_algorithm(file: pathlib.Path | io.BufferedIOBase) -> str | None:
     return name if isinstance(name, str) else None
 
 
+def saved_names(file: pathlib.Path | io.BufferedIOBase) -> set[str]:
+    """Names of the attributes in a file that `check_is_checkpoint` gave."""
+    return set(_read_data(file))
+
+
 def _read_data(file: pathlib.Path | io.BufferedIOBase) -> Any:
     """The file's JSON; a file object stays where it is."""
     begin = file.tell() if isinstance(file, io.BufferedIOBase) else 0

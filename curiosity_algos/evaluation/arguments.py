@@ -19,9 +19,8 @@ from curiosity_algos.common.networks import torch_device
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 
-def check_keywords_known(algorithm: BaseAlgorithm, unknown: Iterable[str]) -> None:
-    """Raise TypeError, as Python does, if keywords are left that no constructor took."""
-    cls = type(algorithm)
+def check_keywords_known(cls: type[BaseAlgorithm], unknown: Iterable[str]) -> None:
+    """Raise TypeError, as Python does, if keywords are left that an algorithm does not know."""
     for name in unknown:
         near = get_close_matches(name, inspect.signature(cls).parameters, n=1)
         meant = f": did you mean {near[0]}?" if near else "."

@@ -117,7 +117,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
         **unknown: Never,
     ) -> None:
-        check_keywords_known(self, unknown)
+        check_keywords_known(type(self), unknown)
         check_order(self, env, policy)
         check_common(seed, device, verbose)
         net_arch = check_policy_kwargs(policy_kwargs)

@@ -20,11 +20,17 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.type_aliases import GymEnv, TensorDict
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_model, save_model
+from curiosity_algos.checkpoints.model_file import (
+    check_is_checkpoint,
+    read_model,
+    save_model,
+    saved_names,
+)
 from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_parts
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
+from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
 from curiosity_algos.evaluation.environments import GymnasiumView, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -287,8 +293,11 @@ class Resumable(BaseAlgorithm):
                 given here, or a keyword would replace a setting that what is in the file was made
                 with. An archive given here is then as it was.
             RuntimeError: If a `bonus` given here is made in another way than the one saved.
+            TypeError: If a keyword is neither the constructor's nor in the file.
         """
         file = check_is_checkpoint(path, cls.__name__)
+        known = {*inspect.signature(cls).parameters, *saved_names(file)}
+        check_keywords_known(cls, sorted(kwargs.keys() - known))
         env = None if env is None else cls._open_env(env)
         seed = ((custom_objects or {}) | kwargs).get("seed")
         check_seed(seed)

@@ -122,7 +122,7 @@ class ResumableTD3(Resumable, TD3):
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
         **unknown: Never,
     ) -> None:
-        check_keywords_known(self, unknown)
+        check_keywords_known(type(self), unknown)
         check_order(self, env, policy or "MlpPolicy")
         check_common(seed, device, verbose)
         env = open_env(env)

@@ -52,7 +52,7 @@ def train(
 
     Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7 -P
 
-    Example: curiosity train --algo ppo --bonus apt --env CuriosityMaze-US-v0 -n 1e6 --n-envs 16
+    Example: curiosity train --algo ppo --bonus apt --n-envs 16 --repeat-action 10 -n 1e5
     """
     from curiosity_algos.experiments import training
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 from multiprocessing import connection, get_context, parent_process
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from threading import Thread
 from typing import Any, TypeAlias
@@ -146,12 +147,15 @@ class Processes:
         if self.jobs == 1:
             yield from _train_here(runs, train)
             return
-        with ProcessPoolExecutor(self.jobs, get_context("spawn"), _end_with_parent) as pool:
-            futures = {pool.submit(train, run): run for run in runs}
+        context = get_context("spawn")
+        is_over = context.Event()
+        with ProcessPoolExecutor(self.jobs, context, _begin, (is_over,)) as pool:
+            futures = {pool.submit(_train_unless_over, train, run): run for run in runs}
             try:
                 for future in as_completed(futures):
                     yield futures[future], future.exception() or future.result()
             finally:
+                is_over.set()  # those that wait for a process already cannot be canceled
                 pool.shutdown(cancel_futures=True)
 
 
@@ -168,8 +172,20 @@ def _train_here(runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec
         th.set_num_threads(n_threads)
 
 
-def _end_with_parent() -> None:
+_is_over: Event | None = None
+"""In a process of a sweep: set once the sweep has ended, or was interrupted."""
+
+
+def _train_unless_over(train: Train, run: RunSpec) -> Outcome:
+    if _is_over is not None and _is_over.is_set():
+        raise RuntimeError("The sweep was interrupted before this run began.")
+    return train(run)
+
+
+def _begin(is_over: Event) -> None:
     """End this process as soon as the one that began the sweep is gone, however it ended."""
+    global _is_over  # what a process of a pool begins with, its tasks find there
+    _is_over = is_over
     parent = parent_process()
     assert parent is not None
 

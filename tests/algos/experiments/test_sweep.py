@@ -4,6 +4,7 @@ import io
 import sys
 
 import pytest
+import slow_runs
 import torch as th
 
 from curiosity_algos.experiments import load_runs
@@ -40,6 +41,13 @@ def test_a_setting_cannot_leave_the_folder(tmp_path):
     runs = grid(["nses"], ["a-v0"], [0], {"policy": ["../../x", "/y"]}, timesteps=1)
     assert all(run.folder(tmp_path).parents[3] == tmp_path for run in runs)
     assert {".."}.isdisjoint(part for run in runs for part in run.folder(tmp_path).parts)
+
+
+def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path):
+    outcomes = Processes(2)([tmp_path / str(i) for i in range(6)], slow_runs.touch)
+    next(outcomes)
+    outcomes.close()  # as Ctrl-C does
+    assert 2 <= len(list(tmp_path.iterdir())) <= 4
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

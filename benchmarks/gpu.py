@@ -13,6 +13,7 @@ from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
+from benchmarks.off_policy import learn
 from curiosity_algos import APT, ICM, RND, TD3ICM, CuriosityES
 from curiosity_algos.bonuses.base import NetworkBonus
 from curiosity_algos.common.networks import single_torch_thread
@@ -52,7 +53,7 @@ def run(plan: Plan) -> list[Table]:
             name,
             "steps/s",
             {
-                device: _learning(partial(make, seed=0, device=device), plan.size(timesteps, 1e2))
+                device: partial(_rate, make, device, plan.size(int(timesteps), 100))
                 for device in devices
             },
         )
@@ -101,15 +102,9 @@ def _bonus(
     ]
 
 
-def _learning(make: Callable[[], BaseAlgorithm], timesteps: float) -> Task:
-    """Steps a second of a run."""
-
-    def rate() -> float:
-        model = make()
-        spent = seconds(lambda: model.learn(timesteps))
-        return model.num_timesteps / spent
-
-    return rate
+def _rate(make: Callable[..., BaseAlgorithm], device: str, n_steps: int) -> float:
+    """Steps a second of a new model."""
+    return learn(make(seed=0, device=device), n_steps)[0]
 
 
 def _rows(plan: Plan, name: str, unit: str, tasks: Mapping[str, Task]) -> list[Row]:

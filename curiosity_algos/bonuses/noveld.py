@@ -127,10 +127,11 @@ class Visits:
     def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
         """Bonus (n,) of a step of each episode, which is then remembered."""
         gains = self._bonus.gains(observations, next_observations)
-        is_new = self._is_new()
+        mean, scale = self._bonus.standard()
+        is_new = self._is_new(mean, scale)
         for each in np.flatnonzero(is_new):
             self._seen[each].clear()
-        self._mean[is_new], self._scale[is_new] = self._bonus.standard()
+        self._mean[is_new], self._scale[is_new] = mean, scale
         before, after = (
             self._bonus.codes(each, self._mean, self._scale)
             for each in (observations, next_observations)
@@ -143,9 +144,8 @@ class Visits:
             seen.add(end)
         return gains
 
-    def _is_new(self) -> Mask:
-        """Which episodes (n,) have seen nothing yet, or had no standard when they began."""
-        mean, scale = self._bonus.standard()
+    def _is_new(self, mean: Float64Array, scale: Float64Array) -> Mask:
+        """Which episodes (n,) have seen nothing yet, or began when there was no standard."""
         has_standard = bool((mean != 0.0).any() or (scale != 1.0).any())
         lack: Mask = ((self._mean == 0.0) & (self._scale == 1.0)).all(axis=1)
         return np.array([not seen for seen in self._seen]) | (lack & has_standard)

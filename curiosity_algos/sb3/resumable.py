@@ -296,8 +296,8 @@ class Resumable(BaseAlgorithm):
             TypeError: If a keyword is neither the constructor's nor in the file.
         """
         file = check_is_checkpoint(path, cls.__name__)
-        known = {*inspect.signature(cls).parameters, *saved_names(file)}
-        check_keywords_known(cls, sorted(kwargs.keys() - known))
+        if others := kwargs.keys() - inspect.signature(cls).parameters:
+            check_keywords_known(cls, sorted(others - saved_names(file)))
         env = None if env is None else cls._open_env(env)
         seed = ((custom_objects or {}) | kwargs).get("seed")
         check_seed(seed)

@@ -31,7 +31,8 @@ class View:
 
     Raises:
         ValueError: If the key is none of the space, or it cannot become vectors, see
-            `FlatObservations`, or only ones of more than `MAX_ENTRIES` numbers.
+            `FlatObservations`, or the entries of a Dict or Tuple are more than `MAX_ENTRIES`
+            numbers.
     """
 
     def __init__(self, space: spaces.Space[Any], key: str | None = None) -> None:
@@ -40,7 +41,8 @@ class View:
             space = _entry(space, key)
         warn_of_what_is_left_out(space)
         self._flat = FlatObservations(space) if _becomes_flat(space) else None
-        if self._flat is not None and self._flat.size > MAX_ENTRIES:
+        has_entries = isinstance(space, spaces.Dict | spaces.Tuple)
+        if self._flat is not None and has_entries and self._flat.size > MAX_ENTRIES:
             raise ValueError(
                 "`observation_key` must name an entry that the bonus sees where all are more than "
                 f"{MAX_ENTRIES} numbers, they are {self._flat.size}."

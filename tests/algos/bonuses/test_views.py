@@ -79,6 +79,7 @@ def test_large_entries_are_seen_alone():
     with pytest.raises(ValueError, match=r"`observation_key` must name an entry .* are 21172"):
         View(space)
     assert View(space, "image").space == space["image"]
+    assert View(spaces.Discrete(5000)).space.shape == (5000,)
 
 
 def test_errors_name_the_key():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -18,6 +19,8 @@ from curiosity_algos.cli.sweep import sweep
 from curiosity_algos.cli.train import train
 from curiosity_gym import __version__
 
+INTERRUPTED = 130
+"""A command's status after Ctrl-C."""
 app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -48,10 +51,11 @@ def options(
 
 def main() -> None:
     """Run the command; a mistake is one line on standard error and a status that is not 0."""
+    sys.path.append(os.getcwd())  # where MODULE:ID finds a user's own module, after all others
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except KeyboardInterrupt:
-        sys.exit(130)
+        status = INTERRUPTED
     except Exception as error:
         message = getattr(error, "format_message", error.__str__)()
         if not isinstance(error, ValueError | OSError | ImportError | gym.error.Error) and (
@@ -60,4 +64,6 @@ def main() -> None:
             raise
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
+    if status == INTERRUPTED:  # typer's, too
+        print("Interrupted: runs go on when the same command is given again.", file=sys.stderr)
     sys.exit(status if isinstance(status, int) else 0)

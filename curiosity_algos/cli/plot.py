@@ -31,10 +31,7 @@ def plot(
     Example: curiosity plot runs --y survival --out first_reward.pdf
     """
     from curiosity_algos.experiments.figures import canvas, comparison
-    from curiosity_gym.validation import check_choice
 
-    check_choice(comparison.Y, y=y)
-    check_choice(tuple(comparison.X), x=x)
     canvas.check_out(out)
     canvas.save(comparison.compare(runs, y=y, x=x), out)
     typer.echo(f"{out}")

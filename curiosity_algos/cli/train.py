@@ -20,7 +20,10 @@ def train(
     ] = "curiosity_es",
     env: Annotated[
         str,
-        typer.Option(help="Id of the environment, or MODULE:ID of one that a module registers."),
+        typer.Option(
+            help="Id of the environment, or MODULE:ID of one that a module registers, which may "
+            "lie in the working directory."
+        ),
     ] = "CuriosityMaze-Hard-v0",
     timesteps: options.Timesteps = 1e7,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,

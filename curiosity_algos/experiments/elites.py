@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from curiosity_algos.experiments.loading import load_progress
-from curiosity_algos.experiments.measures import Folder, Points, logged, told_apart
+from curiosity_algos.experiments.loading import Folder, load_progress
+from curiosity_algos.experiments.measures import Points, logged, told_apart
 from curiosity_algos.experiments.reading import damaged
 from curiosity_algos.experiments.run_folder import RunFolder
 

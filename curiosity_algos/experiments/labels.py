@@ -36,7 +36,7 @@ def label_runs(runs: pd.DataFrame) -> pd.Series:
     A setting, of the algorithm or of a VecEnv and its wrappers, counts where runs of one algorithm
     on one environment differ in it, unless others tell the same runs apart; the preset comes first.
     """
-    texts = runs.filter(regex=SETTINGS).map(_text)
+    texts = runs.filter(regex=SETTINGS).map(setting_text)
     texts = texts.rename(columns=lambda name: re.sub(SETTINGS, "", name))
     # Results do not depend on these.
     texts = texts[[name for name in texts if name.rpartition(".")[2] not in MAY_DIFFER]]
@@ -53,8 +53,8 @@ def label_runs(runs: pd.DataFrame) -> pd.Series:
     )
 
 
-def _text(value: Any) -> str:
-    """A setting that is not given is None, and NaN where other algorithms have it."""
+def setting_text(value: Any) -> str:
+    """A setting, which where it is not given is None, and NaN where others have it."""
     if value is None or value != value:
         return "none"
     # Beside NaN, pandas has whole numbers as floats.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ import pandas as pd
 from curiosity_algos.experiments.reading import read_rows
 from curiosity_algos.experiments.run_folder import RunFolder
 
+Folder: TypeAlias = str | os.PathLike[str]
 KEYS = ("algorithm", "env", "seed")
 NOT_SHOWN = {
     *("run", "env_spec", "behavior_names", "archive"),
@@ -20,20 +22,26 @@ NOT_SHOWN = {
 }
 
 
-def find_runs(folder: str | os.PathLike[str]) -> list[Path]:
-    """The folders of runs in a folder and the folders in it, sorted.
+def find_runs(folders: Folder | Iterable[Folder]) -> list[Path]:
+    """The folders of runs in folders and what is in these; a run in two of them once.
 
     Raises:
-        FileNotFoundError: If there is none.
+        FileNotFoundError: If there is none in one of the folders.
     """
-    found = sorted(path.parent for path in Path(folder).rglob("run.json"))
-    if not found:
-        raise FileNotFoundError(f"`folder` must hold runs, there is no run.json in {folder}.")
-    return found
+    if isinstance(folders, str | os.PathLike):
+        folders = [folders]
+    found: dict[Path, Path] = {}
+    for folder in folders:
+        runs = sorted(path.parent for path in Path(folder).rglob("run.json"))
+        if not runs:
+            raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
+        for run in runs:
+            found.setdefault(run.resolve(), run)
+    return list(found.values())
 
 
-def load_runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
-    """A row for each run in a folder, and in folders in it.
+def load_runs(folders: Folder | Iterable[Folder]) -> pd.DataFrame:
+    """A row for each run in a folder or in several, and in folders in them.
 
     Returns:
         `run`, its folder; `algorithm`, `env`, `seed` and what else `run.json` says of it, its
@@ -44,7 +52,7 @@ def load_runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
         FileNotFoundError: If there is no run.
         ValueError: If a run is of another format, or damaged.
     """
-    rows = [_row(path) for path in find_runs(folder)]
+    rows = [_row(path) for path in find_runs(folders)]
     runs = pd.json_normalize(rows)
     for name in {"first_success_timesteps", "best_return"} & set(runs.columns):
         runs[name] = runs[name].astype(float)  # None: NaN
@@ -58,14 +66,14 @@ def _row(path: Path) -> dict[str, Any]:
     return {"run": str(path)} | {k: v for k, v in fields.items() if k not in NOT_SHOWN}
 
 
-def load_progress(folder: str | os.PathLike[str]) -> pd.DataFrame:
-    """A row for each log of each run in a folder: its columns, `run`, `algorithm`, `env`, `seed`.
+def load_progress(folders: Folder | Iterable[Folder]) -> pd.DataFrame:
+    """A row for each log of each run in folders: its columns, `run`, `algorithm`, `env`, `seed`.
 
     Raises:
         FileNotFoundError: If there is no run.
         ValueError: If a run is of another format, or damaged.
     """
-    return pd.concat([_progress(path) for path in find_runs(folder)], ignore_index=True)
+    return pd.concat([_progress(path) for path in find_runs(folders)], ignore_index=True)
 
 
 def _progress(path: Path) -> pd.DataFrame:
@@ -78,7 +86,7 @@ def _progress(path: Path) -> pd.DataFrame:
     return table
 
 
-def load_final_states(folder: str | os.PathLike[str]) -> dict[str, npt.NDArray[np.generic]]:
+def load_final_states(folder: Folder) -> dict[str, npt.NDArray[np.generic]]:
     """The ends of every episode of one run, in their order.
 
     Returns:

@@ -6,17 +6,20 @@ not what is asked for.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.labels import label_runs
-from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs
+from curiosity_algos.experiments.labels import label_runs, setting_text
+from curiosity_algos.experiments.loading import (
+    Folder,
+    load_final_states,
+    load_progress,
+    load_runs,
+)
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import Survival, survival
@@ -24,7 +27,6 @@ from curiosity_algos.experiments.statistics import Survival, survival
 Float64 = npt.NDArray[np.float64]
 Points: TypeAlias = tuple[Float64, Float64]
 """Timesteps or seconds (n,), and the value from then on (n,)."""
-Folder: TypeAlias = str | os.PathLike[str]
 Measure: TypeAlias = Callable[[Folder], Points]
 """Reads a run's curve from its folder."""
 
@@ -35,8 +37,8 @@ EPISODES = 56
 # -- runs side by side ----------------------------------------------------------------------------
 
 
-def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
-    """`load_runs` of several folders, named for comparison; a run in two of them counts once.
+def load_compared(folders: Folder | Iterable[Folder]) -> pd.DataFrame:
+    """`load_runs`, named for comparison.
 
     Returns:
         A row for each run. `env` has the keywords that tell environments of one name apart,
@@ -44,9 +46,7 @@ def load_compared(folders: Iterable[Folder]) -> pd.DataFrame:
         episode has ended by the last checkpoint, `is_repeated` whether another run of the label has
         the same seed, and has come as far or farther: the two are no independent runs.
     """
-    runs = pd.concat([load_runs(folder) for folder in folders], ignore_index=True)
-    is_known = runs["run"].map(lambda run: Path(run).resolve()).duplicated()
-    runs = runs[~is_known].reset_index(drop=True)
+    runs = load_runs(folders)
     runs["env"] = _titles(runs)
     has_begun = runs["n_episodes"] > 0 if "n_episodes" in runs else False
     runs = runs.assign(label=label_runs(runs), has_begun=has_begun)
@@ -64,8 +64,7 @@ def _is_repeated(runs: pd.DataFrame) -> pd.Series:
 
 def _titles(runs: pd.DataFrame) -> pd.Series:
     names = runs["env"].fillna(runs.get("env_class", "unknown"))
-    keywords = runs.filter(regex=r"^(env_kwargs|wrappers)\.")
-    texts = keywords.astype(object).where(keywords.notna(), "none").astype(str)
+    texts = runs.filter(regex=r"^(env_kwargs|wrappers)\.").map(setting_text)
     return told_apart(names, texts)
 
 

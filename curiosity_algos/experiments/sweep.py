@@ -90,14 +90,18 @@ def sweep(
         ValueError: If `interval` is not above 0; in the end, if runs failed, which stop no others.
     """
     check_positive(interval=interval)
-    errors = []
+    errors, n_finished = [], 0
     with tqdm(total=len(runs), unit="run", disable=None) as bar:
         for run, outcome in _outcomes(runs, folder, backend, interval):
             if isinstance(outcome, BaseException):
                 errors.append(f"{run.folder(folder)}: {outcome}")
             elif outcome:
                 bar.write(summary(run.folder(folder)))
+            else:
+                n_finished += 1
             bar.update()
+        if n_finished:
+            bar.write(f"{n_finished} of {len(runs)} runs were finished before.")
     if errors:
         raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterable
 from textwrap import fill
 
 import pandas as pd
@@ -25,6 +24,7 @@ from curiosity_algos.experiments.figures.curves import (
     legend_handles,
 )
 from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.loading import Folder
 from curiosity_algos.experiments.measures import (
     Measure,
     best_return,
@@ -34,6 +34,7 @@ from curiosity_algos.experiments.measures import (
     reports_success,
     times_to_success,
 )
+from curiosity_gym.validation import check_choice
 
 MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
     "coverage": (coverage, "Coverage", "coverage (%)", 0.01),
@@ -42,7 +43,6 @@ MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
     "survival": (None, "Time to first success", "runs without success (%)", 0.01),
 }
 """By name the reader, the titles of figure and axis, and the value that is 1 on it."""
-Y = tuple(MEASURES)
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
 """By name the title of the axis, and the value that is 1 on it."""
 TITLE_WIDTH = 40
@@ -58,11 +58,13 @@ NO_ARCHIVE = "\nLeft out, as their logs have no QD score: {}."
 SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval, of three runs or more."
 
 
-def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps") -> Figure:
+def compare(
+    folders: Folder | Iterable[Folder], *, y: str = "coverage", x: str = "timesteps"
+) -> Figure:
     """Draw the curves of runs over time.
 
     Args:
-        folders: Folders of runs, or folders that hold them.
+        folders: A folder of runs, or several, or what such are in.
         y: "coverage", "best-return" (so far), "qd-score" (a panel for each archive, as
             `with_archives` tells them apart, of runs that have a score) or "survival" (share of
             runs without success yet; none on a task that reports no success).
@@ -70,9 +72,12 @@ def compare(folders: Sequence[Path], *, y: str = "coverage", x: str = "timesteps
 
     Raises:
         FileNotFoundError: If a folder holds no run.
-        ValueError: If a run is damaged, if no run has a checkpoint with an episode yet, if coverage
-            is asked for and an environment has none, or QD scores and no run has an archive.
+        ValueError: If `y` or `x` is another, if a run is damaged, if no run has a checkpoint with
+            an episode yet, if coverage is asked for and an environment has none, or QD scores and
+            no run has an archive.
     """
+    check_choice(tuple(MEASURES), y=y)
+    check_choice(tuple(X), x=x)
     runs = load_compared(folders)
     if not runs["has_begun"].any():
         run = runs["run"].iloc[0]

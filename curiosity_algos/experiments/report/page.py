@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from html import escape
 from importlib import resources
@@ -13,10 +12,12 @@ import pandas as pd
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.loading import Folder
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, pairs, summary, swatch
 from curiosity_gym.extras import import_extra
+from curiosity_gym.validation import check_choice
 
 PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -109,14 +110,12 @@ REPEATED = (
 )
 
 
-def write_report(
-    folders: Iterable[str | os.PathLike[str]], path: str | os.PathLike[str]
-) -> pd.DataFrame:
+def write_report(folders: Folder | Iterable[Folder], path: Folder) -> pd.DataFrame:
     """Write a page about all runs in folders; the same runs give the same bytes.
 
     Args:
-        folders: Folders of runs, or with runs in them.
-        path: File of the page; its folder need not be there yet.
+        folders: A folder of runs, or several, or what such are in.
+        path: HTML file of the page; its folder need not be there yet.
 
     Returns:
         A row for each run that the page is about, as of `load_runs`.
@@ -124,14 +123,14 @@ def write_report(
     Raises:
         FileNotFoundError: If there is no run in one of the folders.
         IsADirectoryError: If there is a folder in the page's place.
-        ValueError: If a run is of another format, or damaged.
+        ValueError: If `path` is not named as HTML, or a run is of another format or damaged.
         gymnasium.error.DependencyNotInstalled: If plotly is not installed.
     """
     graphs, offline = import_extra("report", "plotly.graph_objects", "plotly.offline")
     if Path(path).is_dir():
         raise IsADirectoryError(f"`out` must be a file, {path} is a folder.")
-    runs = load_compared(folders)
-    page = _Page(runs)
+    check_choice((".html", ".htm"), out=Path(path).suffix)
+    page = _Page(load_compared(folders))
     encoded = [f'"{name}":{graphs.Figure(each).to_json()}' for name, each in page.figures.items()]
     text = PAGE.format(
         style=_asset("page.css"),

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from gymnasium.wrappers import RepeatAction
 
 from curiosity_algos.experiments.elites import n_elites, qd_score
 from curiosity_algos.experiments.measures import (
@@ -205,7 +206,8 @@ def _names(runs: Iterable[str]) -> tuple[str, ...]:
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     """The maze of a run; None if it is none, or none that is known here."""
-    if described["env"] not in gym.registry or described.get("wrappers"):
+    is_held = set(described.get("wrappers", {})) <= {RepeatAction.__name__}
+    if described["env"] not in gym.registry or not is_held:
         return None
     try:
         env = gym.make(described["env"], **described.get("env_kwargs", {})).unwrapped

@@ -198,7 +198,8 @@ class TestSweep:
             assert_same(load_final_states(first), load_final_states(second))
 
         before = {path: path.stat().st_mtime_ns for path in killed.rglob("*")}
-        assert run_here(*self.words, "-f", str(killed))[:2] == (0, "")
+        said = "4 of 4 runs were finished before.\n"
+        assert run_here(*self.words, "-f", str(killed))[:2] == (0, said)
         assert {path: path.stat().st_mtime_ns for path in killed.rglob("*")} == before
 
     def test_gradients_are_swept_too(self, run_here, tmp_path):
@@ -213,7 +214,8 @@ class TestSweep:
         sigmas = [word for value in given for word in ("--hyperparams", value)]
         status, _, errors = run_here("sweep", *words, *sigmas)
         assert status == 0, errors
-        assert run_here("sweep", *words, *sigmas)[:2] == (0, "")
+        said = "4 of 4 runs were finished before.\n"
+        assert run_here("sweep", *words, *sigmas)[:2] == (0, said)
         runs = load_runs(tmp_path / "runs")
         for run, sigma in zip(runs["run"], runs["settings.sigma"], strict=True):
             assert pathlib.Path(run).parts[-4] == f"sigma={sigma}"
@@ -293,6 +295,14 @@ def test_environments_of_another_package_need_nothing_but_their_ids(run_here, tm
     assert "mine/hard-v0" in (tmp_path / "report.html").read_text()
 
 
+def test_a_module_of_the_working_directory_is_found(begin, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", "")
+    (tmp_path / "mine.py").write_text(REGISTERS)
+    words = ["train", "--algo", "map_elites", "--env", "mine:mine/us-v0", "-n", "300"]
+    assert begin(*words, *SMALL[2:]).wait() == 0
+    assert load_runs(tmp_path)["env"].item() == "mine/us-v0"
+
+
 def is_anyone_left(group):
     try:
         os.killpg(group, 0)
@@ -309,7 +319,9 @@ def test_ctrl_c_leaves_a_run_that_goes_on(begin, tmp_path):
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     assert process.wait() == 130
-    assert "Traceback" not in process.stderr.read()
+    said = process.stderr.read()
+    assert "Traceback" not in said
+    assert said.endswith("Interrupted: runs go on when the same command is given again.\n")
     process.stderr.close()
     assert load_runs(tmp_path)["timesteps"].item() > 0
 

@@ -24,7 +24,8 @@ def test_a_run_is_reported(run_here, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["report", "nothing"], "`folder` must hold runs"),
+        (["report", "nothing"], "`folders` must hold runs"),
+        (["report", ".", "--out", "report.pdf"], "`out` must be one of .html"),
         (["report", "foreign"], "version of curiosity-search"),
     ],
 )

@@ -40,7 +40,10 @@ def test_what_is_finished_is_not_done_again(run_here, tmp_path):
     assert status == 0, errors
     assert load_runs("mine")["seed"].tolist() == [5, 5, 5]
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "mine").rglob("*")}
-    assert run_here(*words, "--out", "second.svg")[:2] == (0, "second.svg\n")
+    assert run_here(*words, "--out", "second.svg")[:2] == (
+        0,
+        "3 of 3 runs were finished before.\nsecond.svg\n",
+    )
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "mine").rglob("*")} == before
     assert (tmp_path / "first.pdf").read_bytes().startswith(b"%PDF")
     assert "<!-- Budget smoke" in (tmp_path / "second.svg").read_text()
@@ -81,7 +84,7 @@ def test_plot_draws_what_was_trained(run_here, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["nothing"], "`folder` must hold runs, there is no run.json in nothing"),
+        (["nothing"], "`folders` must hold runs, there is no run.json in nothing"),
         ([".", "--y", "return"], "`y` must be one of coverage, best-return, qd-score, survival"),
         ([".", "--x", "episodes"], "`x` must be one of timesteps, seconds"),
         ([".", "--out", "curves.gif"], "`out` must be one of .png, .pdf, .svg"),

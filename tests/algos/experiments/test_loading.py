@@ -25,6 +25,13 @@ def test_runs_are_rows(folder):
     assert runs["coverage.all"].between(0, 1).all()
 
 
+def test_folders_may_be_one_or_several(folder):
+    one, both = folder / "CanonicalES", [folder / "CanonicalES", folder / "MAPElites"]
+    assert len(load_runs(str(one))) == len(load_runs(one)) == 2
+    assert load_runs(both)["run"].tolist() == load_runs(folder)["run"].tolist()
+    assert load_progress([one, folder]).equals(load_progress(folder))  # none of them twice
+
+
 def test_progress_is_of_all_runs(folder):
     progress = load_progress(folder)
     assert set(progress["algorithm"]) == {"CanonicalES", "MAPElites"}
@@ -52,5 +59,5 @@ def test_first_successes_can_be_compared(folder):
 
 def test_there_must_be_runs(tmp_path):
     for load in (load_runs, load_progress, load_final_states):
-        with pytest.raises(FileNotFoundError, match="`folder` must"):
+        with pytest.raises(FileNotFoundError, match=r"`folders?` must"):
             load(tmp_path)

@@ -47,6 +47,12 @@ def test_environments_of_one_name_are_told_apart_by_their_keywords(copied):
     assert load_compared(copied)["env"].tolist() == titles
 
 
+def test_environments_of_one_name_are_told_apart_by_their_wrappers(copied):
+    change(copied[0], wrappers={"RepeatAction": {"num_repeats": 10}})
+    titles = [f"CuriosityMaze-US-v0, RepeatAction.num_repeats {n}" for n in (10, "none")]
+    assert load_compared(copied)["env"].tolist() == titles
+
+
 def test_an_environment_without_an_id_goes_by_its_class(copied):
     change(copied[0], env=None, env_class="Own")
     assert load_compared(copied)["env"].tolist() == ["Own", "CuriosityMaze-US-v0"]

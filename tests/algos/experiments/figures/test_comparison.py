@@ -38,7 +38,7 @@ def test_coverage_of_each_environment(runs, lost, has_ink):
     figure = compare([*runs, *lost])
     ax, other = figure.axes
     assert (ax.get_title(), ax.get_xlabel()) == ("US, goal_radius 91.5", "timesteps (millions)")
-    assert (other.get_title(), ax.get_ylabel()) == ("US, goal_radius 2.0", "coverage (%)")
+    assert (other.get_title(), ax.get_ylabel()) == ("US, goal_radius 2", "coverage (%)")
     assert labels(figure) == ["MAPElites (3 runs)", "NSLC (2 runs)"]
     colors = [to_hex(line.get_color()).upper() for line in [*thick(ax), *thick(other)]]
     assert colors == [COLORS["MAPElites"], COLORS["NSLC"]]
@@ -94,7 +94,7 @@ def test_qd_scores_of_each_archive(runs, lost, make_runs):
     figure = compare([*runs, *lost, *without], y="qd-score")
     titles = [ax.get_title().replace("\n", " ") for ax in figure.axes]
     grid, unstructured = "SparseGridArchive", "UnstructuredArchive of NSLC"
-    assert titles == [f"US, goal_radius 91.5, {grid}", f"US, goal_radius 2.0, {unstructured}"]
+    assert titles == [f"US, goal_radius 91.5, {grid}", f"US, goal_radius 2, {unstructured}"]
     assert labels(figure) == ["MAPElites (3 runs)", "NSLC (2 runs)"]
     thin = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 0.6]
     ends = [load_progress(run)["archive/qd_score"].iloc[-1] for run in runs]
@@ -124,8 +124,14 @@ def test_curves_over_seconds(runs):
     assert 0.0 < first <= progress["time/seconds"].max()
 
 
+@pytest.mark.parametrize("axis", [{"y": "cov"}, {"x": "steps"}])
+def test_axes_are_those_that_there_are(axis, runs):
+    with pytest.raises(ValueError, match=r"`[xy]` must be one of"):
+        compare(runs, **axis)
+
+
 def test_runs_must_be_there(tmp_path, runs):
-    with pytest.raises(FileNotFoundError, match="`folder` must hold runs"):
+    with pytest.raises(FileNotFoundError, match="`folders` must hold runs"):
         compare([tmp_path])
     RunFolder(tmp_path / "new").begin(
         {"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "seed": 0, "settings": {}}

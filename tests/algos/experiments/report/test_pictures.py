@@ -133,6 +133,9 @@ def test_names_that_no_run_would_have_written_are_one_sentence(write_run):
 def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):
     for env in ("CuriosityMaze-v0", "Unknown-v0", None):
         assert plane_of(write_run([[0.1, 0.2]], [1], env)).maze is None
+    held = {"env_kwargs": {}, "wrappers": {"RepeatAction": {"num_repeats": 10}}}
+    held = plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **held))
+    assert held.maze is not None  # its positions are the maze's
     wrapped = {"env_kwargs": {}, "wrappers": {"BehaviorWrapper": None}}
     assert plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **wrapped)).maze is None
     # A folder from a stranger makes no environment, and imports no module, that is not known here.

@@ -55,7 +55,7 @@ SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP), "tuned": (
 FIGURES = {
     "paper": (1, 2, 3, 4, 5, 6, 7, 8),
     "public": (2, 3, 4, 7, 8),
-    "tuned": (2, 3, 4, 7, 8),
+    "tuned": (2, 3, 4, 5, 6, 7, 8),
 }
 """By the name of the settings the figures whose runs there are."""
 KEYS = ["preset", "variant", "algorithm", "env", "seed"]
@@ -213,7 +213,6 @@ class Tables:
         self._tables = {
             name: _with_setting(table, setting, replaced) for name, table in tables.items()
         }
-        self.seeds = sorted(set(self._tables["runs"]["seed"]))
 
     def table(self, name: str) -> pd.DataFrame:
         """The rows of a file that are of these settings."""

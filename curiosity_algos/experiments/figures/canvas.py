@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Literal
 
@@ -75,6 +76,14 @@ def save(figure: Figure, path: Path) -> None:
     check_out(path)
     with atomic_file(path) as file:
         figure.savefig(file, format=path.suffix[1:], dpi=DPI, bbox_inches="tight")
+
+
+def count_of_runs(numbers: Collection[int]) -> str:
+    """How many runs lines are of, as text: "3 to 5 runs"."""
+    low, high = (limit(numbers, default=0) for limit in (min, max))
+    if low < high:
+        return f"{low} to {high} runs"
+    return "1 run" if high == 1 else f"{high} runs"
 
 
 def short_name(env: str) -> str:

@@ -13,6 +13,7 @@ from curiosity_algos.experiments.elites import qd_score, with_archives
 from curiosity_algos.experiments.figures.canvas import (
     add_note,
     add_title,
+    count_of_runs,
     make_panels,
     polish,
     short_name,
@@ -126,15 +127,9 @@ def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
     """A line for each label, with the number of its runs in a panel."""
     counts = runs.groupby(["label", "env"], sort=False).size().groupby("label", sort=False)
     return [
-        Line(f"{label} ({_span(numbers.min(), numbers.max())})", colors[str(label)], [])
+        Line(f"{label} ({count_of_runs(list(numbers))})", colors[str(label)], [])
         for label, numbers in counts
     ]
-
-
-def _span(low: int, high: int) -> str:
-    if low < high:
-        return f"{low} to {high} runs"
-    return "1 run" if high == 1 else f"{high} runs"
 
 
 def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:

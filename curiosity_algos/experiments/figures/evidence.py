@@ -45,10 +45,6 @@ def count_final_states(run: Path, env: str) -> Counts:
 class Evidence(Protocol):
     """What the runs of several algorithms came to on each environment."""
 
-    @property
-    def seeds(self) -> Sequence[int]:
-        """Seeds of the runs."""
-
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
         """A curve of each run, of one of `MEASURES`; none where nothing was trained."""
 
@@ -70,7 +66,6 @@ class TrainedRuns:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.seeds = plan.seeds
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
         """A curve of each run, of one of `MEASURES`."""
@@ -89,7 +84,7 @@ class TrainedRuns:
         )
 
     def _folders(self, series: Series, env: str) -> list[Path]:
-        runs = [self.plan.run(series, env, seed) for seed in self.seeds]
+        runs = [self.plan.run(series, env, seed) for seed in self.plan.seeds]
         folders = [run.folder(self.plan.folder) for run in runs]
         for run, folder in zip(runs, folders, strict=True):
             if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:

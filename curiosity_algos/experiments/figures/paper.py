@@ -8,7 +8,13 @@ from typing import Literal
 
 from matplotlib.figure import Figure
 
-from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, short_name
+from curiosity_algos.experiments.figures.canvas import (
+    add_note,
+    add_title,
+    count_of_runs,
+    make_panels,
+    short_name,
+)
 from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
 from curiosity_algos.experiments.figures.evidence import Evidence
 from curiosity_algos.experiments.figures.mazes import Counts, show_final_states, show_mazes
@@ -18,8 +24,8 @@ from curiosity_algos.experiments.labels import COLORS
 from curiosity_gym.validation import check_choice
 
 NOTE = (
-    "Thick: interquartile mean (seeds {}); shaded: its 95 % interval, of three seeds or more; "
-    "thin: each seed; dotted: beyond the budget of an algorithm."
+    "Thick: interquartile mean of {}; shaded: its 95 % interval, of three runs or more; "
+    "thin: each run; dotted: beyond the budget of an algorithm."
 )
 
 
@@ -59,7 +65,7 @@ def _show_curves(evidence: Evidence, figure: int, measure: str, title: str, y_la
         shown += drawn
     axes.flat[0].set_ylabel(y_label)
     add_title(drawing, title, legend_handles(shown))
-    add_note(drawing, NOTE.format(", ".join(map(str, evidence.seeds))))
+    add_note(drawing, NOTE.format(count_of_runs([len(line.curves) for line in shown])))
     return drawing
 
 

@@ -9,6 +9,7 @@ from curiosity_algos.experiments.figures.canvas import (
     add_note,
     add_title,
     check_out,
+    count_of_runs,
     make_panels,
     save,
     short_name,
@@ -67,3 +68,9 @@ def test_other_files_are_refused(tmp_path):
 def test_titles_are_short():
     names = ["CuriosityMaze-US-v0, layout a/b", "CuriosityControl-BallInCup-v0", "x/Pendulum-v1"]
     assert [short_name(name) for name in names] == ["US, layout a/b", "BallInCup", "Pendulum-v1"]
+
+
+def test_runs_are_counted_in_words():
+    for numbers, words in ([5, 3, 4], "3 to 5 runs"), ([2, 2], "2 runs"), ([1], "1 run"):
+        assert count_of_runs(numbers) == words
+    assert count_of_runs([]) == "0 runs"

@@ -54,7 +54,7 @@ def test_an_algorithm_that_found_nothing_is_named(finished, has_ink):
     (legend,) = figure.legends
     shown = [text.get_text() for text in legend.get_texts()]
     assert shown == [name for name in COMPARED if name != "CMAME"]
-    assert "interquartile mean (seeds 0, 1)" in figure._supxlabel.get_text()
+    assert "interquartile mean of 2 runs" in figure._supxlabel.get_text()
 
 
 def test_the_line_is_that_of_the_runs(finished):

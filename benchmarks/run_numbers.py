@@ -77,7 +77,8 @@ def decline(curve: pd.DataFrame) -> float:
 def bonus_left(curve: pd.DataFrame) -> float:
     """Mean of the bonus in the second half over that of the first twentieth, if it was logged."""
     bonus = curve["bonus"]
-    return bonus.tail(len(curve) // 2).mean() / bonus.head(len(curve) // 20).mean()
+    first = bonus.head(len(curve) // 20).mean()
+    return bonus.tail(len(curve) // 2).mean() / first if first else float("nan")
 
 
 def _of_squares(measure: Callable[[str, Float64], float], tables: Tables) -> Runs:

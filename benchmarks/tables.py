@@ -21,7 +21,7 @@ from benchmarks.headline import headline
 from benchmarks.markdown import markdown
 from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
-from benchmarks.results import in_order, read_rows, read_runs
+from benchmarks.results import ENVIRONMENTS, in_order, read_rows, read_runs
 from benchmarks.speed_tables import HEADLINES, SPEED_FILE, section, summary_of
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
@@ -59,7 +59,7 @@ def _by_environment(
     runs: pd.DataFrame, cell: Callable[[pd.DataFrame], str], head: str = "Algorithm"
 ) -> str:
     """A row for each algorithm, with a cell of its runs in each environment that it has."""
-    envs = list(dict.fromkeys(runs["env"]))
+    envs = sorted(set(runs["env"]), key=ENVIRONMENTS.index)
     cells = {key: cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
     rows = [
         [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
@@ -127,7 +127,7 @@ def comparison(runs: pd.DataFrame) -> str:
 
     Probabilities of improvement in percent with their 95 % intervals, in each maze and over all.
     """
-    envs = list(dict.fromkeys(runs["env"]))
+    envs = sorted(set(runs["env"]), key=ENVIRONMENTS.index)
     # Who finds nothing is as late as the budget.
     sooner = -runs["first_success_timesteps"].fillna(runs["timesteps"])
     scores = {"finds the goal sooner": sooner, "covers more": runs["coverage.reachable"]}

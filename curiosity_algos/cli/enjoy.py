@@ -36,7 +36,13 @@ def enjoy(
         bool, typer.Option("--no-render", help="Show nothing, and print the return.")
     ] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
-    seed: Annotated[int, typer.Option(help="Seed of the environment.")] = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            help="Seed of the environment. Without it, that of the policy's best episode, or 0 "
+            "where it is not known."
+        ),
+    ] = None,
     trust: Trust = False,
 ) -> None:
     """Show or record an episode of a trained policy.

@@ -92,8 +92,12 @@ def write_model(
     if normalize is not None:
         normalize.save(str(folder / "vecnormalize.pkl"))
     if isinstance(model, EvolutionaryAlgorithm):
-        policy, best_return = model.policy, np.array(model.best_return)
-        best = {"parameters": policy.vector, "net_arch": policy.net_arch, "return": best_return}
+        best = {
+            "parameters": model.policy.vector,
+            "net_arch": model.policy.net_arch,
+            "return": np.array(model.best_return),
+            "episode_seed": np.array(model.best_episode_seed or 0),
+        }
         write_arrays(folder / "best_policy.npz", best)
     elif not isinstance(model, Resumable):
         _write_under_way(model, folder)

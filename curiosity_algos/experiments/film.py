@@ -20,7 +20,7 @@ from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.names import KNOWN, find_algorithm
-from curiosity_algos.experiments.pretrained import load_pretrained
+from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.run_folder import last_checkpoint
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_gym.extras import import_extra
@@ -34,22 +34,24 @@ Source: TypeAlias = Path | tuple[str, str]
 """The folder of a run, or the algorithm and environment of a policy of the package."""
 
 
-def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = False) -> float:
+def film(
+    source: Source, path: Path, *, stride: int, seed: int | None = None, trust: bool = False
+) -> float:
     """Play one episode, and write every `stride`-th step as a frame; its return.
 
     Args:
         source: Run or policy that acts.
         path: Place of the GIF or MP4.
         stride: Steps from frame to frame.
-        seed: Seed of the environment.
+        seed: Seed of the environment; None: that of the policy's best episode, if it is known.
         trust: Also run code that the folder of the run names or holds.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    policy, env = _open(source, trust, render_mode="rgb_array")
+    policy, env, own_seed = _open(source, trust, render_mode="rgb_array")
     frames, total = [], 0.0
     if env.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
         stride = max(1, stride // env.get_wrapper_attr("num_repeats"))
-    for t, reward in enumerate(_rewards(policy, env, seed)):
+    for t, reward in enumerate(_rewards(policy, env, own_seed if seed is None else seed)):
         total += reward
         if t % stride == 0:
             frames.append(_frame(env))
@@ -60,8 +62,8 @@ def film(source: Source, path: Path, *, stride: int, seed: int, trust: bool = Fa
     return total
 
 
-def watch(source: Source, *, seed: int, trust: bool = False) -> float:
-    """Play one episode in a window; its return."""
+def watch(source: Source, *, seed: int | None = None, trust: bool = False) -> float:
+    """Play one episode in a window; its return. Arguments are those of `film`."""
     (pygame,) = import_extra("render", "pygame")
     try:
         return play(source, seed=seed, trust=trust, render_mode="human")
@@ -69,10 +71,12 @@ def watch(source: Source, *, seed: int, trust: bool = False) -> float:
         raise ValueError(f"`out` must name a file where there is no screen: {error}.") from error
 
 
-def play(source: Source, *, seed: int, trust: bool = False, **rendering: Any) -> float:
-    """Play one episode; its return."""
-    policy, env = _open(source, trust, **rendering)
-    total = sum(_rewards(policy, env, seed))
+def play(
+    source: Source, *, seed: int | None = None, trust: bool = False, **rendering: Any
+) -> float:
+    """Play one episode; its return. Arguments are those of `film`."""
+    policy, env, own_seed = _open(source, trust, **rendering)
+    total = sum(_rewards(policy, env, own_seed if seed is None else seed))
     env.close()
     return total
 
@@ -89,17 +93,21 @@ def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[
             return
 
 
-def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gym.Env[Any, Any]]:
-    """A policy, and an environment as it was trained in."""
+def _open(
+    source: Source, trust: bool, **rendering: Any
+) -> tuple[BasePolicy, gym.Env[Any, Any], int]:
+    """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
     if isinstance(source, tuple):
-        return load_pretrained(*source), gym.make(source[1], **rendering)
+        return load_pretrained(*source), gym.make(source[1], **rendering), pretrained_seed(*source)
     described, checkpoint = last_checkpoint(source)
     cls = _algorithm(described)
     env = make_env(described, trust=trust, **rendering)
+    seed = 0
     if is_baseline(cls) and not trust:
         policy = load_baseline_policy(cls, checkpoint, described, env)
     elif issubclass(cls, EvolutionaryAlgorithm):
-        policy = cls.load(checkpoint / "model", allow_pickle=trust).policy
+        model = cls.load(checkpoint / "model", allow_pickle=trust)
+        policy, seed = model.policy, model.best_episode_seed or 0
     elif trust:
         policy = cls.load(checkpoint / "model").policy
     else:
@@ -111,7 +119,7 @@ def _open(source: Source, trust: bool, **rendering: Any) -> tuple[BasePolicy, gy
     if len(sizes) > 1:
         name = described["env"]
         raise ValueError(f"`run` must be of its environment: {name} has other observations.")
-    return policy, env
+    return policy, env, seed
 
 
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:

@@ -7,6 +7,7 @@ from importlib.resources import files
 import gymnasium as gym
 import numpy as np
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_gym.registration import SPECS
@@ -33,6 +34,21 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
     Raises:
         ValueError: If there is none of them.
     """
+    saved = _read(algorithm, env_id)
+    env = gym.make(env_id)
+    policy = MlpPolicy(env.observation_space, env.action_space, saved["net_arch"].tolist())
+    env.close()
+    policy.vector[:] = saved["parameters"]
+    return policy
+
+
+def pretrained_seed(algorithm: str, env_id: str) -> int:
+    """Seed of the reset of the policy's best episode, see `load_pretrained`."""
+    return int(_read(algorithm, env_id)["episode_seed"])
+
+
+def _read(algorithm: str, env_id: str) -> dict[str, Array]:
+    """The arrays of a file."""
     name = find_algorithm(algorithm).__name__
     find_known("env", env_id, SPECS)
     env_id = next(known for known, spec in SPECS.items() if spec == SPECS[env_id])  # of an alias
@@ -40,9 +56,4 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
         known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"
         raise ValueError(f"`pretrained` {name} is there for {known}, not for {env_id}.")
     with _FILES[f"{name}_{env_id}"].open("rb") as file, np.load(file) as saved:
-        parameters, net_arch = saved["parameters"], saved["net_arch"].tolist()
-    env = gym.make(env_id)
-    policy = MlpPolicy(env.observation_space, env.action_space, net_arch)
-    env.close()
-    policy.vector[:] = parameters
-    return policy
+        return {"episode_seed": np.array(0), **saved}

@@ -93,6 +93,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         generation: Generations finished.
         best_return: Highest return of an individual so far, rounded to 6 digits as SB3's Monitor
             does; -inf before the first generation.
+        best_episode_seed: Seed of the reset that the individual's episode began with, or None: of
+            another start it may come to another return.
         first_success_timesteps: Timesteps when an individual first succeeded, or None.
 
     Raises:
@@ -280,6 +282,7 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     def _forget_best(self) -> None:
         self._best_return = -np.inf
+        self.best_episode_seed: int | None = None
         self.first_success_timesteps: int | None = None
         self._best_parameters = None
         self._has_reward = False
@@ -422,6 +425,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         if rollouts.returns[best] > self._best_return or is_found:
             self._best_return = float(rollouts.returns[best])
             self._best_parameters = parameters[best].copy()
+            self.best_episode_seed = self._episodes.current
         self._show_best()
 
     def _show_best(self) -> None:

@@ -56,6 +56,19 @@ def test_an_episode_needs_no_picture(folder):
     assert play(folder, seed=0) == RunFolder(folder).result()["best_return"]
 
 
+def test_the_best_episode_is_played_where_starts_differ(tmp_path):
+    settings = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
+    run = RunSpec("canonical_es", "Pendulum-v1", 3, 6000, {"max_episode_steps": 50}, settings)
+    train(run, tmp_path)
+    best = RunFolder(tmp_path).result()["best_return"]
+    assert play(tmp_path) == pytest.approx(best, abs=1e-4)
+    assert play(tmp_path, seed=0) != pytest.approx(best, abs=1.0)
+    (kept,) = tmp_path.glob("checkpoints/*/best_policy.npz")
+    with np.load(kept) as policy:
+        seed = int(policy["episode_seed"])
+    assert play(tmp_path, seed=seed) == play(tmp_path)
+
+
 @pytest.mark.parametrize("env_id", ["CliffWalking-v1", "Blackjack-v1"])
 def test_spaces_that_are_no_vectors(env_id, tmp_path):
     settings = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}

@@ -1,7 +1,7 @@
 """`python -m benchmarks.gallery` films each environment for the pages, and says what it has filmed.
 
 In mazes and control tasks the policy is what CuriosityES has come to with its first reward, or with
-its budget, and "best_ant" is the same of the results' best run; at the traps it is the plan that
+its budget, and "best_ant" is the one that comes with the package; at the traps it is the plan that
 the tests replay, which was found by sampling. All other environments, which nothing here was
 trained in, are shown with actions at random. Run it with MUJOCO_GL=egl where there is no display.
 """
@@ -19,17 +19,16 @@ from PIL import Image
 from stable_baselines3.common.callbacks import BaseCallback
 
 from benchmarks.figures import IMAGES
+from curiosity_algos import CuriosityES, make_evaluator
 from curiosity_algos.experiments.film import write_film
-from curiosity_algos.experiments.names import find_algorithm
+from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 
 
 class Search(NamedTuple):
-    """A run: its environment, and at most so many timesteps of an algorithm with a seed."""
+    """A run of CuriosityES: its environment, and its timesteps at most."""
 
     env_id: str
     timesteps: float
-    algorithm: str = "CuriosityES"
-    seed: int = 0
 
 
 FOUND = {
@@ -40,11 +39,9 @@ FOUND = {
     "ball_in_cup": Search("CuriosityControl-BallInCup-v0", 1e6),
     "finger": Search("CuriosityControl-Finger-v0", 1e6),
     "stacker": Search("CuriosityControl-Stacker-v0", 1e6),
-    "best_ant": Search("CuriosityLocomotion-AntTrap-v0", 1e6, "NSES", 1),
 }
 """Name of the picture: what found the episode."""
-N_STARTS = 100
-"""Seeds of resets, of which the best policy's best is shown: some environments draw their start."""
+PRETRAINED = {"best_ant": ("CuriosityES", "CuriosityLocomotion-AntTrap-v0")}
 PLANNED = {
     "ant_trap": "CuriosityLocomotion-AntTrap-v0",
     "ant_maze": "CuriosityLocomotion-AntMaze-v0",
@@ -79,12 +76,16 @@ class _StopAtReward(BaseCallback):
 
 def find_actions(search: Search) -> tuple[npt.NDArray[Any], int]:
     """Actions of the best episode of a run's best policy, and the seed of its reset."""
-    make = find_algorithm(search.algorithm)
-    model = make(search.env_id, seed=search.seed).learn(search.timesteps, callback=_StopAtReward())
-    policy = model.policy.vector[None]
-    episodes = [model.evaluator.evaluate(policy, seed) for seed in range(N_STARTS)]
-    best = int(np.argmax([each.returns[0] for each in episodes]))
-    return episodes[best].trajectories[1][0], best
+    model = CuriosityES(search.env_id, seed=0).learn(search.timesteps, callback=_StopAtReward())
+    seed = model.best_episode_seed
+    return model.evaluator.evaluate(model.policy.vector[None], seed).trajectories[1][0], seed
+
+
+def play_pretrained(algorithm: str, env_id: str) -> tuple[npt.NDArray[Any], int]:
+    """Actions of the best episode of a policy of the package, and the seed of its reset."""
+    policy, seed = load_pretrained(algorithm, env_id), pretrained_seed(algorithm, env_id)
+    evaluator = make_evaluator(env_id, {"net_arch": policy.net_arch})
+    return evaluator.evaluate(policy.vector[None], seed).trajectories[1][0], seed
 
 
 def read_actions(env_id: str) -> tuple[npt.NDArray[Any], int]:
@@ -128,6 +129,8 @@ def play(name: str) -> tuple[str, npt.NDArray[Any], int]:
     """The environment of a picture, actions of an episode in it, and the seed of its reset."""
     if name in FOUND:
         return FOUND[name].env_id, *find_actions(FOUND[name])
+    if name in PRETRAINED:
+        return PRETRAINED[name][1], *play_pretrained(*PRETRAINED[name])
     if name in PLANNED:
         return PLANNED[name], *read_actions(PLANNED[name])
     return RANDOM[name], *draw_actions(RANDOM[name])
@@ -155,7 +158,7 @@ def main(
     out: Path = IMAGES,
 ) -> None:
     """Write a GIF for each environment."""
-    known = [*FOUND, *PLANNED, *RANDOM]
+    known = [*FOUND, *PRETRAINED, *PLANNED, *RANDOM]
     names = known if only is None else only.split(",")
     if unknown := sorted(set(names) - set(known)):
         raise typer.BadParameter(f"--only knows {', '.join(known)}, not {', '.join(unknown)}.")

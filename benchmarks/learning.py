@@ -82,6 +82,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
             "learning_rate:1",
         ],
     },
+    "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e7},
     "normalized": {
         "algos": ("CanonicalES",),
         "envs": ("CuriosityLocomotion-HalfCheetah-v0", "CuriosityLocomotion-Hopper-v0"),

@@ -23,8 +23,8 @@ from curiosity_algos.experiments import RunFolder
 from curiosity_algos.experiments.run_folder import write_arrays
 
 FOLDER = Path(__file__).parents[1] / "curiosity_algos" / "pretrained"
-TABLES = ("mazes", "labyrinth", "control")
-FIELDS = ("parameters", "net_arch", "return")
+TABLES = ("mazes", "labyrinth", "control", "locomotion_long")
+FIELDS = ("parameters", "net_arch", "return", "episode_seed")
 
 
 def rewarded_pairs(runs: pd.DataFrame) -> Iterator[pd.DataFrame]:

@@ -270,6 +270,8 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "control-strict-seeds": ("control_strict", every_seed),
     "locomotion-summary": ("locomotion", summary),
     "locomotion-seeds": ("locomotion", every_seed),
+    "locomotion-long-summary": ("locomotion_long", summary),
+    "locomotion-long-seeds": ("locomotion_long", every_seed),
     "normalized": ("normalized", returns),
     "ppo-summary": ("ppo", visits),
     "ppo-with-and-without": ("ppo", with_and_without),
@@ -305,7 +307,7 @@ TABLES: dict[str, Callable[[], str]] = {
     },
     "paper-hours": partial(paper_tables.hours, "paper"),
     "tuned-hours": partial(paper_tables.hours, "tuned"),
-    "paper-reasons": partial(make_table, paper_tables.of_reasons, "paper", summary),
+    "paper-reasons": partial(make_table, paper_tables.of_reasons, "public", summary),
     **{f"speed-{name}": partial(section, name) for name in read_sections(SPEED_FILE)},
 }
 """What makes the table that stands under each name in a page."""

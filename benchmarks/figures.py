@@ -13,6 +13,7 @@ from benchmarks.results import ENVIRONMENTS, read_curves
 from curiosity_algos.experiments.figures.canvas import (
     add_note,
     add_title,
+    count_of_runs,
     make_panels,
     save,
     short_name,
@@ -32,7 +33,7 @@ ROWS = {
     "best_return": ("best return", 1.0),
 }
 """Of each column that is drawn its name on the axis, and what is 1 there."""
-NOTE = "Thick: interquartile mean of up to {} seeds; shaded: its 95 % interval; thin: each."
+NOTE = "Thick: interquartile mean of {}; shaded: its 95 % interval; thin: each."
 
 
 def show(curves: pd.DataFrame, title: str) -> Figure:
@@ -52,7 +53,7 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
             shown += lines
         row[0].set_ylabel(label)
     add_title(figure, title, legend_handles(shown))
-    add_note(figure, NOTE.format(curves["seed"].nunique()))
+    add_note(figure, NOTE.format(count_of_runs([len(line.curves) for line in shown])))
     return figure
 
 

@@ -44,7 +44,7 @@ clean:  ## remove the environment, caches and built documentation
 
 .venv/.installed: pyproject.toml constraints.txt
 	@echo "Installing the pinned dependencies into .venv: several minutes the first time."
-	$(PYTHON) -m venv .venv
+	$(PYTHON) -m venv --clear .venv
 	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt -e ".[dev]"
 	@touch $@
 

@@ -46,6 +46,7 @@ _KINDS: dict[str, Any] = {
 _PROGRESS: dict[str, Any] = {
     "generation": Integral,
     "_best_return": Real,
+    "_best_seed": Integral | None,
     "_has_reward": bool,
     "first_success_timesteps": Integral | None,
     "_user_parts": dict,

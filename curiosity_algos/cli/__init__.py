@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from typing import Annotated
 
@@ -21,6 +20,8 @@ from curiosity_gym import __version__
 
 INTERRUPTED = 130
 """A command's status after Ctrl-C."""
+TRAINING = ("train", "sweep", "reproduce")
+"""Commands that go on with what was interrupted."""
 app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -51,7 +52,6 @@ def options(
 
 def main() -> None:
     """Run the command; a mistake is one line on standard error and a status that is not 0."""
-    sys.path.append(os.getcwd())  # where MODULE:ID finds a user's own module, after all others
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except KeyboardInterrupt:
@@ -64,6 +64,6 @@ def main() -> None:
             raise
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
-    if status == INTERRUPTED:  # typer's, too
+    if status == INTERRUPTED and sys.argv[1] in TRAINING:  # typer's status, too
         print("Interrupted: runs go on when the same command is given again.", file=sys.stderr)
     sys.exit(status if isinstance(status, int) else 0)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from curiosity_algos.cli.options import Trust
+from curiosity_algos.cli.options import Trust, find_own_modules
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -56,6 +56,8 @@ def enjoy(
     from curiosity_algos.experiments import film
 
     check_at_least_one(stride=stride)
+    if trust:
+        find_own_modules()
     source = Path(run) if pretrained is None else (pretrained, run)
     if no_render:
         typer.echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")

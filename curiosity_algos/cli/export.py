@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from curiosity_algos.cli.options import Trust
+from curiosity_algos.cli.options import Trust, find_own_modules
 from curiosity_gym.validation import check_choice
 
 
@@ -42,6 +42,8 @@ def export(
     from curiosity_algos.experiments.export import export_minari, export_onnx
 
     check_choice(("minari", "onnx"), to=to)
+    if trust:
+        find_own_modules()
     given: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
     given = {name: value for name, value in given.items() if value is not None}
     if to == "onnx":

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -84,6 +86,8 @@ def make_runs(
 
     Keywords of the algorithms that other options give count more than `hyperparams`.
     """
+    if any(":" in env for env in envs):
+        find_own_modules()
     from curiosity_algos.experiments.sweep import grid
 
     given = {name: value for name, value in others.items() if value is not None}
@@ -105,6 +109,12 @@ def make_runs(
     )
     check_all(runs)
     return runs
+
+
+def find_own_modules() -> None:
+    """Let modules of the working directory be imported, after all others."""
+    if (here := os.getcwd()) not in sys.path:
+        sys.path.append(here)
 
 
 def check_all(runs: Sequence[RunSpec]) -> None:

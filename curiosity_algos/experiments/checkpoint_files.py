@@ -96,8 +96,9 @@ def write_model(
             "parameters": model.policy.vector,
             "net_arch": model.policy.net_arch,
             "return": np.array(model.best_return),
-            "episode_seed": np.array(model.best_episode_seed or 0),
         }
+        if model.best_episode_seed is not None:
+            best["episode_seed"] = np.array(model.best_episode_seed)
         write_arrays(folder / "best_policy.npz", best)
     elif not isinstance(model, Resumable):
         _write_under_way(model, folder)

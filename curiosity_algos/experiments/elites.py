@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from curiosity_algos.experiments.loading import Folder, load_progress
+from curiosity_algos.experiments.loading import StrPath, load_progress
 from curiosity_algos.experiments.measures import Points, logged, told_apart
 from curiosity_algos.experiments.reading import damaged
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -31,7 +31,7 @@ def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
     return found.assign(archive=told_apart(names, texts))
 
 
-def _archive_of(run: Folder, label: str) -> dict[str, str]:
+def _archive_of(run: StrPath, label: str) -> dict[str, str]:
     """The class of a run's `archive` and its settings, in words; empty without a QD score."""
     if not {QD_SCORE, SIZE} <= {*load_progress(run)}:
         return {}
@@ -46,11 +46,11 @@ def _archive_of(run: Folder, label: str) -> dict[str, str]:
     raise damaged(folder.path / "run.json")
 
 
-def qd_score(run: Folder) -> Points:
+def qd_score(run: StrPath) -> Points:
     """Sum of the elites' returns, less the archive's `qd_score_offset` for each of them."""
     return logged(run, QD_SCORE)
 
 
-def n_elites(run: Folder) -> Points:
+def n_elites(run: StrPath) -> Points:
     """Number of elites."""
     return logged(run, SIZE)

@@ -47,11 +47,11 @@ def film(
         trust: Also run code that the folder of the run names or holds.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    policy, env, own_seed = _open(source, trust, render_mode="rgb_array")
+    policy, env, best_seed = _open(source, trust, render_mode="rgb_array")
     frames, total = [], 0.0
     if env.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
         stride = max(1, stride // env.get_wrapper_attr("num_repeats"))
-    for t, reward in enumerate(_rewards(policy, env, own_seed if seed is None else seed)):
+    for t, reward in enumerate(_rewards(policy, env, best_seed if seed is None else seed)):
         total += reward
         if t % stride == 0:
             frames.append(_frame(env))
@@ -75,8 +75,8 @@ def play(
     source: Source, *, seed: int | None = None, trust: bool = False, **rendering: Any
 ) -> float:
     """Play one episode; its return. Arguments are those of `film`."""
-    policy, env, own_seed = _open(source, trust, **rendering)
-    total = sum(_rewards(policy, env, own_seed if seed is None else seed))
+    policy, env, best_seed = _open(source, trust, **rendering)
+    total = sum(_rewards(policy, env, best_seed if seed is None else seed))
     env.close()
     return total
 
@@ -98,7 +98,8 @@ def _open(
 ) -> tuple[BasePolicy, gym.Env[Any, Any], int]:
     """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
     if isinstance(source, tuple):
-        return load_pretrained(*source), gym.make(source[1], **rendering), pretrained_seed(*source)
+        env = gym.make(source[1], **rendering)
+        return load_pretrained(*source), env, pretrained_seed(*source) or 0
     described, checkpoint = last_checkpoint(source)
     cls = _algorithm(described)
     env = make_env(described, trust=trust, **rendering)

@@ -54,7 +54,7 @@ def label_runs(runs: pd.DataFrame) -> pd.Series:
 
 
 def setting_text(value: Any) -> str:
-    """A setting, which where it is not given is None, and NaN where others have it."""
+    """The text of a setting: "none" of one that is not given, which is NaN where others have it."""
     if value is None or value != value:
         return "none"
     # Beside NaN, pandas has whole numbers as floats.

@@ -14,7 +14,7 @@ import pandas as pd
 from curiosity_algos.experiments.reading import read_rows
 from curiosity_algos.experiments.run_folder import RunFolder
 
-Folder: TypeAlias = str | os.PathLike[str]
+StrPath: TypeAlias = str | os.PathLike[str]
 KEYS = ("algorithm", "env", "seed")
 NOT_SHOWN = {
     *("run", "env_spec", "behavior_names", "archive"),
@@ -22,8 +22,8 @@ NOT_SHOWN = {
 }
 
 
-def find_runs(folders: Folder | Iterable[Folder]) -> list[Path]:
-    """The folders of runs in folders and what is in these; a run in two of them once.
+def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
+    """The folders of runs in folders and what is in these, in their order; each run once.
 
     Raises:
         FileNotFoundError: If there is none in one of the folders.
@@ -37,10 +37,12 @@ def find_runs(folders: Folder | Iterable[Folder]) -> list[Path]:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:
             found.setdefault(run.resolve(), run)
+    if not found:
+        raise FileNotFoundError("`folders` must hold runs, there is no folder in it.")
     return list(found.values())
 
 
-def load_runs(folders: Folder | Iterable[Folder]) -> pd.DataFrame:
+def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """A row for each run in a folder or in several, and in folders in them.
 
     Returns:
@@ -66,7 +68,7 @@ def _row(path: Path) -> dict[str, Any]:
     return {"run": str(path)} | {k: v for k, v in fields.items() if k not in NOT_SHOWN}
 
 
-def load_progress(folders: Folder | Iterable[Folder]) -> pd.DataFrame:
+def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """A row for each log of each run in folders: its columns, `run`, `algorithm`, `env`, `seed`.
 
     Raises:
@@ -86,7 +88,7 @@ def _progress(path: Path) -> pd.DataFrame:
     return table
 
 
-def load_final_states(folder: Folder) -> dict[str, npt.NDArray[np.generic]]:
+def load_final_states(folder: StrPath) -> dict[str, npt.NDArray[np.generic]]:
     """The ends of every episode of one run, in their order.
 
     Returns:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from curiosity_algos.experiments.labels import label_runs, setting_text
 from curiosity_algos.experiments.loading import (
-    Folder,
+    StrPath,
     load_final_states,
     load_progress,
     load_runs,
@@ -27,7 +27,7 @@ from curiosity_algos.experiments.statistics import Survival, survival
 Float64 = npt.NDArray[np.float64]
 Points: TypeAlias = tuple[Float64, Float64]
 """Timesteps or seconds (n,), and the value from then on (n,)."""
-Measure: TypeAlias = Callable[[Folder], Points]
+Measure: TypeAlias = Callable[[StrPath], Points]
 """Reads a run's curve from its folder."""
 
 EPISODES = 56
@@ -37,7 +37,7 @@ EPISODES = 56
 # -- runs side by side ----------------------------------------------------------------------------
 
 
-def load_compared(folders: Folder | Iterable[Folder]) -> pd.DataFrame:
+def load_compared(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """`load_runs`, named for comparison.
 
     Returns:
@@ -106,19 +106,19 @@ def read_curves(runs: pd.DataFrame, measure: Measure, x: str = "timesteps") -> l
 # -- curves of a run ------------------------------------------------------------------------------
 
 
-def coverage(run: Folder) -> Points:
+def coverage(run: StrPath) -> Points:
     """Share of the reachable cells in which episodes have ended; none before timestep 0."""
     return _from_zero(*logged(run, "coverage/reachable"))
 
 
-def best_return(run: Folder) -> Points:
+def best_return(run: StrPath) -> Points:
     """Highest return of an episode so far, from the first generation on."""
     states = final_states(run)
     timesteps, returns = _highest(states, states["timesteps"])
     return timesteps, np.maximum.accumulate(returns)
 
 
-def generation_return(run: Folder) -> Points:
+def generation_return(run: StrPath) -> Points:
     """Highest return of each generation; of 56 episodes where the algorithm trains one policy."""
     states = final_states(run)
     generation = states["generation"]
@@ -127,7 +127,7 @@ def generation_return(run: Folder) -> Points:
     return _highest(states, generation)
 
 
-def final_states(run: Folder) -> dict[str, npt.NDArray[Any]]:
+def final_states(run: StrPath) -> dict[str, npt.NDArray[Any]]:
     """`load_final_states` of a run with an episode."""
     states = load_final_states(run)
     if not states:
@@ -143,7 +143,7 @@ def _highest(states: dict[str, npt.NDArray[Any]], group: npt.NDArray[Any]) -> Po
     return timesteps, np.maximum.reduceat(states["return"], first)
 
 
-def logged(run: Folder, column: str) -> Points:
+def logged(run: StrPath, column: str) -> Points:
     """Timesteps and values of the rows of the log that have both."""
     progress = load_progress(run)
     if len(progress) and column not in progress:
@@ -161,7 +161,7 @@ def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike) -> Points:
     return np.r_[0.0, timesteps], np.r_[0.0, values]
 
 
-def in_seconds(run: Folder, timesteps: npt.ArrayLike) -> Float64:
+def in_seconds(run: StrPath, timesteps: npt.ArrayLike) -> Float64:
     """Seconds of training after which a run was at `timesteps` (n,), by its log and its result."""
     known, seconds = _from_zero(*logged(run, SECONDS))
     result = RunFolder(run).result()

@@ -42,9 +42,10 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
     return policy
 
 
-def pretrained_seed(algorithm: str, env_id: str) -> int:
-    """Seed of the reset of the policy's best episode, see `load_pretrained`."""
-    return int(_read(algorithm, env_id)["episode_seed"])
+def pretrained_seed(algorithm: str, env_id: str) -> int | None:
+    """Seed of the reset of the episode that `load_pretrained` has the policy for; None: any."""
+    seed = _read(algorithm, env_id).get("episode_seed")
+    return None if seed is None else int(seed)
 
 
 def _read(algorithm: str, env_id: str) -> dict[str, Array]:
@@ -56,4 +57,4 @@ def _read(algorithm: str, env_id: str) -> dict[str, Array]:
         known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"
         raise ValueError(f"`pretrained` {name} is there for {known}, not for {env_id}.")
     with _FILES[f"{name}_{env_id}"].open("rb") as file, np.load(file) as saved:
-        return {"episode_seed": np.array(0), **saved}
+        return dict(saved)

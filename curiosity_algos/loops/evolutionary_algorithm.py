@@ -93,8 +93,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         generation: Generations finished.
         best_return: Highest return of an individual so far, rounded to 6 digits as SB3's Monitor
             does; -inf before the first generation.
-        best_episode_seed: Seed of the reset that the individual's episode began with, or None: of
-            another start it may come to another return.
+        best_episode_seed: Seed of the reset that the individual's episode began with; None before
+            a reward. From another start it may come to another return.
         first_success_timesteps: Timesteps when an individual first succeeded, or None.
 
     Raises:
@@ -282,7 +282,7 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     def _forget_best(self) -> None:
         self._best_return = -np.inf
-        self.best_episode_seed: int | None = None
+        self._best_seed: int | None = None
         self.first_success_timesteps: int | None = None
         self._best_parameters = None
         self._has_reward = False
@@ -294,6 +294,11 @@ class EvolutionaryAlgorithm(PopulationModel):
         Rounded to 6 digits, as SB3's Monitor rounds: `evaluate_policy` of a monitored env says it.
         """
         return round(self._best_return, 6)
+
+    @property
+    def best_episode_seed(self) -> int | None:
+        """Seed of the reset of the episode with the best return, or None."""
+        return self._best_seed if self._has_reward else None
 
     @property
     def n_workers(self) -> int | None:
@@ -425,7 +430,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         if rollouts.returns[best] > self._best_return or is_found:
             self._best_return = float(rollouts.returns[best])
             self._best_parameters = parameters[best].copy()
-            self.best_episode_seed = self._episodes.current
+            self._best_seed = self._episodes.current
         self._show_best()
 
     def _show_best(self) -> None:

@@ -146,6 +146,7 @@ def test_no_module_is_imported(saved, algorithm, path, tmp_path, marker, monkeyp
         {"num_timesteps": "x"},
         {"generation": "a"},
         {"generation": None},
+        {"_best_seed": "0"},
         {"learn": 3},
     ],
     ids=lambda attributes: next(iter(attributes)),

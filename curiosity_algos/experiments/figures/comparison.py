@@ -25,7 +25,7 @@ from curiosity_algos.experiments.figures.curves import (
     legend_handles,
 )
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.loading import Folder
+from curiosity_algos.experiments.loading import StrPath
 from curiosity_algos.experiments.measures import (
     Measure,
     best_return,
@@ -60,7 +60,7 @@ SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval, of thr
 
 
 def compare(
-    folders: Folder | Iterable[Folder], *, y: str = "coverage", x: str = "timesteps"
+    folders: StrPath | Iterable[StrPath], *, y: str = "coverage", x: str = "timesteps"
 ) -> Figure:
     """Draw the curves of runs over time.
 

@@ -12,7 +12,7 @@ import pandas as pd
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.loading import Folder
+from curiosity_algos.experiments.loading import StrPath
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, pairs, summary, swatch
@@ -110,12 +110,12 @@ REPEATED = (
 )
 
 
-def write_report(folders: Folder | Iterable[Folder], path: Folder) -> pd.DataFrame:
+def write_report(folders: StrPath | Iterable[StrPath], out: StrPath) -> pd.DataFrame:
     """Write a page about all runs in folders; the same runs give the same bytes.
 
     Args:
         folders: A folder of runs, or several, or what such are in.
-        path: HTML file of the page; its folder need not be there yet.
+        out: HTML file of the page; its folder need not be there yet.
 
     Returns:
         A row for each run that the page is about, as of `load_runs`.
@@ -123,13 +123,13 @@ def write_report(folders: Folder | Iterable[Folder], path: Folder) -> pd.DataFra
     Raises:
         FileNotFoundError: If there is no run in one of the folders.
         IsADirectoryError: If there is a folder in the page's place.
-        ValueError: If `path` is not named as HTML, or a run is of another format or damaged.
+        ValueError: If `out` is not named as HTML, or a run is of another format or damaged.
         gymnasium.error.DependencyNotInstalled: If plotly is not installed.
     """
     graphs, offline = import_extra("report", "plotly.graph_objects", "plotly.offline")
-    if Path(path).is_dir():
-        raise IsADirectoryError(f"`out` must be a file, {path} is a folder.")
-    check_choice((".html", ".htm"), out=Path(path).suffix)
+    if Path(out).is_dir():
+        raise IsADirectoryError(f"`out` must be a file, {out} is a folder.")
+    check_choice((".html", ".htm"), out=Path(out).suffix.lower())
     page = _Page(load_compared(folders))
     encoded = [f'"{name}":{graphs.Figure(each).to_json()}' for name, each in page.figures.items()]
     text = PAGE.format(
@@ -142,7 +142,7 @@ def write_report(folders: Folder | Iterable[Folder], path: Folder) -> pd.DataFra
         plotly=offline.get_plotlyjs(),
         script=_asset("page.js"),
     )
-    with atomic_file(path) as file:
+    with atomic_file(out) as file:
         file.write(text.encode())
     return page.begun
 

@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from gymnasium.wrappers import RepeatAction
 
 from curiosity_algos.experiments.elites import n_elites, qd_score
 from curiosity_algos.experiments.measures import (
@@ -206,7 +205,7 @@ def _names(runs: Iterable[str]) -> tuple[str, ...]:
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     """The maze of a run; None if it is none, or none that is known here."""
-    is_held = set(described.get("wrappers", {})) <= {RepeatAction.__name__}
+    is_held = set(described.get("wrappers", {})) <= {"RepeatAction"}
     if described["env"] not in gym.registry or not is_held:
         return None
     try:

@@ -58,6 +58,9 @@ def test_first_successes_can_be_compared(folder):
 
 
 def test_there_must_be_runs(tmp_path):
-    for load in (load_runs, load_progress, load_final_states):
-        with pytest.raises(FileNotFoundError, match=r"`folders?` must"):
-            load(tmp_path)
+    for load in (load_runs, load_progress):
+        for folders in (tmp_path, [tmp_path], [], iter(())):
+            with pytest.raises(FileNotFoundError, match="`folders` must hold runs"):
+                load(folders)
+    with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
+        load_final_states(tmp_path)

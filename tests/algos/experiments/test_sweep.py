@@ -62,10 +62,10 @@ def test_it_tells_how_runs_ended(jobs, tmp_path, capsys):
     )
     train(runs[2], runs[2].folder(tmp_path))
     sweep(runs, tmp_path, backend=Processes(jobs))
-    told = sorted(
-        line.partition(": best return")[0] for line in capsys.readouterr().out.splitlines()
-    )
-    assert told == [str(run.folder(tmp_path)) for run in runs[:2]]  # the third was finished
+    *told, last = capsys.readouterr().out.splitlines()
+    told = sorted(line.partition(": best return")[0] for line in told)
+    assert told == [str(run.folder(tmp_path)) for run in runs[:2]]
+    assert last == "1 of 3 runs were finished before."
     assert len(load_runs(tmp_path)) == 3
 
 

@@ -277,6 +277,7 @@ class TestPredict:
             np.testing.assert_array_equal(model.policy.vector, model._center())
             model.learn(GENERATION)
         assert model.best_return == 0.0
+        assert model.best_episode_seed is None  # the center's is nobody's episode
 
     @pytest.mark.parametrize("horizon", HORIZONS)
     def test_the_best_policy_scores_its_best_return_again(

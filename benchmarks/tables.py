@@ -295,6 +295,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "roaming": partial(make_table, read_rows, "roaming", roaming),
     "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
+    "locomotion-long-unseen": partial(make_table, read_rows, "locomotion_long_unseen", unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),
     "public-claims": partial(paper_tables.claims, "public", "paper"),

@@ -1,7 +1,7 @@
-"""How finished policies do from starts that they have not seen: `python -m benchmarks.unseen RUNS`.
+"""How finished policies do from starts that they have not seen: `python -m benchmarks.unseen NAME`.
 
-The runs are those of `python -m benchmarks.learning control_random`, whose every generation plays
-one start: the return of a best policy is that of an easy start.
+The runs are those of `python -m benchmarks.learning NAME`, control_random or locomotion_long, whose
+every generation plays one start: the return of a best policy is that of an easy start.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from curiosity_algos.experiments.names import find_algorithm
 
 
 def main(
-    runs: Annotated[Path, typer.Argument(help="A folder of finished runs.")],
+    name: Annotated[str, typer.Argument(help="control_random or locomotion_long.")],
+    runs: Annotated[Path, typer.Option(help="That holds the folder of the name.")] = Path("runs"),
     starts: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
     out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
     """Count the starts that the best policy of each run solves, and write a CSV file."""
-    rows = [count(run, starts) for run in find_runs(runs)]
+    rows = [count(run, starts) for run in find_runs(runs / name)]
     out.mkdir(parents=True, exist_ok=True)
     table = pd.DataFrame(rows).sort_values(KEYS)
-    table.to_csv(out / "control_random_unseen.csv", index=False)
+    table.to_csv(out / f"{name}_unseen.csv", index=False)
 
 
 def count(path: Path, n_starts: int) -> dict[str, str | int]:

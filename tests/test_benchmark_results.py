@@ -127,7 +127,7 @@ def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
         learning.SWEEPS, "control_random", learning.SWEEPS["control_random"] | small
     )
     learning.main("control_random", seeds="0", runs=tmp_path, jobs=1, out=tmp_path)
-    unseen.main(tmp_path, starts=starts, out=tmp_path)
+    unseen.main("control_random", tmp_path, starts=starts, out=tmp_path)
     run = tmp_path / "control_random" / "CanonicalES" / env / "0"
     model = CanonicalES.load(RunFolder(run).checkpoint / "model")
     solved = 0

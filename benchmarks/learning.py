@@ -83,6 +83,12 @@ SWEEPS: dict[str, dict[str, Any]] = {
         ],
     },
     "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e7},
+    "locomotion_tries": {
+        "algos": ("CuriosityES",),
+        "envs": WORLDS[:1],
+        "timesteps": 1e6,
+        "hyperparams": [f"sigma:{sigma}" for sigma in (0.05, 0.1, 0.2, 0.3, 1.0)],
+    },
     "normalized": {
         "algos": ("CanonicalES",),
         "envs": ("CuriosityLocomotion-HalfCheetah-v0", "CuriosityLocomotion-Hopper-v0"),

@@ -272,6 +272,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "locomotion-seeds": ("locomotion", every_seed),
     "locomotion-long-summary": ("locomotion_long", summary),
     "locomotion-long-seeds": ("locomotion_long", every_seed),
+    "locomotion-tries": ("locomotion_tries", every_seed),
     "normalized": ("normalized", returns),
     "ppo-summary": ("ppo", visits),
     "ppo-with-and-without": ("ppo", with_and_without),

@@ -295,16 +295,14 @@ def test_environments_of_another_package_need_nothing_but_their_ids(run_here, tm
     assert "mine/hard-v0" in (tmp_path / "report.html").read_text()
 
 
-def test_a_module_of_the_working_directory_is_found_where_one_is_named(begin, tmp_path):
-    as_installed = {"variables": {"PYTHONSAFEPATH": "1"}}  # a script's folder is not searched
-    words = ["train", "--algo", "map_elites", "-n", "300", *SMALL[2:]]
-    foreign = tmp_path / "bottleneck.py"
-    foreign.write_text("raise SystemExit('imported')")  # pandas uses it where it is installed
-    assert begin(*words, "--env", "CuriosityMaze-US-v0", **as_installed).wait() == 0
-    foreign.unlink()
+def test_a_module_of_the_working_directory_is_found_where_one_is_named(begin, run_here, tmp_path):
+    words = ["train", "--algo", "map_elites", "-n", "300", *SMALL[2:], "--env"]
+    as_installed = {"PYTHONSAFEPATH": "1"}  # the folder of a script is not searched
     (tmp_path / "mine.py").write_text(REGISTERS)
-    assert begin(*words, "--env", "mine:mine/us-v0", **as_installed).wait() == 0
-    assert set(load_runs(tmp_path)["env"]) == {"CuriosityMaze-US-v0", "mine/us-v0"}
+    assert begin(*words, "mine:mine/us-v0", variables=as_installed).wait() == 0
+    assert load_runs(tmp_path)["env"].item() == "mine/us-v0"
+    assert run_here(*words, "CuriosityMaze-US-v0")[0] == 0
+    assert str(tmp_path) not in sys.path
 
 
 def is_anyone_left(group):

@@ -20,6 +20,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from benchmarks.figures import IMAGES
 from curiosity_algos import CuriosityES, make_evaluator
+from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.film import write_film
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 
@@ -42,6 +44,7 @@ FOUND = {
 }
 """Name of the picture: what found the episode."""
 PRETRAINED = {"best_ant": ("CuriosityES", "CuriosityLocomotion-AntTrap-v0")}
+"""Name of the picture: algorithm and environment of a policy that comes with the package."""
 PLANNED = {
     "ant_trap": "CuriosityLocomotion-AntTrap-v0",
     "ant_maze": "CuriosityLocomotion-AntMaze-v0",
@@ -77,14 +80,17 @@ class _StopAtReward(BaseCallback):
 def find_actions(search: Search) -> tuple[npt.NDArray[Any], int]:
     """Actions of the best episode of a run's best policy, and the seed of its reset."""
     model = CuriosityES(search.env_id, seed=0).learn(search.timesteps, callback=_StopAtReward())
-    seed = model.best_episode_seed
-    return model.evaluator.evaluate(model.policy.vector[None], seed).trajectories[1][0], seed
+    return act(model.evaluator, model.policy, model.best_episode_seed or 0)
 
 
 def play_pretrained(algorithm: str, env_id: str) -> tuple[npt.NDArray[Any], int]:
     """Actions of the best episode of a policy of the package, and the seed of its reset."""
     policy, seed = load_pretrained(algorithm, env_id), pretrained_seed(algorithm, env_id)
-    evaluator = make_evaluator(env_id, {"net_arch": policy.net_arch})
+    return act(make_evaluator(env_id, {"net_arch": policy.net_arch}), policy, seed or 0)
+
+
+def act(evaluator: Evaluator, policy: MlpPolicy, seed: int) -> tuple[npt.NDArray[Any], int]:
+    """Actions of an episode of a policy, and the seed of its reset."""
     return evaluator.evaluate(policy.vector[None], seed).trajectories[1][0], seed
 
 

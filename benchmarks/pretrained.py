@@ -3,7 +3,7 @@
 Of each algorithm and environment that was rewarded, the seed with the highest return. Another
 processor may round sums otherwise, and come to another run: where that finds nothing, the next best
 seed follows. The best policy of those in the folder is written into the package, and its return
-printed beside that of the results. Half an hour; may be interrupted.
+printed beside that of the results. Half an hour, and an hour for a robot; may be interrupted.
 """
 
 from __future__ import annotations

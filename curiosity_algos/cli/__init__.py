@@ -20,7 +20,7 @@ from curiosity_gym import __version__
 
 INTERRUPTED = 130
 """A command's status after Ctrl-C."""
-TRAINING = ("train", "sweep", "reproduce")
+TRAINING = {"train", "sweep", "reproduce"}
 """Commands that go on with what was interrupted."""
 app = typer.Typer(
     rich_markup_mode=None,
@@ -64,6 +64,6 @@ def main() -> None:
             raise
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
-    if status == INTERRUPTED and sys.argv[1] in TRAINING:  # typer's status, too
+    if status == INTERRUPTED and not TRAINING.isdisjoint(sys.argv[1:2]):  # typer's status, too
         print("Interrupted: runs go on when the same command is given again.", file=sys.stderr)
     sys.exit(status if isinstance(status, int) else 0)

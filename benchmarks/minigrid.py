@@ -1,7 +1,8 @@
 """What a bonus does for PPO behind MiniGrid's doors: `python -m benchmarks.minigrid` tells.
 
-It needs `pip install minigrid`. A run is three minutes of one thread, and one that is in the folder
-of runs is not done again; measures are those of DEIR's code, https://github.com/swan-utokyo/deir.
+It needs `pip install minigrid`. A run of DoorKey is three minutes of one thread, one of KeyCorridor
+twelve; a GPU is taken where there is one. What is in the folder of runs is not done again. Measures
+are those of DEIR's code, https://github.com/swan-utokyo/deir.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from benchmarks.results import FOLDER, replaced
 from curiosity_algos import BonusVecEnvWrapper, SmallCNN
 from curiosity_algos.bonuses.make import BONUSES
 
-FRAMES = {"MiniGrid-DoorKey-8x8-v0": 122_880}
+FRAMES = {"MiniGrid-DoorKey-8x8-v0": 122_880, "MiniGrid-KeyCorridorS3R3-v0": 491_520}
 """Of each task."""
 EVERY = 8192
 """Frames between two rows of a run."""
@@ -61,7 +62,7 @@ def make_ppo(env: str, bonus: str, seed: int) -> PPO:
     """SB3's PPO with or without a bonus, as docs/bonuses_sb3.md has it for small images."""
     venv = make_vec_env(partial(make_env, env), n_envs=16, seed=seed)
     if bonus != "none":
-        venv = BonusVecEnvWrapper(venv, bonus=bonus, weight=0.1, seed=seed, device="cpu")
+        venv = BonusVecEnvWrapper(venv, bonus=bonus, weight=0.1, seed=seed)
     return PPO(
         "CnnPolicy",
         venv,
@@ -72,7 +73,6 @@ def make_ppo(env: str, bonus: str, seed: int) -> PPO:
         ent_coef=0.01,
         policy_kwargs=POLICY,
         seed=seed,
-        device="cpu",
     )
 
 

@@ -93,10 +93,15 @@ def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:
     return in_order(pd.read_csv(folder / f"{name}.csv"))
 
 
+def rank(env: str) -> int:
+    """The place of an environment among those that are registered here; others come last."""
+    return ENVIRONMENTS.index(env) if env in ENVIRONMENTS else len(ENVIRONMENTS)
+
+
 def in_order(runs: pd.DataFrame) -> pd.DataFrame:
     """Environments as they are registered, algorithms that cover most first."""
     covered = -runs.groupby("algorithm")["coverage.reachable"].transform("mean")
-    order = pd.DataFrame({"covered": covered, "env": runs["env"].map(ENVIRONMENTS.index)})
+    order = pd.DataFrame({"covered": covered, "env": runs["env"].map(rank)})
     return runs.loc[order.sort_values(["covered", "env"], kind="stable").index]
 
 

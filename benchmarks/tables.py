@@ -21,7 +21,7 @@ from benchmarks.headline import headline
 from benchmarks.markdown import markdown
 from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
-from benchmarks.results import ENVIRONMENTS, in_order, read_rows, read_runs
+from benchmarks.results import ENVIRONMENTS, in_order, rank, read_rows, read_runs
 from benchmarks.speed_tables import HEADLINES, SPEED_FILE, section, summary_of
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
@@ -59,7 +59,7 @@ def _by_environment(
     runs: pd.DataFrame, cell: Callable[[pd.DataFrame], str], head: str = "Algorithm"
 ) -> str:
     """A row for each algorithm, with a cell of its runs in each environment that it has."""
-    envs = sorted(set(runs["env"]), key=ENVIRONMENTS.index)
+    envs = sorted(set(runs["env"]), key=rank)
     cells = {key: cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
     rows = [
         [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
@@ -95,12 +95,21 @@ def learned() -> str:
 
 def returns(runs: pd.DataFrame) -> str:
     """Interquartile mean of the best returns of runs, with its 95 % interval."""
+    return _by_environment(runs, _return)
 
-    def cell(group: pd.DataFrame) -> str:
-        found = stratified_bootstrap(group["best_return"].to_numpy(), interquartile_mean)
-        return f"{found.estimate:.0f} ({found.low:.0f} to {found.high:.0f})"
 
-    return _by_environment(runs, cell)
+def _return(group: pd.DataFrame) -> str:
+    found = stratified_bootstrap(group["best_return"].to_numpy(), interquartile_mean)
+    return f"{found.estimate:.0f} ({found.low:.0f} to {found.high:.0f})"
+
+
+def visits_or_returns(runs: pd.DataFrame) -> str:
+    """As `visits`, and as `returns` in environments without cells."""
+    runs = in_order(runs.assign(**{"coverage.reachable": runs["coverage.visited"]}))
+    is_covered = runs.groupby("env")["coverage.visited"].count() > 0
+    return _by_environment(
+        runs, lambda group: _cell(group) if is_covered[group["env"].iloc[0]] else _return(group)
+    )
 
 
 def _cell(group: pd.DataFrame) -> str:
@@ -277,6 +286,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "ppo-summary": ("ppo", visits),
     "ppo-with-and-without": ("ppo", with_and_without),
     "ppo-seeds": ("ppo", every_seed),
+    "sparse-summary": ("sparse", visits_or_returns),
     "sac-summary": ("sac", visits),
     "sac-seeds": ("sac", every_seed),
     "td3-summary": ("td3", summary),

@@ -12,12 +12,14 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import torch as th
 import typer
 from gymnasium.wrappers import RepeatAction
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
 from benchmarks.learning import MAZES, WORLDS
@@ -60,8 +62,13 @@ def ppo(
     return PPO("MlpPolicy", venv, n_steps=n_steps, seed=seed, device="cpu")
 
 
-def sac(seed: int, bonus: str | None, env: str, *, stored: bool = False) -> SAC:
-    """SB3's SAC, an update every 4 decisions; a stored bonus stays as it was collected."""
+def off_policy(
+    seed: int, bonus: str | None, env: str, *, algorithm: type[SAC | TD3], stored: bool = False
+) -> SAC | TD3:
+    """SB3's SAC or TD3, as docs/bonuses_sb3.md has them for sparse rewards.
+
+    A stored bonus stays as it was collected.
+    """
     venv = _held(env, seed, 10)
     buffer: dict[str, Any] = {}
     if bonus is not None and stored:
@@ -69,15 +76,18 @@ def sac(seed: int, bonus: str | None, env: str, *, stored: bool = False) -> SAC:
     elif bonus is not None:
         keywords = {"bonus": bonus}
         buffer = {"replay_buffer_class": BonusReplayBuffer, "replay_buffer_kwargs": keywords}
-    return SAC(
+    noise = NormalActionNoise(np.zeros(2), np.ones(2))
+    loud = {SAC: {"ent_coef": "auto_0.01", "target_entropy": 0.0}, TD3: {"action_noise": noise}}
+    return algorithm(
         "MlpPolicy",
         venv,
         learning_starts=1000,
         train_freq=4,
-        gradient_steps=16,
+        gradient_steps=8,
         policy_kwargs={"net_arch": [64, 64], "optimizer_kwargs": {"fused": True}},  # for speed
         seed=seed,
         device="cpu",
+        **loud[algorithm],
         **buffer,
     )
 
@@ -114,8 +124,17 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
         f"ppo_parts/{part}": {f"apt/{US}": partial(ppo, bonus="apt", env=US, **changes)}
         for part, changes in PARTS.items()
     },
-    "sac": {f"{bonus} {US}": partial(sac, bonus=bonus, env=US) for bonus in (None, *SAMPLED)},
-    "sac/stored": {f"apt/{US}": partial(sac, bonus="apt", env=US, stored=True)},
+    **{
+        f"off_policy/{name}": {
+            f"{bonus} {env}": partial(off_policy, bonus=bonus, env=env, algorithm=algorithm)
+            for bonus, env in product((None, *SAMPLED), MAZES)
+        }
+        for name, algorithm in (("sac", SAC), ("td3", TD3))
+    },
+    "off_policy/stored": {
+        f"apt/{env}": partial(off_policy, bonus="apt", env=env, algorithm=SAC, stored=True)
+        for env in MAZES
+    },
     "locomotion/ppo": {
         f"{bonus} {env}": partial(ant_ppo, bonus=bonus, env=env)
         for env, bonus in product(WORLDS, (None, "apt"))
@@ -126,7 +145,10 @@ VARIANTS: dict[str, dict[str, Callable[[int], BaseAlgorithm]]] = {
     },
 }
 """What makes the model of each row, by the name of the table, which ends at a "/"."""
-TIMESTEPS = {"ppo": 1e6, "sparse": 1e6, "ppo_parts": 1e6, "sac": 1e6, "locomotion": 1e6, "td3": 4e5}
+TIMESTEPS = {
+    **dict.fromkeys(("ppo", "sparse", "ppo_parts", "off_policy", "locomotion"), 1e6),
+    "td3": 4e5,
+}
 """Steps of the environment, by table."""
 
 

@@ -30,7 +30,7 @@ def check_keywords_known(cls: type[BaseAlgorithm], unknown: Iterable[str]) -> No
 def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
     """Raise ValueError unless the environment comes first, and the policy is of a known kind."""
     name, aliases = type(algorithm).__name__, type(algorithm).policy_aliases
-    is_sb3_order = isinstance(env, str) and env in aliases
+    is_sb3_order = isinstance(env, str) and env.endswith("Policy")  # of SB3, whatever its kind
     if is_sb3_order or not isinstance(policy, str | type):
         raise ValueError(f'Pass the environment first: {name}(env, policy="MlpPolicy").')
     if isinstance(policy, type) and not issubclass(policy, tuple(aliases.values())):

@@ -399,7 +399,10 @@ ICMVecEnvWrapper = BonusVecEnvWrapper
 
 def _check_venv(venv: object) -> None:
     if not isinstance(venv, VecEnv):
-        raise ValueError(f"`venv` must be a VecEnv of Stable-Baselines3, got {venv!r}.")
+        raise ValueError(
+            "`venv` must be a VecEnv of Stable-Baselines3, as make_vec_env gives one, and "
+            f"GymnasiumVecEnv of what gym.make_vec gives, got {venv!r}."
+        )
     if unwrap_vec_normalize(venv) is not None:
         # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")

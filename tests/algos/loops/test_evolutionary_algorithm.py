@@ -397,7 +397,7 @@ class TestEnvs:
 
 class TestArguments:
     def test_stable_baselines_order_gets_one_sentence(self, make_maze):
-        for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD)]:
+        for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD), ("CnnPolicy", HARD)]:
             with pytest.raises(ValueError, match=r"CanonicalES\(env, policy="):
                 CanonicalES(*arguments)
 

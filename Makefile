@@ -3,8 +3,8 @@ PYTHON ?= python3
 # Of the order that `make shuffle` runs the tests in.
 SEED ?= 1
 
-# Up to four cores, each of which takes a test from another when it has none left.
-PYTEST = .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+# Workers take tests from each other when they have none left; tests/conftest.py says how many.
+PYTEST = .venv/bin/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
 .PHONY: help demo check test shuffle gpu fuzz lint docs bench clean

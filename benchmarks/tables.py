@@ -196,6 +196,19 @@ def _try(run: Any) -> str:
     return f"{'never' if pd.isna(first) else _short(first / 1e6, 1)}{share}"
 
 
+def tries_off_policy(values: pd.DataFrame) -> str:
+    """A row for each setting: of each seed what it visited, and where it found the goal, when."""
+    settings = ["algorithm", "gradient_steps", "ent_coef", "target_entropy", "other"]
+    rows = []
+    for names, group in values.fillna({"other": ""}).groupby(settings, sort=False, dropna=False):
+        shares = [_short(100 * share) for share in group["visited"]]
+        firsts = [_short(first / 1e6, 1) for first in group["first_success_timesteps"].dropna()]
+        cells = ["" if pd.isna(name) else str(name) for name in names]
+        rows.append([*cells, " / ".join(shares), " / ".join(firsts)])
+    head = ["Algorithm", *(f"`{name}`" for name in settings[1:-1]), "Other"]
+    return markdown([*head, "Visited (%)", "First reward (M steps)"], rows)
+
+
 def unseen(values: pd.DataFrame) -> str:
     """A row for each algorithm: of so many starts those that the policy of each seed solves."""
     head = f"Of {values['starts'].iloc[0]} starts"
@@ -287,8 +300,8 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "ppo-with-and-without": ("ppo", with_and_without),
     "ppo-seeds": ("ppo", every_seed),
     "sparse-summary": ("sparse", visits_or_returns),
-    "sac-summary": ("sac", visits),
-    "sac-seeds": ("sac", every_seed),
+    "off-policy-summary": ("off_policy", visits),
+    "off-policy-seeds": ("off_policy", every_seed),
     "td3-summary": ("td3", summary),
     "td3-seeds": ("td3", every_seed),
 }
@@ -297,6 +310,7 @@ TABLES: dict[str, Callable[[], str]] = {
     **{name: partial(make_table, read_runs, *each) for name, each in OF_RUNS.items()},
     "headline": headline,
     "tries": partial(make_table, read_rows, "tries", tries),
+    "off-policy-tries": partial(make_table, read_rows, "off_policy_tries", tries_off_policy),
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
     "ppo-parts": parts,

@@ -119,6 +119,12 @@ def pytest_configure(config):
         os.environ["CUDA_VISIBLE_DEVICES"] = ""
 
 
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_xdist_auto_num_workers():
+    """One more than cores, as tests often wait for a process, but four at most."""
+    return min(4, (os.cpu_count() or 1) + 1)
+
+
 def pytest_ignore_collect(collection_path, config):
     """Leave out slow files where that is asked for, and with them what only they import."""
     is_slow = any(collection_path.is_relative_to(TESTS / path) for path in SLOW)

@@ -25,10 +25,12 @@ def test_steps_of_held_actions_are_counted(tmp_path):
     assert (tmp_path / "parts.csv").read_text() == written
 
 
-def test_a_stored_bonus_stands_beside_that_of_now(tmp_path):
-    for name, variant in (("sac", f"apt {bonuses.US}"), ("sac/stored", f"apt/{bonuses.US}")):
-        bonuses.train(name, variant, 0, 2e3, tmp_path)
-    results.collect(tmp_path / "sac", "sac", tmp_path)
-    runs = pd.read_csv(tmp_path / "sac.csv")
-    assert runs["algorithm"].tolist() == ["SAC + APT", "SAC + APT, stored"]
-    assert runs["timesteps"].tolist() == [2560, 2560]
+def test_off_policy_algorithms_stand_beside_a_stored_bonus(tmp_path):
+    us = bonuses.US
+    runs = {"sac": f"apt {us}", "td3": f"None {us}", "stored": f"apt/{us}"}
+    for name, variant in runs.items():
+        bonuses.train(f"off_policy/{name}", variant, 0, 2e3, tmp_path)
+    results.collect(tmp_path / "off_policy", "off_policy", tmp_path)
+    runs = pd.read_csv(tmp_path / "off_policy.csv")
+    assert runs["algorithm"].tolist() == ["SAC + APT", "SAC + APT, stored", "TD3"]
+    assert runs["timesteps"].tolist() == [2560, 2560, 2560]

@@ -98,12 +98,23 @@ def test_who_stays_is_paid_less_and_less():
 def test_what_is_new_in_training_is_worth_up_to_five_times_as_much():
     ngu, observations = make_ngu(), make_observations()
     assert ngu.ratios(observations).tolist() == [1.0] * 20
-    seen = th.from_numpy(observations)
-    ngu.update(seen, th.zeros(20, 1), seen)
-    errors = ngu.errors(seen).detach().double().numpy()
+    led_to = th.from_numpy(observations)
+    ngu.update(th.from_numpy(make_observations(seed=1)), th.zeros(20, 1), led_to)
+    errors = ngu.errors(led_to).detach().double().numpy()
     alpha = 1.0 + (errors - errors.mean()) / errors.std()
     np.testing.assert_allclose(ngu.ratios(observations), np.clip(alpha, 1.0, 5.0), rtol=1e-5)
     assert ngu.ratios(100.0 * observations).max() == 5.0
+
+
+def test_both_factors_are_of_where_a_step_leads():
+    ngu, observations = make_ngu(), make_observations(21)
+    train_on(ngu, observations)
+    led_to = observations[1:]
+    within = by_definition(ngu.features(observations), ngu.n_neighbors, ngu.mean_distance)
+    scores = ngu.score_trajectory(observations, np.zeros(20, dtype=np.int64))
+    np.testing.assert_allclose(scores, within * ngu.ratios(led_to), rtol=1e-4)
+    learned = ngu.losses(*map(th.from_numpy, (observations[:-1], np.zeros((20, 1)), led_to)))
+    assert learned["rnd_loss"] == ngu.errors(th.from_numpy(led_to)).mean()
 
 
 def test_each_episode_has_its_own_memory():

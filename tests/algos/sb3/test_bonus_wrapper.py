@@ -103,6 +103,35 @@ class Recorder:
         self.batches = [None] * state["n"]
 
 
+class StepsOfEpisodes:
+    """A memory of n episodes, whose bonus is the number of a step in its own; it keeps them all."""
+
+    def __init__(self, n):
+        self.steps, self.paid = np.zeros(n, dtype=np.float32), []
+
+    def score(self, observations, actions, next_observations):
+        self.steps += 1
+        self.paid.append(self.steps.tolist())
+        return self.steps.copy()
+
+    def end(self, dones):
+        self.steps[dones] = 0
+
+    def state_dict(self):
+        return {"steps": th.from_numpy(self.steps.copy())}
+
+    def load_state_dict(self, state):
+        self.steps = state["steps"].numpy()
+
+
+class Episodic(Recorder):
+    """A bonus that asks what the episode has seen."""
+
+    def episodes(self, n):
+        self.memory = StepsOfEpisodes(n)
+        return self.memory
+
+
 def make_venv(n=2, env=Count):
     return DummyVecEnv([env] * n)
 
@@ -139,6 +168,15 @@ class TestRewards:
         np.testing.assert_array_equal(afters[:, 0, 0], [1, 2, 3, 4, 1, 2, 3, 4, 1])
         seen = [observations[0, 0] for observations, *_ in steps]
         assert seen == [1, 2, 3, 0, 1, 2, 3, 0, 1]
+
+    def test_a_memory_of_each_episode_ends_with_it_and_with_a_reset(self):
+        venv = DummyVecEnv([Count, lambda: gym.wrappers.TimeLimit(Count(), 3)])
+        wrapper = wrap(venv, bonus=(bonus := Episodic()))
+        play(wrapper, 6)
+        assert bonus.memory.paid == [[1, 1], [2, 2], [3, 3], [4, 1], [1, 2], [2, 3]]
+        wrapper.reset()
+        wrapper.step(np.zeros((2, *venv.action_space.shape), dtype=np.float32))
+        assert bonus.memory.paid[-1] == [1, 1]
 
     def test_of_a_dict_a_bonus_sees_the_entry_that_it_is_told(self):
         venv = make_venv(env=lambda: Entries(Count()))

@@ -129,8 +129,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
         named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
-        held = {"optimize_memory_usage": optimize_memory_usage, "is_scaled": gamma is not None}
-        made = {**named, **held, "observation_key": observation_key}
+        held = {"n_envs": n_envs, "optimize_memory_usage": optimize_memory_usage}
+        schedule = {"gamma": gamma, "trains": train_interval is not None}
+        made = {**named, **held, **schedule, "observation_key": observation_key}
         self._made = {name: plain(value) for name, value in made.items()}
         self.bonus = make_bonus(
             bonus,
@@ -180,8 +181,14 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         """Add as SB3 does, but nothing that would train networks to NaN.
 
         Raises:
-            ValueError: If an observation or a reward is not finite.
+            ValueError: If an observation or a reward is not finite, or the environments are not as
+                many as when this was made.
         """
+        if len(reward) != self.n_envs:
+            raise ValueError(
+                f"`env` must have {self.n_envs} environments, as its replay buffer has, got "
+                f"{len(reward)}."
+            )
         for each in (obs, next_obs):
             for entry in each.values() if isinstance(each, dict) else [each]:
                 check_observations(entry)

@@ -851,6 +851,14 @@ def test_its_own_file_goes_on(bonus, optimize, n_steps, tmp_path):
         assert th.equal(ours, theirs)
 
 
+def test_other_environments_than_it_was_made_for_are_refused():
+    buffer = make_buffer(20, n_envs=2)
+    walk(buffer, 3)
+    with pytest.raises(ValueError, match=r"`env` must have 2 environments, .* got 1"):
+        add(buffer, 3)
+    assert buffer.pos == 3
+
+
 def test_a_file_of_other_settings_changes_nothing(tmp_path):
     buffer = make_buffer(20, bonus="rnd", gamma=0.9, train_interval=8)
     walk(buffer, 10)
@@ -861,9 +869,14 @@ def test_a_file_of_other_settings_changes_nothing(tmp_path):
         "with {'bonus': 'icm', 'learning_rate': 0.0001, .* is of {'bonus': 'rnd',": {
             "bonus": "icm"
         },
-        "'is_scaled': False.* is of .*'is_scaled': True": {"bonus": "rnd", "gamma": None},
+        "'gamma': None.* is of .*'gamma': 0.9": {"bonus": "rnd", "gamma": None},
+        "'trains': False.* is of .*'trains': True": {
+            "bonus": "rnd",
+            "gamma": None,
+            "train_interval": None,
+        },
         "'optimize_memory_usage': True.* is of": {"bonus": "rnd", "optimize_memory_usage": True},
-        "a BonusReplayBuffer": {"bonus": "rnd", "n_envs": 2},
+        "'n_envs': 2.* is of .*'n_envs': 1": {"bonus": "rnd", "n_envs": 2},
     }
     for sentence, other in sentences.items():
         twin = make_buffer(20, **{"gamma": 0.9, "train_interval": 8, **other})

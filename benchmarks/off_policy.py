@@ -107,7 +107,10 @@ def _compiled_learner(plan: Plan) -> Table:
         learn(model, n_steps)  # what is compiled, is now
         return lambda: learn(model, n_steps)[0]
 
-    tasks = {"TD3ICM": task(TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0))}
+    tasks = {
+        "TD3ICM": task(TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0)),
+        "Stable-Baselines3's TD3": task(make_td3(MAZE, learning_starts=400, seed=0)),
+    }
     notes = ["Networks of 32 and 32, batches of 128, and 200 gradient steps a call of SBX's."]
     alone = "SBX's TD3"
     add_peer(tasks, notes, alone, lambda: task(make_sbx(n_envs=1, has_bonus=False)))

@@ -70,7 +70,12 @@ def _by_environment(
 
 def visits(runs: pd.DataFrame) -> str:
     """As `summary`, of the cells that any step has ended in, not episodes alone."""
-    return summary(in_order(runs.assign(**{"coverage.reachable": runs["coverage.visited"]})))
+    return summary(_by_visits(runs))
+
+
+def _by_visits(runs: pd.DataFrame) -> pd.DataFrame:
+    """The runs in order, with what any step has ended in as what they cover."""
+    return in_order(runs.assign(**{"coverage.reachable": runs["coverage.visited"]}))
 
 
 def with_and_without(runs: pd.DataFrame) -> str:
@@ -105,11 +110,11 @@ def _return(group: pd.DataFrame) -> str:
 
 def visits_or_returns(runs: pd.DataFrame) -> str:
     """As `visits`, and as `returns` in environments without cells."""
-    runs = in_order(runs.assign(**{"coverage.reachable": runs["coverage.visited"]}))
-    is_covered = runs.groupby("env")["coverage.visited"].count() > 0
-    return _by_environment(
-        runs, lambda group: _cell(group) if is_covered[group["env"].iloc[0]] else _return(group)
-    )
+
+    def cell(group: pd.DataFrame) -> str:
+        return _cell(group) if group["coverage.visited"].notna().any() else _return(group)
+
+    return _by_environment(_by_visits(runs), cell)
 
 
 def _cell(group: pd.DataFrame) -> str:

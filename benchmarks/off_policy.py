@@ -110,15 +110,24 @@ def _compiled_learner(plan: Plan) -> Table:
     tasks = {
         "TD3ICM": task(TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0)),
         "Stable-Baselines3's TD3": task(make_td3(MAZE, learning_starts=400, seed=0)),
+        "Stable-Baselines3's TD3 + ICM, 32 environments, an update every 8 steps": task(
+            make_batched(TD3, n_envs=32, steps_per_update=8)
+        ),
     }
-    notes = ["Networks of 32 and 32, batches of 128, and 200 gradient steps a call of SBX's."]
+    notes = ["Networks of 32 and 32, batches of 128, and a training of SBX's every 200 steps."]
     alone = "SBX's TD3"
-    add_peer(tasks, notes, alone, lambda: task(make_sbx(n_envs=1, has_bonus=False)))
+
+    def sbx_task(**settings: Any) -> Task:
+        import sbx
+
+        return task(make_batched(sbx.TD3, **settings))
+
+    add_peer(tasks, notes, alone, lambda: sbx_task(n_envs=1, has_bonus=False))
     if alone in tasks:
         tasks |= {
-            f"{alone} + ICM": task(make_sbx(n_envs=1)),
-            EIGHT: task(make_sbx(n_envs=8)),
-            f"{EIGHT}, an update every 4 steps": task(make_sbx(n_envs=8, steps_per_update=4)),
+            f"{alone} + ICM": sbx_task(n_envs=1),
+            EIGHT: sbx_task(n_envs=8),
+            f"{EIGHT}, an update every 4 steps": sbx_task(n_envs=8, steps_per_update=4),
         }
     figures = interleave(tasks, plan.repeats)
     rows = [Row(name, figures[name], "steps/s") for name in tasks]
@@ -137,19 +146,25 @@ def learn(model: BaseAlgorithm, n_steps: int) -> tuple[float, float]:
     return (model.num_timesteps - before) / elapsed, elapsed
 
 
-def make_sbx(*, n_envs: int, steps_per_update: int = 1, has_bonus: bool = True) -> BaseAlgorithm:
-    """SBX's TD3 with the paper's networks and batches, `N_STEPS` a training."""
-    import sbx
-
-    return sbx.TD3(
+def make_batched(
+    algorithm: type[BaseAlgorithm],
+    *,
+    n_envs: int,
+    steps_per_update: int = 1,
+    has_bonus: bool = True,
+) -> BaseAlgorithm:
+    """A TD3 with the paper's networks and batches, that trains about every `N_STEPS`."""
+    n_calls = N_STEPS // n_envs
+    return algorithm(
         "MlpPolicy",
         VecMonitor(GymnasiumVecEnv(gym.make_vec(MAZE, num_envs=n_envs, **SAME_STEP))),
         learning_starts=400,
         batch_size=128,
-        train_freq=N_STEPS // n_envs,
-        gradient_steps=N_STEPS // steps_per_update,
+        train_freq=n_calls,
+        gradient_steps=n_calls * n_envs // steps_per_update,
         policy_kwargs={"net_arch": td3_icm.NET_ARCH},
         seed=0,
+        device="cpu",
         replay_buffer_class=BonusReplayBuffer if has_bonus else None,
         replay_buffer_kwargs={"bonus": "icm"} if has_bonus else None,
     )

@@ -25,6 +25,7 @@ def make_observations(n=20, seed=0):
 def test_novelty_equals_scipy(n_seen, numpy_network):
     apt, seen, visited = make_apt(), make_observations(n_seen), 2 * make_observations(600, seed=1)
     apt.observe(th.from_numpy(seen))
+    apt.score(None, None, visited)  # in features that the update outdates
     apt.update(*(th.from_numpy(part) for part in (seen, np.zeros((len(seen), 2)), seen)))
 
     def features(observations):

@@ -743,8 +743,9 @@ CONTINUOUS = dict.fromkeys(("SAC", "TD3", "DDPG", "TQC", "CrossQ"), "Pendulum-v1
 ALGORITHMS = {**CONTINUOUS, "DQN": "CartPole-v1", "QRDQN": "CartPole-v1"}
 
 
-def make_model(name, n_envs=2, **settings):
-    algorithm = getattr(sb3_contrib, name, None) or getattr(stable_baselines3, name)
+def make_model(name, n_envs=2, library=None, **settings):
+    libraries = [library] if library else [sb3_contrib, stable_baselines3]
+    algorithm = next(getattr(each, name) for each in libraries if hasattr(each, name))
     kwargs = {"train_interval": 32, "n_updates": 2, "batch_size": 16, **settings}
     return algorithm(
         "MlpPolicy",
@@ -787,6 +788,21 @@ def test_any_algorithm_learns_with_it(name):
     assert th.equal(weights(model), weights(again))  # the model's seed is that of the bonus
     without = make_model(name, weight=1e-9).learn(100)
     assert not th.equal(weights(model), weights(without))
+
+
+@pytest.mark.parametrize("name", ["CrossQ", "DQN", "SAC", "TD3", "TQC"])
+def test_sbx_learns_with_it(name):
+    sbx, jax = pytest.importorskip("sbx"), pytest.importorskip("jax")
+
+    def learn(**settings):
+        model = make_model(name, library=sbx, **settings).learn(100)
+        assert model.replay_buffer.metrics["rnd/loss"] > 0.0
+        state = model.policy.qf_state if name == "DQN" else model.policy.actor_state
+        return np.concatenate([np.ravel(each) for each in jax.tree.leaves(state.params)])
+
+    learned = learn()
+    np.testing.assert_array_equal(learned, learn())
+    assert not np.array_equal(learned, learn(weight=1e-9))
 
 
 @pytest.mark.parametrize("bonus", BONUSES)

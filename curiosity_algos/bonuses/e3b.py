@@ -14,7 +14,7 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
-from curiosity_algos.bonuses.episodes import take_over
+from curiosity_algos.bonuses.episodes import refuse_transitions, take_over
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.transitions import flat
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
@@ -73,9 +73,7 @@ class E3B(NetworkBonus):
         both = self.inputs(th.cat([observations, next_observations]))
         return {"loss": self.encoder.loss(both, actions)}
 
-    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
-        """Raise ValueError: a transition alone has no bonus, see `episodes`."""
-        raise ValueError("`bonus` must be asked for whole episodes: e3b remembers each of them.")
+    score = refuse_transitions
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""

@@ -38,6 +38,15 @@ class EpisodicBonus(Bonus, Protocol):
         """A memory for n episodes side by side, none of which has begun."""
 
 
+def refuse_transitions(
+    bonus: Bonus, observations: Array, actions: Array, next_observations: Any
+) -> Float32Array:
+    """Raise ValueError: a transition alone has no bonus, see `episodes`."""
+    raise ValueError(
+        f"`bonus` must be asked for whole episodes: {bonus.name} remembers each of them."
+    )
+
+
 def check_needs_no_episodes(bonus: Bonus, holder: str) -> None:
     """Raise ValueError unless transitions that come in no order can be scored."""
     if isinstance(bonus, EpisodicBonus):

@@ -14,7 +14,7 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import NetworkKeywords
-from curiosity_algos.bonuses.episodes import take_over
+from curiosity_algos.bonuses.episodes import refuse_transitions, take_over
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
@@ -103,9 +103,7 @@ class NGU(RND):
             _take(nearest.flatten(), self.distance_statistics)
         return losses
 
-    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
-        """Raise ValueError: a transition alone has no bonus, see `episodes`."""
-        raise ValueError("`bonus` must be asked for whole episodes: ngu remembers each of them.")
+    score = refuse_transitions
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus (T,) of the steps of an episode among T + 1 observations."""

@@ -27,6 +27,13 @@ ALGORITHMS = (
     "AURORA",
     "CanonicalES",
 )
+ROBOT_TRIES: dict[str, list[str]] = {
+    "linear": ["policy_kwargs:{'net_arch': []}"],
+    "normalize_observations": ["normalize_observations:True"],
+    "population_size=28": ["population_size:28", "n_parents:14"],
+    "power=3, horizon=10": ["bonus_kwargs:{'horizon': 10, 'power': 3.0}"],
+}
+"""Other settings of CuriosityES for robots, by the names of their folders."""
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
@@ -88,6 +95,15 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "envs": WORLDS[:1],
         "timesteps": 1e6,
         "hyperparams": [f"sigma:{sigma}" for sigma in (0.05, 0.1, 0.2, 0.3, 1.0)],
+    },
+    **{
+        f"locomotion_tries/{name}": {
+            "algos": ("CuriosityES",),
+            "envs": WORLDS[:1],
+            "timesteps": 1e6,
+            "hyperparams": settings,
+        }
+        for name, settings in ROBOT_TRIES.items()
     },
     "normalized": {
         "algos": ("CanonicalES",),

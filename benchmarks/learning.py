@@ -49,6 +49,12 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "envs": ("CuriosityMaze-Labyrinth-v0",),
         "timesteps": 2.24e8,
     },
+    "labyrinth/learned": {
+        "algos": ("NSLC",),
+        "envs": ("CuriosityMaze-Labyrinth-v0",),
+        "timesteps": 2.24e8,
+        "hyperparams": ["behavior:'learned'"],
+    },
     "control": {
         "algos": ("CuriosityES", "CanonicalES"),
         "envs": CONTROL,
@@ -88,6 +94,12 @@ SWEEPS: dict[str, dict[str, Any]] = {
             "no_reward:'random'",
             "learning_rate:1",
         ],
+    },
+    "locomotion/learned": {
+        "algos": ("NSLC",),
+        "envs": WORLDS,
+        "timesteps": 1e6,
+        "hyperparams": ["behavior:'learned'"],
     },
     "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e7},
     "locomotion_tries": {

@@ -9,8 +9,8 @@ import gymnasium as gym
 from benchmarks.measure import Plan, Row, Table, interleave, ratios, seconds
 from benchmarks.population import POPULATION_SIZE, random_policies
 from curiosity_algos import make_evaluator
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.evaluator import Evaluator
-from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_gym.processors import available_cpus
 
 ENVIRONMENTS = ("Pendulum-v1", "Pusher-v5")

@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
 from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder
 from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.quality_diversity import (
     Fields,
@@ -123,7 +123,7 @@ class AURORA(QualityDiversity):
             "states": (self._encoder.shape or (0, 0), np.float32),
         }
 
-    def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+    def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._encoder.shape is None:
             self.archive.reshape_field("states", self._encoder.begin(rollouts))
         states = self._encoder.states(rollouts)

@@ -14,8 +14,9 @@ from numba.core.dispatcher import Dispatcher
 from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
 
 from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es")

@@ -15,8 +15,9 @@ from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes

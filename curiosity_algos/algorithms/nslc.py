@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.loops.quality_diversity import (
     Fields,
@@ -139,7 +139,7 @@ class NSLC(QualityDiversity):
             seed=seed,
         )
 
-    def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+    def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._is_learned:
             return self._encoder.measures(rollouts.final_observations)
         return behaviors_of(rollouts, self.behavior)

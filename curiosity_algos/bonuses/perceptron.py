@@ -16,8 +16,8 @@ import numpy as np
 import torch as th
 from threadpoolctl import ThreadpoolController
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_gym.compiled import compiled, compiled_product
-from curiosity_gym.core import Float32Array
 
 
 class Layers(NamedTuple):

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.evaluator import Evaluator
-from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.rollouts import (
     MakeSummarizers,
     Rollouts,

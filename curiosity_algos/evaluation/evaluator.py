@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.environments import (
     MadeEnv,
     MadeVecEnv,
@@ -12,7 +13,7 @@ from curiosity_algos.evaluation.environments import (
     open_env,
 )
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Float32Array, build_mlp
+from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.transparent import known_task, without_monitors

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from curiosity_algos.common.arrays import Float64Array, Int64Array, Mask
+from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
-from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward, scratch
+from curiosity_algos.evaluation.policies import Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,

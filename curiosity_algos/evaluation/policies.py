@@ -19,7 +19,7 @@ from gymnasium import spaces
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import PyTorchObs
 
-from curiosity_algos.common.arrays import Array, Float64Array
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.flat_spaces import (
     LARGEST_INTEGER,
     MAX_ENTRIES,
@@ -28,8 +28,6 @@ from curiosity_algos.evaluation.flat_spaces import (
     is_vector,
 )
 from curiosity_gym.compiled import compiled
-
-Float32Array = npt.NDArray[np.float32]
 
 DEFAULT_NET_ARCH = (32, 16)
 """Hidden layers of the paper-sized policy: 36-32-16-2 has 1,746 parameters."""

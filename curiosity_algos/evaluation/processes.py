@@ -16,7 +16,7 @@ from typing import Any
 
 import cloudpickle
 
-from curiosity_algos.evaluation.policies import Float32Array
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.rollouts import Rollouts, concatenate
 
 SHARDS_PER_PROCESS = 2

@@ -15,11 +15,11 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
 from curiosity_algos.evaluation.blocks import RolloutParts
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
-from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.ray_workers import SECONDS, Generation, MakeEvaluator, Workers
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters
 from curiosity_algos.evaluation.vector import VectorEvaluator

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.common.clusters import exceptions, ray
 from curiosity_algos.evaluation.blocks import summarize_in_blocks
 from curiosity_algos.evaluation.evaluator import Evaluator
-from curiosity_algos.evaluation.policies import Float32Array
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 SECONDS = 0.5

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.cells import VisitedCells
-from curiosity_algos.evaluation.policies import Float32Array, Mlp, forward_each, scratch
+from curiosity_algos.evaluation.policies import Mlp, forward_each, scratch
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,

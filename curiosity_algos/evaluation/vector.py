@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.batches import (
     Batch,
     GymnasiumBatch,
@@ -24,7 +24,7 @@ from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.coverage import coverage_grid, goal_space
 from curiosity_algos.evaluation.environments import MadeEnv, MakeEnv, describe, step_limit
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
-from curiosity_algos.evaluation.policies import Float32Array, Mlp, act
+from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.processes import Processes
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,

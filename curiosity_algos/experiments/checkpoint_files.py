@@ -31,6 +31,7 @@ from stable_baselines3.common.vec_env import (
 from curiosity_algos.checkpoints.environment_state import environment_states
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import SpaceGenerator, global_state, load_global_state
 from curiosity_algos.experiments.run_folder import write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -132,9 +133,9 @@ def _write_transitions(model: BaseAlgorithm, folder: Path) -> None:
         write_plain(folder / TRANSITIONS, state, _BUFFER_KIND)
 
 
-def _columns(buffer: ReplayBuffer) -> dict[str, npt.NDArray[Any]]:
+def _columns(buffer: ReplayBuffer) -> dict[str, Array]:
     """The arrays (buffer_size, ...) of a replay buffer, those of a Dict each."""
-    found: dict[str, npt.NDArray[Any]] = {}
+    found: dict[str, Array] = {}
     for name in _COLUMNS:
         column = getattr(buffer, name, {})  # one that saves memory lacks next observations
         parts = column if isinstance(column, dict) else {"": column}

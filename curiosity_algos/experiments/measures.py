@@ -7,12 +7,13 @@ not what is asked for.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.experiments.labels import label_runs, setting_text
 from curiosity_algos.experiments.loading import (
     StrPath,
@@ -24,8 +25,7 @@ from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.statistics import Survival, survival
 
-Float64 = npt.NDArray[np.float64]
-Points: TypeAlias = tuple[Float64, Float64]
+Points: TypeAlias = tuple[Float64Array, Float64Array]
 """Timesteps or seconds (n,), and the value from then on (n,)."""
 Measure: TypeAlias = Callable[[StrPath], Points]
 """Reads a run's curve from its folder."""
@@ -127,7 +127,7 @@ def generation_return(run: StrPath) -> Points:
     return _highest(states, generation)
 
 
-def final_states(run: StrPath) -> dict[str, npt.NDArray[Any]]:
+def final_states(run: StrPath) -> dict[str, Array]:
     """`load_final_states` of a run with an episode."""
     states = load_final_states(run)
     if not states:
@@ -135,7 +135,7 @@ def final_states(run: StrPath) -> dict[str, npt.NDArray[Any]]:
     return states
 
 
-def _highest(states: dict[str, npt.NDArray[Any]], group: npt.NDArray[Any]) -> Points:
+def _highest(states: dict[str, Array], group: Array) -> Points:
     """Timesteps at the end of each group of episodes in a row, and its highest return."""
     first = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
     last = np.r_[first[1:], len(group)] - 1
@@ -161,7 +161,7 @@ def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike) -> Points:
     return np.r_[0.0, timesteps], np.r_[0.0, values]
 
 
-def in_seconds(run: StrPath, timesteps: npt.ArrayLike) -> Float64:
+def in_seconds(run: StrPath, timesteps: npt.ArrayLike) -> Float64Array:
     """Seconds of training after which a run was at `timesteps` (n,), by its log and its result."""
     known, seconds = _from_zero(*logged(run, SECONDS))
     result = RunFolder(run).result()

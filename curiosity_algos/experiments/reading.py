@@ -11,10 +11,11 @@ from types import UnionType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+
+from curiosity_algos.common.arrays import Array
 
 Fields = Mapping[str, type | UnionType]
-Columns = dict[str, npt.NDArray[Any]]
+Columns = dict[str, Array]
 
 DESCRIPTION: Fields = {
     "format": int,

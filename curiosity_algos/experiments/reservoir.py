@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
 FIELDS = ("parameters", "return", "generation", "episode_seed")
@@ -40,13 +40,13 @@ class Reservoir:
         if place < self.size:
             self._kept[place] = _copied(policy)
 
-    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+    def arrays(self) -> dict[str, Array]:
         """Each of `FIELDS`, (n, ...), n 0 where none is kept; `n_seen`; the state of the draws."""
         stacked = {name: np.array([each[name] for each in self._kept]) for name in FIELDS}
         state = generator_state(self._rng)
         return {**stacked, "n_seen": np.array(self.n_seen), "rng": np.array(state)}
 
-    def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    def load(self, arrays: Mapping[str, Array]) -> None:
         """Take over what `arrays` gave."""
         columns = [arrays[name] for name in FIELDS]
         self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]

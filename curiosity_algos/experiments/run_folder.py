@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.reading import (
     DESCRIPTION,
@@ -141,11 +141,11 @@ class RunFolder:
 
     # -- final states ---------------------------------------------------------------------------
 
-    def add_final_states(self, first: int, columns: Mapping[str, npt.NDArray[Any]]) -> None:
+    def add_final_states(self, first: int, columns: Mapping[str, Array]) -> None:
         """Write those of the episodes from number `first` on."""
         write_arrays(self._final_states / f"{first:010}.npz", columns)
 
-    def final_states(self) -> dict[str, npt.NDArray[Any]]:
+    def final_states(self) -> dict[str, Array]:
         """Every column with an entry for each episode; empty before the first checkpoint.
 
         Raises:

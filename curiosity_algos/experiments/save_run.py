@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
+from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
 from curiosity_algos.experiments.description import describe_run, with_newer_settings
 from curiosity_algos.experiments.differences import differences
@@ -192,7 +192,7 @@ class SaveRun(BaseCallback):
         coverage = {f"coverage/{k}": share for k, share in self._found.coverage_shares.items()}
         return {TIMESTEPS: self.model.num_timesteps, SECONDS: self._seconds(), **coverage}
 
-    def _final_states(self, ended: npt.NDArray[np.int64]) -> Columns:
+    def _final_states(self, ended: Int64Array) -> Columns:
         """An entry for each episode that ended in this step."""
         infos = [self.locals["infos"][i] for i in ended]
         episodes = [info["episode"] for info in infos]

@@ -23,11 +23,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import stats
 
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.validation import check_positive, check_seed
 
-Float64 = npt.NDArray[np.float64]
 Seed: TypeAlias = int | np.random.Generator
-Statistic: TypeAlias = Callable[[list[Float64]], Any]
+Statistic: TypeAlias = Callable[[list[Float64Array]], Any]
 
 N_RESAMPLES = 5000
 LEAST_RUNS = 3
@@ -63,10 +63,10 @@ class Curve:
         high: (n,) upper bounds, likewise.
     """
 
-    x: Float64
-    estimate: Float64
-    low: Float64
-    high: Float64
+    x: Float64Array
+    estimate: Float64Array
+    low: Float64Array
+    high: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +150,14 @@ def probability_of_improvement(
     if len(x) != len(y):
         raise ValueError(f"`scores_y` must have the {len(x)} tasks of `scores_x`, got {len(y)}.")
 
-    def share_of_wins(tasks: list[Float64]) -> Any:
+    def share_of_wins(tasks: list[Float64Array]) -> Any:
         pairs = zip(tasks[: len(x)], tasks[len(x) :], strict=True)
         return np.mean([_share_of_wins(*pair) for pair in pairs], axis=0)
 
     return Interval(*_bootstrap(share_of_wins, [*x, *y], seed).tolist())
 
 
-def _share_of_wins(x: Float64, y: Float64) -> Any:
+def _share_of_wins(x: Float64Array, y: Float64Array) -> Any:
     """Share of the pairs of x (..., n) and y (..., m) that x wins, (...)."""
     first, second = x[..., :, None], y[..., None, :]
     return ((first > second) + 0.5 * (first == second)).mean(axis=(-2, -1))
@@ -167,7 +167,7 @@ def _share_of_wins(x: Float64, y: Float64) -> Any:
 
 
 def survival(
-    first_rewards: Iterable[float | None], budgets: float | Sequence[float] | Float64
+    first_rewards: Iterable[float | None], budgets: float | Sequence[float] | Float64Array
 ) -> Survival:
     """Kaplan-Meier estimate of how long runs go without reward.
 
@@ -201,7 +201,7 @@ def survival(
     return Survival(curve, float(curve.x[is_past.argmax()]) if is_past.any() else None)
 
 
-def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64, Any]:
+def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64Array, Any]:
     """Time at which each run was last seen without reward or first with it, and which it was."""
     first = _array("first_rewards", list(first_rewards))  # None becomes NaN
     first = np.where(np.isnan(first), np.inf, first)
@@ -286,7 +286,7 @@ def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> 
 # -- what they share ------------------------------------------------------------------------------
 
 
-def _bootstrap(statistic: Statistic, samples: list[Float64], seed: Seed) -> Float64:
+def _bootstrap(statistic: Statistic, samples: list[Float64Array], seed: Seed) -> Float64Array:
     """Estimate and bounds (3, ...) of a statistic; each sample (..., runs) is resampled alone."""
     if not isinstance(seed, np.random.Generator):
         check_seed(seed)
@@ -307,12 +307,12 @@ def _bootstrap(statistic: Statistic, samples: list[Float64], seed: Seed) -> Floa
     return np.stack([estimate, *found.confidence_interval])
 
 
-def _runs(name: str, scores: Any) -> list[Float64]:
+def _runs(name: str, scores: Any) -> list[Float64Array]:
     """The runs (runs,) of each task."""
     return [_vector(name, runs) for runs in _tasks(name, scores)]
 
 
-def _tasks(name: str, scores: Any) -> list[Float64]:
+def _tasks(name: str, scores: Any) -> list[Float64Array]:
     """The runs (..., runs) of each task."""
     if not isinstance(scores, list | tuple):
         matrix = _finite(name, scores)
@@ -324,7 +324,7 @@ def _tasks(name: str, scores: Any) -> list[Float64]:
     return [_finite(name, runs) for runs in scores]
 
 
-def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64, Float64]:
+def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64Array, Float64Array]:
     ends, heights = _vector("x", x), _vector("values", values)
     if ends[0] < 0.0 or (np.diff(ends) < 0.0).any():
         raise ValueError("`x` must ascend from at least 0.")
@@ -333,14 +333,14 @@ def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64, Float64]:
     return ends, heights
 
 
-def _vector(name: str, values: Any) -> Float64:
+def _vector(name: str, values: Any) -> Float64Array:
     array = _finite(name, values)
     if array.ndim > 1:
         raise ValueError(f"`{name}` must have one dimension, got shape {array.shape}.")
     return array
 
 
-def _finite(name: str, values: Any) -> Float64:
+def _finite(name: str, values: Any) -> Float64Array:
     """An array of at least one dimension and one number."""
     array = _array(name, values)
     if array.ndim == 0 or array.size == 0 or not np.isfinite(array).all():
@@ -348,7 +348,7 @@ def _finite(name: str, values: Any) -> Float64:
     return array
 
 
-def _array(name: str, values: Any) -> Float64:
+def _array(name: str, values: Any) -> Float64Array:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -12,13 +12,13 @@ from functools import partial
 from typing import Any, TypeGuard, Unpack
 
 import numpy as np
-import numpy.typing as npt
 from stable_baselines3.common.utils import ConstantSchedule
 
 from curiosity_algos.checkpoints.plain_files import check_plain
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.motivations.base import Motivation
@@ -33,8 +33,6 @@ from curiosity_gym.validation import (
     check_positive,
     check_whole,
 )
-
-Float64Array = npt.NDArray[np.float64]
 
 
 def standardize(values: Float64Array) -> Float64Array:

@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Never, Self, TypedDict
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
@@ -20,6 +19,7 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import EpisodeSeeds
 from curiosity_algos.evaluation.arguments import (
@@ -38,7 +38,7 @@ from curiosity_algos.evaluation.evaluator import (
     check_policy_kwargs,
     make_evaluator,
 )
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy, build_mlp
+from curiosity_algos.evaluation.policies import MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.loops.population_model import PopulationModel
@@ -199,7 +199,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         )  # type: ignore[assignment]
         self._coverage = Coverage(self._coverage_grid)
         self._generation_values: dict[str, Any] = {}
-        self._intrinsic: npt.NDArray[np.float64] | None = None
+        self._intrinsic: Float64Array | None = None
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
         self._episodes = EpisodeSeeds(episode_seed)
         self._make_search(search_seed)

@@ -24,16 +24,17 @@ from curiosity_algos.archives.pyribs import (
     archive_settings,
 )
 from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import Float32Array, MlpPolicy
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters
 from curiosity_gym.validation import check_at_least_one, check_positive
 
-Fields = dict[str, npt.NDArray[Any]]
+Fields = dict[str, Array]
 FieldTypes = dict[str, tuple[Any, Any]]
 
 POPULATION_SIZE = 56
@@ -129,7 +130,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
             self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
         )
 
-    def _measures(self, rollouts: Rollouts) -> npt.NDArray[np.float64]:
+    def _measures(self, rollouts: Rollouts) -> Float64Array:
         """The place of each individual in the archive, (P, measure_dim)."""
         return rollouts.behaviors
 
@@ -333,12 +334,12 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def predict(
         self,
-        observation: npt.NDArray[Any] | dict[str, npt.NDArray[Any]],
-        state: tuple[npt.NDArray[Any], ...] | None = None,
-        episode_start: npt.NDArray[Any] | None = None,
+        observation: Array | dict[str, Array],
+        state: tuple[Array, ...] | None = None,
+        episode_start: Array | None = None,
         deterministic: bool = False,
         niche: npt.ArrayLike | None = None,
-    ) -> tuple[npt.NDArray[Any], tuple[npt.NDArray[Any], ...] | None]:
+    ) -> tuple[Array, tuple[Array, ...] | None]:
         """Actions of the best policy, or of the elite nearest to a behavior.
 
         Args:

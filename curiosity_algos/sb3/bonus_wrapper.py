@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
@@ -24,6 +23,7 @@ from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, mak
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.flat_spaces import FlatActions
@@ -140,8 +140,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._name = bonus if isinstance(bonus, str) else None
         self._make_parts(bonus, np.random.SeedSequence(seed), device)
         self.metrics: dict[str, float] = {}
-        self._observations: npt.NDArray[Any] = np.empty(0)
-        self._actions: npt.NDArray[Any] = np.empty(0)
+        self._observations: Array = np.empty(0)
+        self._actions: Array = np.empty(0)
         self._scale = BonusScale(self.num_envs, gamma=self.gamma)
         self._n_untrained = 0
         self._has_trained = False
@@ -191,7 +191,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             self._episodes.end(every)
         return observations
 
-    def step_async(self, actions: npt.NDArray[Any]) -> None:
+    def step_async(self, actions: Array) -> None:
         """Begin a step."""
         if self._must_reset:
             self.reset()
@@ -232,15 +232,15 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             )
         return super().env_method(method_name, *method_args, indices=indices, **kwargs)
 
-    def _stored(self, observations: VecEnvObs) -> npt.NDArray[Any]:
+    def _stored(self, observations: VecEnvObs) -> Array:
         """A copy, of what the bonus sees."""
         stored = np.array(self._view(observations), dtype=self._dtype)
         check_observations(stored)
         return stored
 
     def _last_observations(
-        self, observations: npt.NDArray[Any], dones: npt.NDArray[Any], infos: list[dict[str, Any]]
-    ) -> npt.NDArray[Any]:
+        self, observations: Array, dones: Array, infos: list[dict[str, Any]]
+    ) -> Array:
         """The next observations: of an ended episode its last one, not the next's first."""
         if not dones.any():
             return observations
@@ -250,7 +250,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_observations(led_to)
         return led_to
 
-    def _visit(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    def _visit(self, before: Array, after: Array) -> Float64Array:
         """Score the transitions, then learn from them; the scaled bonus of each environment."""
         with single_torch_thread():
             bonus = np.zeros(len(before))
@@ -266,7 +266,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
                 self._learn(before, after)
         return bonus
 
-    def _learn(self, before: npt.NDArray[Any], after: npt.NDArray[Any]) -> None:
+    def _learn(self, before: Array, after: Array) -> None:
         self._recent.add(before, self._actions)
         observations, actions = map(th.from_numpy, self._recent.draw())
         self.bonus.observe(th.from_numpy(before))
@@ -408,7 +408,7 @@ def _check_venv(venv: object) -> None:
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
 
 
-def _check_infos(infos: list[dict[str, Any]], dones: npt.NDArray[Any]) -> None:
+def _check_infos(infos: list[dict[str, Any]], dones: Array) -> None:
     # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
     if not all(isinstance(info, dict) for info in infos):
         raise ValueError("`env` must give a dictionary as info with each step, it gave none.")

@@ -8,12 +8,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.batches import has_generators, info_rows
 from curiosity_algos.evaluation.environments import env_attributes
 
@@ -60,7 +60,7 @@ class GymnasiumVecEnv(VecEnv):
                 "and vector_kwargs={'autoreset_mode': AutoresetMode.SAME_STEP} for any other."
             )
         self.vector_env = vector_env
-        self._actions: npt.NDArray[Any] = np.empty(0)
+        self._actions: Array = np.empty(0)
         spaces = vector_env.single_observation_space, vector_env.single_action_space
         super().__init__(vector_env.num_envs, *spaces)
 
@@ -85,7 +85,7 @@ class GymnasiumVecEnv(VecEnv):
         begun: VecEnvObs = _copied(observations)
         return begun
 
-    def step_async(self, actions: npt.NDArray[Any]) -> None:
+    def step_async(self, actions: Array) -> None:
         """Take the actions of a step."""
         self._actions = actions
 
@@ -109,7 +109,7 @@ class GymnasiumVecEnv(VecEnv):
         """Close the VectorEnv."""
         self.vector_env.close()
 
-    def get_images(self) -> Sequence[npt.NDArray[Any] | None]:
+    def get_images(self) -> Sequence[Array | None]:
         """A picture of each env."""
         images: Any = self.vector_env.render()
         return [None] * self.num_envs if images is None else list(images)

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_obs_shape
 
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.flat_spaces import ENTRIES
 
-Array = npt.NDArray[Any]
 Space = spaces.Space[Any]
 
 

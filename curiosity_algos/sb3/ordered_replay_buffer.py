@@ -7,18 +7,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.preprocessing import get_obs_shape
 
+from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.sb3.held_observations import HeldObservations, as_tensors
 
 COLUMNS = ("observations", "actions", "rewards", "dones", "timeouts")
-Array = npt.NDArray[Any]
-IntArray = npt.NDArray[np.int64]
 
 
 class OrderedReplayBuffer(ReplayBuffer):
@@ -96,34 +94,34 @@ class OrderedReplayBuffer(ReplayBuffer):
         """Steps of every environment whose next observation is held, too."""
         return self.size() - (self.optimize_memory_usage and self.full)
 
-    def _draw(self, n: int) -> IntArray:
+    def _draw(self, n: int) -> Int64Array:
         """Numbers of transitions that are held, drawn uniformly."""
         if not self._n_held:
             raise ValueError("`sample` must come after `add`: no transition is held yet.")
         return self._rng.integers(self._n_held * self.n_envs, size=n)
 
-    def _places(self, drawn: IntArray) -> tuple[IntArray, IntArray]:
+    def _places(self, drawn: Int64Array) -> tuple[Int64Array, Int64Array]:
         """Row and environment of each transition of such a number."""
         rows, envs = np.divmod(drawn, self.n_envs)
         if self._n_held < self.size():  # the newest next observation is in the oldest's place
             rows = (self.pos + 1 + rows) % self.buffer_size
         return rows, envs
 
-    def _newest(self, n: int) -> tuple[IntArray, IntArray]:
+    def _newest(self, n: int) -> tuple[Int64Array, Int64Array]:
         """Rows and environments of the last n steps of every environment, in their order."""
         n = min(n, self._n_held)
         rows = (self.pos - n + np.arange(n)) % self.buffer_size
         return np.repeat(rows, self.n_envs), np.tile(np.arange(self.n_envs), n)
 
-    def _steps_left(self, windows: IntArray, envs: IntArray) -> IntArray:
+    def _steps_left(self, windows: Int64Array, envs: Int64Array) -> Int64Array:
         """Steps (n,) of each window (n, H) until its episode ends, or the newest transition."""
         newest = (self.pos - 1) % self.buffer_size
         is_last = (self.dones[windows, envs[:, None]] > 0) | (windows == newest)
         is_last[:, -1] = True
-        steps: IntArray = is_last.argmax(axis=1) + 1
+        steps: Int64Array = is_last.argmax(axis=1) + 1
         return steps
 
-    def _next_observations(self, rows: IntArray, envs: IntArray) -> Array:
+    def _next_observations(self, rows: Int64Array, envs: Int64Array) -> Array:
         if not self.optimize_memory_usage:
             held: Array = self.next_observations[rows, envs]
             return held

@@ -22,11 +22,12 @@ from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, mak
 from curiosity_algos.bonuses.spans import draw_steps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
+from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
-from curiosity_algos.sb3.held_observations import Array, check_sb3_takes
-from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS, IntArray, OrderedReplayBuffer
+from curiosity_algos.sb3.held_observations import check_sb3_takes
+from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS, OrderedReplayBuffer
 from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
 from curiosity_algos.sb3.scale import BonusScale, check_discount
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
@@ -93,7 +94,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
     """
 
     observation_key: str | None = None
-    _ahead: Iterator[tuple[IntArray, Array]] = iter(())
+    _ahead: Iterator[tuple[Int64Array, Array]] = iter(())
 
     def __init__(
         self,
@@ -258,7 +259,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         finally:
             self._ahead = iter(())
 
-    def _drawn(self, n_batches: int, batch_size: int) -> Iterator[tuple[IntArray, Array]]:
+    def _drawn(self, n_batches: int, batch_size: int) -> Iterator[tuple[Int64Array, Array]]:
         """Transitions (n,) of each batch and their bonus (n,), computed when it is needed."""
         n_together = max(1, self._n_scored // batch_size)
         for begin in range(0, n_batches, n_together):
@@ -272,7 +273,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         """Transitions whose bonus is computed in one call; of images a batch is more than these."""
         return 1 if self._shows_images else N_SCORED
 
-    def _bonus_of(self, drawn: IntArray) -> Array:
+    def _bonus_of(self, drawn: Int64Array) -> Array:
         """Bonus (n,) of transitions, scaled, before it is weighted."""
         if self.train_interval is None:
             with single_torch_thread():
@@ -283,7 +284,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         bonus: Array = self.scores[self._places(drawn)]
         return bonus if self._scale is None else self._scale.scaled(bonus, is_learning=False)
 
-    def _score_unknown(self, drawn: IntArray) -> None:
+    def _score_unknown(self, drawn: Int64Array) -> None:
         """Score those of the transitions that were not since the bonus was last trained.
 
         Others that may be drawn later fill a batch up.
@@ -300,12 +301,12 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             self.scores[places] = self._score(*places)
         self.scored_at[places] = self._n_trainings
 
-    def _unknown(self, drawn: IntArray) -> IntArray:
+    def _unknown(self, drawn: Int64Array) -> Int64Array:
         """Those of the transitions that were not scored since then."""
-        unknown: IntArray = drawn[self.scored_at[self._places(drawn)] != self._n_trainings]
+        unknown: Int64Array = drawn[self.scored_at[self._places(drawn)] != self._n_trainings]
         return unknown
 
-    def _score(self, rows: IntArray, envs: IntArray) -> Array:
+    def _score(self, rows: Int64Array, envs: Int64Array) -> Array:
         """Bonus (n,) of the transitions of these places, as the module gives it."""
         parts = self._parts(len(rows))
         scores = [self.bonus.score(*self._transitions(rows[i], envs[i])) for i in parts]
@@ -338,7 +339,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         """
         return self._transitions(*self._newest(n))
 
-    def _transitions(self, rows: IntArray, envs: IntArray) -> tuple[Array, ...]:
+    def _transitions(self, rows: Int64Array, envs: Int64Array) -> tuple[Array, ...]:
         """Observations, actions and next observations, as a bonus takes them."""
         return (
             self._seen(self.observations[rows, envs]),

@@ -10,8 +10,9 @@ import numpy as np
 import torch as th
 
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import load_generator_state
-from curiosity_algos.sb3.held_observations import Array, as_tensors
+from curiosity_algos.sb3.held_observations import as_tensors
 
 FORMAT = "curiosity replay buffer 3"
 

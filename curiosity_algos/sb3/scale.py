@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.validation import check_share
 
 EPSILON, LARGEST = 1e-8, 10.0
@@ -42,9 +42,7 @@ class BonusScale:
         """Begin the sums anew; the scale stays."""
         self._sums[:] = 0.0
 
-    def scaled(
-        self, bonus: npt.NDArray[np.float64], *, is_learning: bool
-    ) -> npt.NDArray[np.float64]:
+    def scaled(self, bonus: Float64Array, *, is_learning: bool) -> Float64Array:
         """The bonus (n_envs,) over the scale, which learns of it first, if it is to; bounded."""
         if is_learning:
             self._sums = self.gamma * self._sums + bonus

@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.environments import describe
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.sb3.held_observations import check_sb3_takes
@@ -72,6 +72,6 @@ class GaussianActionNoise(ActionNoise):
         self._n_actions = n_actions
         self._rng = np.random.default_rng(seed)
 
-    def __call__(self) -> npt.NDArray[np.float32]:
+    def __call__(self) -> Float32Array:
         """The noise of one step."""
         return self._rng.normal(0.0, NOISE, self._n_actions).astype(np.float32)

@@ -22,6 +22,7 @@ from curiosity_algos.checkpoints.environment_state import (
 )
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.common.arrays import Array
 
 FORMAT = "curiosity bonus wrapper 5"
 WHAT = "BonusVecEnvWrapper"
@@ -120,11 +121,9 @@ def check_actions(actions: th.Tensor, action_space: spaces.Space[Any]) -> None:
             raise ValueError(f"`actions` must be whole numbers below {action_space.n}.")
 
 
-def last_observations(
-    saved: th.Tensor, shape: tuple[int, ...], dtype: npt.DTypeLike
-) -> npt.NDArray[Any]:
+def last_observations(saved: th.Tensor, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
     """A copy of what the next step begins with; empty where no episode has begun."""
-    observations: npt.NDArray[Any] = saved.cpu().numpy().copy()
+    observations: Array = saved.cpu().numpy().copy()
     is_alike = observations.shape == shape and observations.dtype == dtype
     if observations.size and not (is_alike and np.isfinite(observations).all()):
         raise ValueError(f"`observations` must be finite, of shape {shape}.")

@@ -8,6 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from curiosity_algos.common.arrays import Float32Array, Float64Array
+
 
 @runtime_checkable
 class Search(Protocol):
@@ -18,11 +20,11 @@ class Search(Protocol):
         """The parameters that act while no individual has found a reward, (n_parameters,)."""
         ...
 
-    def ask(self) -> npt.NDArray[np.float32]:
+    def ask(self) -> Float32Array:
         """A population, shape (P, n_parameters)."""
         ...
 
-    def tell(self, fitness: npt.NDArray[np.float64]) -> None:
+    def tell(self, fitness: Float64Array) -> None:
         """Learn from the fitness (P,), higher is better, of the last population asked for."""
         ...
 

@@ -10,19 +10,19 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 
+from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
 INITIAL_DEVIATION = 0.1
 """Standard deviation of each weight of the first search center."""
 
 
-def recombination_weights(n_parents: int) -> npt.NDArray[np.float64]:
+def recombination_weights(n_parents: int) -> Float64Array:
     """`w_j` proportional to `log(mu + 0.5) - log(j)`, j = 1..mu, summing to 1 (section 3)."""
     raw = np.log(n_parents + 0.5) - np.log(np.arange(1, n_parents + 1))
-    weights: npt.NDArray[np.float64] = raw / raw.sum()
+    weights: Float64Array = raw / raw.sum()
     return weights
 
 
@@ -63,7 +63,7 @@ class CanonicalSearch:
         self.center = INITIAL_DEVIATION * self._rng.standard_normal(n_parameters)
         self._noise = np.zeros((population_size, n_parameters), dtype=np.float32)
 
-    def ask(self) -> npt.NDArray[np.float32]:
+    def ask(self) -> Float32Array:
         """A population `theta + sigma eps`, shape (population_size, n_parameters)."""
         n = self.population_size
         n_drawn = (n + 1) // 2 if self.mirrored else n
@@ -71,7 +71,7 @@ class CanonicalSearch:
         self._noise = np.concatenate([drawn, -drawn])[:n] if self.mirrored else drawn
         return self.center.astype(np.float32) + np.float32(self.sigma) * self._noise
 
-    def tell(self, fitness: npt.NDArray[np.float64]) -> None:
+    def tell(self, fitness: Float64Array) -> None:
         """Move the center; `fitness` (population_size,) is of the last population asked for."""
         best = np.argsort(-fitness, kind="stable")[: self.n_parents]
         self.center = self.center + self._rate * self.sigma * (self._weights @ self._noise[best])

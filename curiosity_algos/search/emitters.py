@@ -12,10 +12,10 @@ from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase, GaussianEmitter
 
 from curiosity_algos.checkpoints.foreign_state import foreign_state, load_foreign_state
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.search.pareto import pareto_best
 
-Batch = dict[str, npt.NDArray[Any]]
-Float32Array = npt.NDArray[np.float32]
+Batch = dict[str, Array]
 
 
 class Emitters:

@@ -13,11 +13,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
-from curiosity_algos.evaluation.policies import Float32Array, Mlp
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
+from curiosity_algos.evaluation.policies import Mlp
 from curiosity_algos.evaluation.rollouts import (
     MakeSummarizers,
     Rollouts,
@@ -64,7 +64,7 @@ class NormalizedSearch:
         return self._as_seen(self.search.center)
 
     @center.setter
-    def center(self, parameters: npt.NDArray[Any]) -> None:
+    def center(self, parameters: Array) -> None:
         layer, rest = self._first_layer(parameters)
         weights = layer[:-1] * self._deviation[:, None]
         biases = layer[-1] + self._seen.mean @ layer[:-1]
@@ -75,7 +75,7 @@ class NormalizedSearch:
         """A population, shape (P, n_parameters)."""
         return np.array([self._as_seen(each) for each in self.search.ask()])
 
-    def tell(self, fitness: npt.NDArray[np.float64]) -> None:
+    def tell(self, fitness: Float64Array) -> None:
         """Learn from the fitness (P,) of the last population asked for."""
         self.search.tell(fitness)
 
@@ -110,17 +110,15 @@ class NormalizedSearch:
         self._seen.mean, self._seen.var, self._seen.count = mean, var, state["count"]
 
     @property
-    def _deviation(self) -> npt.NDArray[np.float64]:
+    def _deviation(self) -> Float64Array:
         return np.maximum(np.sqrt(self._seen.var), SMALLEST_DEVIATION)
 
-    def _first_layer(
-        self, parameters: npt.NDArray[Any]
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[Any]]:
+    def _first_layer(self, parameters: Array) -> tuple[Float64Array, Array]:
         """Weights and below them biases, (n_inputs + 1, n_units), and all other parameters."""
         n = (self._n_inputs + 1) * self._n_units
         return parameters[:n].reshape(-1, self._n_units).astype(np.float64), parameters[n:]
 
-    def _as_seen(self, parameters: npt.NDArray[Any]) -> Float32Array:
+    def _as_seen(self, parameters: Array) -> Float32Array:
         """The same policy, for observations as they are."""
         layer, rest = self._first_layer(parameters)
         weights = layer[:-1] / self._deviation[:, None]

@@ -9,13 +9,11 @@ Virtual Creatures through Novelty Search and Local Competition"
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from curiosity_algos.common.arrays import Float64Array, Int64Array
 
 
-def pareto_fronts(objectives: Float64) -> list[Int64]:
+def pareto_fronts(objectives: Float64Array) -> list[Int64Array]:
     """Sort rows into fronts: each is what no other row dominates once those before it are gone.
 
     A row dominates another if it is no worse in any objective and better in one, so equal rows
@@ -38,7 +36,7 @@ def pareto_fronts(objectives: Float64) -> list[Int64]:
     return fronts
 
 
-def crowding_distances(objectives: Float64) -> Float64:
+def crowding_distances(objectives: Float64Array) -> Float64Array:
     """The distance between the neighbors of each row of one front (NSGA-II, section III-B).
 
     Along each objective, a row's neighbors are the next smaller and the next larger row, equal
@@ -60,7 +58,7 @@ def crowding_distances(objectives: Float64) -> Float64:
     return distances
 
 
-def pareto_best(objectives: Float64, n: int) -> Int64:
+def pareto_best(objectives: Float64Array, n: int) -> Int64Array:
     """The `n` best rows: by front, within a front by larger crowding distance, then by index.
 
     Args:

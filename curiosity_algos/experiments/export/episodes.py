@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
+from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.vector import most_steps
@@ -38,9 +38,9 @@ class Episode(NamedTuple):
     """
 
     seed: int
-    observations: npt.NDArray[Any]
-    actions: npt.NDArray[Any]
-    rewards: npt.NDArray[np.float64]
+    observations: Array
+    actions: Array
+    rewards: Float64Array
     terminated: bool
     truncated: bool
 
@@ -103,17 +103,17 @@ class _Tape:
         self._actions = np.empty((n, FIRST_STEPS, *(acted.shape or ())), acted.dtype)
         self._rewards = np.empty((n, FIRST_STEPS))
 
-    def begin(self, ids: Ids, observations: npt.NDArray[Any]) -> None:
+    def begin(self, ids: Ids, observations: Array) -> None:
         """Wind back episodes, which begin with these observations (k, O)."""
         self._steps[ids] = 0
         self._observations[ids, 0] = observations
 
-    def seen(self, ids: Ids) -> npt.NDArray[Any]:
+    def seen(self, ids: Ids) -> Array:
         """The last observations (k, O) of episodes."""
-        last: npt.NDArray[Any] = self._observations[ids, self._steps[ids]]
+        last: Array = self._observations[ids, self._steps[ids]]
         return last
 
-    def record(self, ids: Ids, actions: npt.NDArray[Any], step: Stepped) -> None:
+    def record(self, ids: Ids, actions: Array, step: Stepped) -> None:
         """Keep a step of episodes, with what they did."""
         t = self._steps[ids]
         self._make_room(int(t.max()) + 2)
@@ -146,5 +146,5 @@ class _Tape:
         )
 
 
-def _doubled(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _doubled(array: Array) -> Array:
     return np.concatenate([array, np.empty_like(array)], axis=1)

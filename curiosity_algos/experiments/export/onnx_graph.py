@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.flat_spaces import is_vector
-from curiosity_algos.evaluation.policies import Float32Array, Mlp
+from curiosity_algos.evaluation.policies import Mlp
 from curiosity_algos.evaluation.rollouts import check_parameters
 from curiosity_algos.experiments.export.population_run import PopulationRun
 from curiosity_gym.extras import import_extra
@@ -117,7 +117,7 @@ class _Graph:
         self.nodes.append(node)
         return name
 
-    def constant(self, name: str, values: npt.NDArray[Any]) -> str:
+    def constant(self, name: str, values: Array) -> str:
         """The name of an array."""
         self.constants.append(self._onnx.numpy_helper.from_array(np.array(values), name))
         return name

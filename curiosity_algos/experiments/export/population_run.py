@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
-from curiosity_algos.evaluation.policies import Float32Array, build_mlp
+from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
@@ -32,7 +32,7 @@ class Policies(NamedTuple):
     """
 
     parameters: Float32Array
-    seeds: npt.NDArray[np.int64]
+    seeds: Int64Array
 
     def distinct(self) -> Policies:
         """The same without those that stand there twice, with the same seed."""
@@ -48,7 +48,7 @@ class Policies(NamedTuple):
             return self
         return self._at(np.sort(np.random.default_rng(0).choice(len(self.seeds), n, replace=False)))
 
-    def _at(self, places: npt.NDArray[np.int64]) -> Policies:
+    def _at(self, places: Int64Array) -> Policies:
         return Policies(self.parameters[places], self.seeds[places])
 
 
@@ -130,7 +130,7 @@ class PopulationRun:
             return Policies(np.empty((0, self.mlp.n_parameters), np.float32), np.empty(0, np.int64))
         return self._checked(kept.get("parameters"), kept["episode_seed"], path)
 
-    def _checked(self, parameters: Any, seeds: npt.NDArray[Any], path: Path) -> Policies:
+    def _checked(self, parameters: Any, seeds: Array, path: Path) -> Policies:
         """Those of a file, which must be policies for the environment."""
         fits = np.shape(parameters) == (len(seeds), self.mlp.n_parameters)
         are_seeds = seeds.dtype.kind in "iu" and (seeds >= 0).all()

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple, Protocol
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium.utils import seeding
 
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.transparent import KnownTask, bare, known_task
 from curiosity_algos.evaluation.vector import N_ENVS
@@ -20,8 +20,7 @@ from curiosity_gym.wrappers.sparse import time_limit
 N_SIMULATIONS = 64
 """Simulations side by side: more are hardly faster."""
 
-Ids = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+Ids = Int64Array
 
 
 class Stepped(NamedTuple):
@@ -34,8 +33,8 @@ class Stepped(NamedTuple):
         truncated: (k,)
     """
 
-    observations: npt.NDArray[Any]
-    rewards: npt.NDArray[np.float64]
+    observations: Array
+    rewards: Float64Array
     terminated: Mask
     truncated: Mask
 
@@ -45,10 +44,10 @@ class Stage(Protocol):
 
     n: int
 
-    def reset(self, ids: Ids, seeds: list[int]) -> npt.NDArray[Any]:
+    def reset(self, ids: Ids, seeds: list[int]) -> Array:
         """Begin the episodes `ids`, each with its seed; their observations (k, O)."""
 
-    def step(self, actions: npt.NDArray[Any], ids: Ids) -> Stepped:
+    def step(self, actions: Array, ids: Ids) -> Stepped:
         """Step the episodes `ids`, ascending."""
 
     def close(self) -> None:
@@ -80,14 +79,14 @@ class SimulatedStage:
         self._horizon = inner.horizon if isinstance(inner, EpisodicEnv) else math.inf
         self._limit = time_limit(env) or math.inf
 
-    def reset(self, ids: Ids, seeds: list[int]) -> npt.NDArray[Any]:
+    def reset(self, ids: Ids, seeds: list[int]) -> Array:
         """See `Stage`."""
         draws = self._simulation.draws
         self._simulation.reset(ids, [seeding.np_random(each)[0] for each in seeds if draws])
         self._steps[ids] = 0
         return self._simulation.observations[ids]
 
-    def step(self, actions: npt.NDArray[Any], ids: Ids) -> Stepped:
+    def step(self, actions: Array, ids: Ids) -> Stepped:
         """See `Stage`."""
         terminated = self._simulation.step(actions.astype(np.float32), ids)
         self._steps[ids] = t = self._steps[ids] + 1
@@ -100,7 +99,7 @@ class SimulatedStage:
     def close(self) -> None:
         """See `Stage`; nothing is open."""
 
-    def _rewards(self, ids: Ids) -> npt.NDArray[np.float64]:
+    def _rewards(self, ids: Ids) -> Float64Array:
         if not self._is_sparse:
             return self._simulation.rewards[ids]
         return np.where(self._simulation.success[ids], 1.0 - self._steps[ids] / self._horizon, 0.0)
@@ -113,12 +112,12 @@ class GymnasiumStage:
         self._envs, self._seen = envs, seen
         self.n = len(envs)
 
-    def reset(self, ids: Ids, seeds: list[int]) -> npt.NDArray[Any]:
+    def reset(self, ids: Ids, seeds: list[int]) -> Array:
         """See `Stage`."""
         pairs = zip(ids, seeds, strict=True)
         return self._stacked([self._envs[i].reset(seed=seed)[0] for i, seed in pairs])
 
-    def step(self, actions: npt.NDArray[Any], ids: Ids) -> Stepped:
+    def step(self, actions: Array, ids: Ids) -> Stepped:
         """See `Stage`."""
         pairs = zip(ids, actions, strict=True)
         steps = [self._envs[i].step(action)[:4] for i, action in pairs]
@@ -135,6 +134,6 @@ class GymnasiumStage:
         for env in self._envs:
             env.close()
 
-    def _stacked(self, observations: Any) -> npt.NDArray[Any]:
+    def _stacked(self, observations: Any) -> Array:
         vectors = [self._seen.one(each) for each in observations]
         return np.stack(vectors).astype(self._seen.space.dtype)

@@ -6,11 +6,11 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.common.arrays import Array
 from curiosity_gym.validation import check_choice
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -28,7 +28,7 @@ def make_panels(
     width: float = 4.0,
     height: float = 3.2,
     layout: Literal["constrained", "compressed"] = "constrained",
-) -> tuple[Figure, npt.NDArray[Any]]:
+) -> tuple[Figure, Array]:
     """A figure and its axes (n_rows, n_columns), each of them `width` by `height` inches.
 
     The figure belongs to nobody: pyplot does not know it, and no window opens. "compressed" is the

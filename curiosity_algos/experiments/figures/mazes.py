@@ -7,18 +7,18 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments.figures.canvas import add_title, make_panels, short_name
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES
 from curiosity_gym.maze.plots import draw_counts, draw_layout
 from curiosity_gym.maze.viewer import HIT
 
-Counts = npt.NDArray[np.int64]
+Counts = Int64Array
 
 SIDE = 2.0
 """Of the squares in which final states are counted (maze units)."""

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -21,9 +21,6 @@ from curiosity_algos.experiments.export.population_run import Policies
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.run_folder import last_checkpoint
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 
 N_STATES = 300
 """Last states of an episode, the paper's number."""
@@ -46,8 +43,8 @@ class Rewarding(NamedTuple):
         returns: (n,) of those episodes.
     """
 
-    states: Float32
-    returns: Float64
+    states: Float32Array
+    returns: Float64Array
 
 
 def replay_rewarding(run: Path) -> Rewarding:
@@ -77,8 +74,8 @@ def replay_rewarding(run: Path) -> Rewarding:
 
 
 def _play(
-    evaluator: Evaluator, parameters: Float32, seeds: npt.NDArray[np.int64]
-) -> Iterator[tuple[npt.NDArray[np.int64], Rollouts]]:
+    evaluator: Evaluator, parameters: Float32Array, seeds: Int64Array
+) -> Iterator[tuple[Int64Array, Rollouts]]:
     """Indices and episodes of a few policies at a time that share a seed."""
     for seed in np.unique(seeds):
         sharing = np.flatnonzero(seeds == seed)
@@ -87,15 +84,15 @@ def _play(
             yield batch, evaluator.evaluate(parameters[batch], int(seed))
 
 
-def last_states(rollouts: Rollouts, n: int = N_STATES) -> Float32:
+def last_states(rollouts: Rollouts, n: int = N_STATES) -> Float32Array:
     """The last n states of each episode, (P, n, O); of a shorter one the first stands before."""
     observations, _ = rollouts.trajectories
     times = rollouts.lengths[:, None] + np.arange(1 - n, 1)
-    last: Float32 = observations[np.arange(len(times))[:, None], np.maximum(times, 0)]
+    last: Float32Array = observations[np.arange(len(times))[:, None], np.maximum(times, 0)]
     return last
 
 
-def project(states: Float32) -> tuple[Float64, Float64]:
+def project(states: Float32Array) -> tuple[Float64Array, Float64Array]:
     """The two principal components of states (n, T, O), n at least 3.
 
     Returns:
@@ -119,10 +116,10 @@ class Projection(NamedTuple):
     """
 
     algorithms: tuple[str, ...]
-    owners: npt.NDArray[np.int64]
-    scores: Float64
-    returns: Float64
-    shares: Float64
+    owners: Int64Array
+    scores: Float64Array
+    returns: Float64Array
+    shares: Float64Array
 
 
 def project_rewarding(rewarding: Mapping[str, Sequence[Rewarding]]) -> Projection:
@@ -163,7 +160,7 @@ def show_projection(projection: Projection, env: str) -> Figure:
     return figure
 
 
-def _scatter(ax: Axes, scores: Float64, shares: Float64, **colors: Any) -> PathCollection:
+def _scatter(ax: Axes, scores: Float64Array, shares: Float64Array, **colors: Any) -> PathCollection:
     x, y = scores.T
     dots = ax.scatter(x, y, s=9, linewidths=0, rasterized=True, **colors)
     ax.set(

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.experiments.elites import n_elites, qd_score
 from curiosity_algos.experiments.measures import (
-    Float64,
     Measure,
     Points,
     best_return,
@@ -150,7 +150,7 @@ def _line(x: npt.ArrayLike, y: npt.ArrayLike, panel: int = 0, **style: Any) -> F
     return drawn | {"yaxis": f"y{panel + 1}"}
 
 
-def evenly(n: int, most: int) -> npt.NDArray[np.int64]:
+def evenly(n: int, most: int) -> Int64Array:
     """Indices of at most `most` of n entries, evenly spaced, the first and the last among them."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
 
@@ -169,16 +169,16 @@ class Plane:
         maze: The environment, where the entries are a robot's position in it.
     """
 
-    low: Float64
-    high: Float64
+    low: Float64Array
+    high: Float64Array
     names: tuple[str, ...]
     maze: MazeEnv | None = None
 
-    def cells(self, points: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+    def cells(self, points: Array) -> Int64Array:
         """Flat indices (n,) of points (n, 2), row by row from below; of those outside the next."""
         shares = (points - self.low) / (self.high - self.low)
         columns, rows = np.clip(shares * N_CELLS, 0, N_CELLS - 1).astype(np.int64).T
-        flat: npt.NDArray[np.int64] = rows * N_CELLS + columns
+        flat: Int64Array = rows * N_CELLS + columns
         return flat
 
 
@@ -215,7 +215,7 @@ def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     return env if isinstance(env, MazeEnv) else None
 
 
-def _ends(run: str) -> tuple[Float64, Float64]:
+def _ends(run: str) -> tuple[Float64Array, Float64Array]:
     """Final states (n, 2 or fewer) of a run, as far as they are finite, and their timesteps (n,).
 
     Raises:

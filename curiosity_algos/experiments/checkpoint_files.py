@@ -149,9 +149,6 @@ def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
     Episodes that cannot go on begin anew; it warns where transitions are missing.
     """
     _restore_transitions(model, folder)
-    if not (folder / UNDER_WAY).exists():  # of an older version
-        model._last_obs = None
-        return
     state = read_plain(folder / UNDER_WAY, _KIND, what="run")
     if not resume_episodes(_below(model), decode(state["episodes"])):
         model._last_obs = None

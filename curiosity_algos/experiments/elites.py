@@ -37,8 +37,6 @@ def _archive_of(run: StrPath, label: str) -> dict[str, str]:
         return {}
     folder = RunFolder(run)
     match [*(folder.describe().get("archive") or {}).items()]:
-        case []:
-            return {"archive": f"archive of {label}"}
         case [(name, dict(settings))] if settings.keys() & CELLS:
             return {"archive": name} | {key: str(value) for key, value in settings.items()}
         case [(name, dict())]:

@@ -18,7 +18,7 @@ StrPath: TypeAlias = str | os.PathLike[str]
 KEYS = ("algorithm", "env", "seed")
 NOT_SHOWN = {
     *("run", "env_spec", "behavior_names", "archive"),
-    *("pending_log", "has_transitions", "ended"),
+    *("pending_log", "ended"),
 }
 
 

@@ -40,6 +40,7 @@ RESULT: Fields = {
     "coverage": dict,
     "seconds": float | int,
     "pending_log": dict,
+    "ended": bool,
 }
 """Fields of `result.json` that are read."""
 FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}

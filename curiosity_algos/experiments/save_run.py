@@ -145,10 +145,8 @@ class SaveRun(BaseCallback):
         if checkpoint is None:
             return
         self._rewarding.load(read_arrays(checkpoint / "rewarding.npz", REWARDING))
-        if (checkpoint / "sample.npz").exists():
+        if isinstance(self.model, EvolutionaryAlgorithm):
             self._sample.load(read_arrays(checkpoint / "sample.npz", REWARDING))
-        else:  # an older folder: those to come are no sample of all
-            self._sample.size = 0
         if isinstance(self._found, ExplorationCallback):
             found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
             self._found.load_state_dict(found)
@@ -247,7 +245,7 @@ class SaveRun(BaseCallback):
     def _write_checkpoint(self, folder: Path, exclude: list[str]) -> None:
         write_model(self.model, folder, exclude, save_replay_buffer=self.save_replay_buffer)
         write_arrays(folder / "rewarding.npz", self._rewarding.arrays())
-        if isinstance(self.model, EvolutionaryAlgorithm) and self._sample.size:
+        if isinstance(self.model, EvolutionaryAlgorithm):
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)

@@ -33,7 +33,7 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
             f"`folder` must be empty or that of this run: in {folder} {', '.join(others)}."
         )
     result = stored.result()
-    return bool(result) and result["timesteps"] >= run.timesteps and result.get("ended", True)
+    return bool(result) and result["timesteps"] >= run.timesteps and result["ended"]
 
 
 def train(

@@ -120,11 +120,6 @@ class PopulationRun:
 
     def _sampled(self, name: str) -> Policies:
         path = self._checkpoint / name
-        if not path.exists():
-            raise ValueError(
-                f"`policies` must be others, there is no {name} in {self._checkpoint}: the version "
-                "of this package that trained the run kept none."
-            )
         kept = read_arrays(path, REWARDING)
         if not len(kept["return"]):
             return Policies(np.empty((0, self.mlp.n_parameters), np.float32), np.empty(0, np.int64))

@@ -101,12 +101,6 @@ def test_another_offset_is_another_archive(change):
     assert found["SparseGridArchive, qd_score_offset 0.0"] == ["MAPElites, n_cells 50"]
 
 
-def test_an_older_folder_does_not_say_what_its_archive_was(change):
-    found = panels(change("CMAME", lambda run: run.pop("archive")))
-    assert found["archive of CMAME"] == ["CMAME"]
-    assert "NSES" not in str(panels(change("NSES", lambda run: run.pop("archive"))))
-
-
 def test_an_algorithm_that_logs_no_score_is_left_out(runs, tmp_path):
     (run,) = runs[runs["label"] == "NSLC"]["run"].head(1)
     shutil.copytree(run, tmp_path / "run")

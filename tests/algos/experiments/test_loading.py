@@ -42,10 +42,9 @@ def test_progress_is_of_all_runs(folder):
 def test_a_run_that_was_not_saved_yet_is_a_row(folder):
     (folder / "new").mkdir()
     (folder / "new" / "run.json").write_text(
-        '{"format": 1, "algorithm": "NSES", "env": null, "seed": 0, "has_transitions": false}'
+        '{"format": 1, "algorithm": "NSES", "env": null, "seed": 0}'
     )
     runs = load_runs(folder)
-    assert "has_transitions" not in runs  # of earlier versions
     assert runs[runs["algorithm"] == "NSES"]["timesteps"].isna().all()
     assert len(load_progress(folder)["run"].unique()) == 3
     assert load_final_states(folder / "new") == {}

@@ -66,7 +66,7 @@ class TestDescription:
 
 
 RESULT = {"total_timesteps": 0, "n_episodes": 0, "best_return": None, "coverage": {}}
-RESULT |= {"first_success_timesteps": None, "seconds": 0.0, "pending_log": {}}
+RESULT |= {"first_success_timesteps": None, "seconds": 0.0, "pending_log": {}, "ended": False}
 
 
 class TestCheckpoints:

@@ -162,20 +162,6 @@ def test_a_sample_of_all_can_be_played_again(make_model, make_easy_maze, folder)
     np.testing.assert_allclose(rollouts.returns, kept["return"], atol=1e-6)
 
 
-def test_a_run_of_an_older_folder_keeps_no_sample(make_model, make_easy_maze, folder):
-    """Those to come are no sample of all."""
-    make_model(MAPElites, make_easy_maze()).learn(400, SaveRun(folder))
-    for _ in range(2):
-        checkpoint = RunFolder(folder).checkpoint
-        (checkpoint / "sample.npz").unlink(missing_ok=True)
-        model = MAPElites.load(checkpoint / "model", env=make_easy_maze())
-        model.learn(400, SaveRun(folder), reset_num_timesteps=False)
-        kept = RunFolder(folder).checkpoint
-        assert kept != checkpoint
-        assert not (kept / "sample.npz").exists()
-        assert (kept / "rewarding.npz").exists()
-
-
 def test_the_best_policy_is_there(make_model, folder):
     model = make_model(CuriosityES, "CuriosityMaze-US-v0").learn(1, SaveRun(folder))
     best = np.load(RunFolder(folder).checkpoint / "best_policy.npz")

@@ -340,9 +340,11 @@ class TestRefused:
         refused("^`policies` must be some that the run keeps, it has no rewarding", run, ID)
         refused("^`policies` must be rewarding or sample", run, ID, policies="elites")
 
-    def test_a_folder_from_before(self, run, refused):
+    def test_no_sample(self, run, refused):
         (RunFolder(run).checkpoint / "sample.npz").unlink()
-        refused("^`policies` must be others, there is no sample.npz", run, ID, policies="sample")
+        refused(
+            "^`folder` must be that of a run, .*sample.npz is damaged", run, ID, policies="sample"
+        )
 
     def test_a_damaged_sample(self, run, refused):
         path = RunFolder(run).checkpoint / "sample.npz"

@@ -85,14 +85,6 @@ class RecentSteps:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError where it is other environments'."""
-        self.check(state)
-        load_generator_state(self._rng, state["rng"])
-        self._next = state["next"]
-        for name in ARRAYS:
-            getattr(self, f"_{name}")[:] = state[name].cpu().numpy()
-
-    def check(self, state: Mapping[str, Any]) -> None:
-        """Raise ValueError unless `load_state_dict` would take the state."""
         arrays = {name: state[name].cpu().numpy() for name in ARRAYS}
         for name, array in arrays.items():
             own = getattr(self, f"_{name}")
@@ -104,3 +96,7 @@ class RecentSteps:
             raise ValueError(f"`lengths` must be from 0 to {self.horizon}.")
         if type(place) is not int or not 0 <= place < self.horizon:
             raise ValueError(f"`next` must be from 0 to below {self.horizon}, got {place!r}.")
+        load_generator_state(self._rng, state["rng"])
+        self._next = place
+        for name, array in arrays.items():
+            getattr(self, f"_{name}")[:] = array

@@ -313,7 +313,6 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_actions(state["buffer"]["actions"], self._acted.space)
         shape = (self.num_envs, *(self._view.space.shape or ()))
         observations = last_observations(state["observations"], shape, self._dtype)
-        self._recent.check(state["recent"])
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])

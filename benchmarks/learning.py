@@ -101,7 +101,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "timesteps": 1e6,
         "hyperparams": ["behavior:'learned'"],
     },
-    "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e7},
+    "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS, "timesteps": 1e7},
     "locomotion_tries": {
         "algos": ("CuriosityES",),
         "envs": WORLDS[:1],

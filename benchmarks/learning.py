@@ -34,6 +34,8 @@ ROBOT_TRIES: dict[str, list[str]] = {
     "power=3, horizon=10": ["bonus_kwargs:{'horizon': 10, 'power': 3.0}"],
 }
 """Other settings of CuriosityES for robots, by the names of their folders."""
+ON_A_ROBOT = {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e6}
+"""What they are tried on."""
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
@@ -103,18 +105,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
     },
     "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS, "timesteps": 1e7},
     "locomotion_tries": {
-        "algos": ("CuriosityES",),
-        "envs": WORLDS[:1],
-        "timesteps": 1e6,
+        **ON_A_ROBOT,
         "hyperparams": [f"sigma:{sigma}" for sigma in (0.05, 0.1, 0.2, 0.3, 1.0)],
     },
     **{
-        f"locomotion_tries/{name}": {
-            "algos": ("CuriosityES",),
-            "envs": WORLDS[:1],
-            "timesteps": 1e6,
-            "hyperparams": settings,
-        }
+        f"locomotion_tries/{name}": {**ON_A_ROBOT, "hyperparams": settings}
         for name, settings in ROBOT_TRIES.items()
     },
     "normalized": {

@@ -129,11 +129,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         seed = _sequence(seed)
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
-        named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
-        held = {"n_envs": n_envs, "optimize_memory_usage": optimize_memory_usage}
-        schedule = {"gamma": gamma, "trains": train_interval is not None}
-        made = {**named, **held, **schedule, "observation_key": observation_key}
-        self._made = {name: plain(value) for name, value in made.items()}
+        self._named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
         self.bonus = make_bonus(
             bonus,
             bonus_kwargs,
@@ -167,6 +163,19 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             shape = self.buffer_size, n_envs
             self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
             self._columns = COLUMNS + SCORES
+
+    @property
+    def _made(self) -> dict[str, Any]:
+        """What a file must have been made with to be taken."""
+        made = {
+            **self._named,
+            "n_envs": self.n_envs,
+            "optimize_memory_usage": self.optimize_memory_usage,
+            "gamma": None if self._scale is None else self._scale.gamma,
+            "trains": self.train_interval is not None,
+            "observation_key": self.observation_key,
+        }
+        return {name: plain(value) for name, value in made.items()}
 
     # -- what is collected ----------------------------------------------------------------------
 

@@ -13,12 +13,8 @@ from typing import Any
 import numpy as np
 
 from curiosity_algos.archives.fields import behaviors_of
-from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
-from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
-from curiosity_algos.evaluation.rollouts import Rollouts
-
-CHUNK = 56
-"""Elites played at once: trajectories of more would ask for memory, and bring no speed."""
+from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.evaluation.evaluator import AnyEnv, make_evaluator, replay
 
 
 @dataclass(frozen=True)
@@ -70,28 +66,13 @@ def verify(
     n = len(archive)
     kept = behaviors_of(archive)
     objective, behaviors = np.empty_like(elites["objective"]), np.empty_like(kept)
-    seeds = elites.get("seed", np.zeros(n)) if getattr(evaluator, "draws", True) else np.zeros(n)
-    for chunk in _chunks(seeds):
-        rollouts = _play(evaluator, elites, chunk)
-        objective[chunk], behaviors[chunk] = rollouts.returns, rollouts.behaviors
+    for indices, rollouts in replay(evaluator, elites["solution"], elites.get("seed")):
+        if rollouts.behaviors.shape[1:] != kept.shape[1:]:
+            raise ValueError(
+                f"`env` gives behaviors of shape {rollouts.behaviors.shape[1:]}, "
+                f"the archive's are of shape {kept.shape[1:]}."
+            )
+        objective[indices], behaviors[indices] = rollouts.returns, rollouts.behaviors
     is_same = (objective == elites["objective"]) & (behaviors == kept).all(axis=1)
     share = float(is_same.mean()) if n else 1.0
     return Verification(share, np.flatnonzero(~is_same), objective, behaviors)
-
-
-def _chunks(seeds: Array) -> list[Int64Array]:
-    """Positions of elites whose episodes begin alike, at most `CHUNK` at a time."""
-    groups = [np.flatnonzero(seeds == seed) for seed in np.unique(seeds)]
-    return [group[i : i + CHUNK] for group in groups for i in range(0, len(group), CHUNK)]
-
-
-def _play(evaluator: Evaluator, elites: dict[str, Array], chunk: Int64Array) -> Rollouts:
-    seed = int(elites["seed"][chunk[0]]) if "seed" in elites else None
-    rollouts = evaluator.evaluate(elites["solution"][chunk], seed)
-    kept = elites.get("behavior", elites["measures"])
-    if rollouts.behaviors.shape[1:] != kept.shape[1:]:
-        raise ValueError(
-            f"`env` gives behaviors of shape {rollouts.behaviors.shape[1:]}, "
-            f"the archive's are of shape {kept.shape[1:]}."
-        )
-    return rollouts

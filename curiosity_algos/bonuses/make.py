@@ -26,8 +26,6 @@ from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_algos.common.arrays import Array
 from curiosity_gym.validation import check_choice
 
-NETWORK_KEYWORDS = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
-"""Keywords of a bonus that is named; its seed and its device are those of the algorithm."""
 BONUSES: dict[str, Callable[..., Bonus]] = {
     each.name: each for each in (APT, Disagreement, E3B, ICM, NGU, NovelD, RAMP, RND)
 }
@@ -55,10 +53,20 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
             raise ValueError("`bonus_kwargs` must be empty where `bonus` is an object.")
         return
     check_choice(tuple(BONUSES), bonus=bonus)
-    own = inspect.signature(BONUSES[bonus]).parameters.values()
-    names = [*(each.name for each in own if each.kind is each.KEYWORD_ONLY), *NETWORK_KEYWORDS]
     for name in bonus_kwargs:
-        check_choice(tuple(names), bonus_kwargs=name)
+        check_choice(bonus_keywords(bonus), bonus_kwargs=name)
+
+
+def bonus_keywords(bonus: str) -> tuple[str, ...]:
+    """Keywords of the bonus of a name; its seed and its device are those of the algorithm."""
+    of_networks = sorted(NetworkKeywords.__optional_keys__ - {"seed", "device"})
+    return (*keyword_only(BONUSES[bonus]), *of_networks)
+
+
+def keyword_only(made: Any) -> list[str]:
+    """What a class or a function takes by keyword alone, and names."""
+    parameters = inspect.signature(made).parameters.values()
+    return [each.name for each in parameters if each.kind is each.KEYWORD_ONLY]
 
 
 def for_one_policy(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Protocol
 
-from curiosity_algos.common.arrays import Float32Array
+import numpy as np
+
+from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.evaluation.environments import (
     MadeEnv,
     MadeVecEnv,
@@ -21,6 +24,9 @@ from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one
 
 AnyEnv = MadeEnv | MakeEnv | str
+
+BATCH = 64
+"""Episodes that are replayed at once: trajectories of more would ask for memory, for no speed."""
 
 
 class Evaluator(Protocol):
@@ -82,6 +88,27 @@ def make_evaluator(
         horizon=known.horizon,
         n_threads=n_threads,
     )
+
+
+def replay(
+    evaluator: Evaluator, parameters: Float32Array, seeds: Array | None
+) -> Iterator[tuple[Int64Array, Rollouts]]:
+    """Play policies again: indices and episodes of a few at a time that begin alike.
+
+    Args:
+        evaluator: What plays them.
+        parameters: (n, n_parameters).
+        seeds: (n,) of their episodes; None: no seed.
+    """
+    begins = [None] if seeds is None or not getattr(evaluator, "draws", True) else np.unique(seeds)
+    for seed in begins:
+        alike = np.arange(len(parameters)) if seed is None else np.flatnonzero(seeds == seed)
+        for i in range(0, len(alike), BATCH):
+            indices = alike[i : i + BATCH]
+            yield (
+                indices,
+                evaluator.evaluate(parameters[indices], None if seed is None else int(seed)),
+            )
 
 
 def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.bonuses.make import BONUSES, NETWORK_KEYWORDS
+from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
 from curiosity_algos.experiments.names import find_known, plain_name
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
@@ -49,18 +48,12 @@ def find_bonus(name: str) -> str:
 def _keywords(holder: type[Any], bonus: str, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Keywords of what holds a bonus, among them the bonus and its own."""
     bonus = find_bonus(bonus)
-    of_holder = _keyword_only(holder) - {"bonus", "bonus_kwargs", "device", "seed"}
-    of_bonus = {*_keyword_only(BONUSES[bonus]), *NETWORK_KEYWORDS} - {"device", "seed"}
+    of_holder = set(keyword_only(holder)) - {"bonus", "bonus_kwargs", "device", "seed"}
     for name in bonus_kwargs:
-        find_known("bonus_kwargs", name, sorted(of_holder | of_bonus))
+        find_known("bonus_kwargs", name, sorted(of_holder.union(bonus_keywords(bonus))))
     held = {name: value for name, value in bonus_kwargs.items() if name in of_holder}
     own = {name: value for name, value in bonus_kwargs.items() if name not in held}
     return {"bonus": bonus, "bonus_kwargs": own, **held}
-
-
-def _keyword_only(made: Any) -> set[str]:
-    parameters = inspect.signature(made).parameters.values()
-    return {each.name for each in parameters if each.kind is each.KEYWORD_ONLY}
 
 
 # -- models ---------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array
-from curiosity_algos.evaluation.evaluator import Evaluator, make_evaluator
+from curiosity_algos.evaluation.evaluator import make_evaluator, replay
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments.env_spec import make_env
@@ -26,8 +26,6 @@ N_STATES = 300
 """Last states of an episode, the paper's number."""
 N_POLICIES = 500
 """Policies of a run, at most: their states are held in memory at once, 43 kB each on a maze."""
-BATCH = 64
-"""Episodes played at once, at most."""
 TITLE = f"Rewarding policies on {{}}: the last {N_STATES} states of their episodes"
 NOTE = (
     "Principal components of rewarding policies, their number in brackets. "
@@ -68,20 +66,9 @@ def replay_rewarding(run: Path) -> Rewarding:
     n_observed = FlatObservations(env.observation_space).size
     states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)
     returns = np.empty(len(seeds))
-    for batch, rollouts in _play(evaluator, parameters, seeds):
+    for batch, rollouts in replay(evaluator, parameters, seeds):
         states[batch], returns[batch] = last_states(rollouts), rollouts.returns
     return Rewarding(states, returns)
-
-
-def _play(
-    evaluator: Evaluator, parameters: Float32Array, seeds: Int64Array
-) -> Iterator[tuple[Int64Array, Rollouts]]:
-    """Indices and episodes of a few policies at a time that share a seed."""
-    for seed in np.unique(seeds):
-        sharing = np.flatnonzero(seeds == seed)
-        for first in range(0, len(sharing), BATCH):
-            batch = sharing[first : first + BATCH]
-            yield batch, evaluator.evaluate(parameters[batch], int(seed))
 
 
 def last_states(rollouts: Rollouts, n: int = N_STATES) -> Float32Array:

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from curiosity_algos.archives import verify as verify_module
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.archives.verify import Verification, verify
+from curiosity_algos.evaluation import evaluator as evaluator_module
 from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_gym import BehaviorWrapper
@@ -112,7 +112,7 @@ class TestMaze:
         assert len(archive) == n
         assert verify(archive, env).share == 1.0
         # Who plays at the same time does not matter.
-        monkeypatch.setattr(verify_module, "CHUNK", 1)
+        monkeypatch.setattr(evaluator_module, "BATCH", 1)
         broken = corrupt(archive, "objective", [n - 1], lambda value: value - 1)
         assert verify(broken, env).failed.tolist() == [n - 1]
 

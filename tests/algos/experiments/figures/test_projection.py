@@ -6,6 +6,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 
 from curiosity_algos import NSES, MAPElites
+from curiosity_algos.evaluation import evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments.figures import projection
 from curiosity_algos.experiments.figures.projection import (
@@ -44,7 +45,7 @@ def test_policies_that_are_played_again_do_what_they_did(run):
 
 def test_of_many_policies_some_are_played(run, monkeypatch):
     monkeypatch.setattr(projection, "N_POLICIES", 5)
-    monkeypatch.setattr(projection, "BATCH", 2)
+    monkeypatch.setattr(evaluator, "BATCH", 2)
     some = replay_rewarding(run)
     assert len(some.returns) == 5
     assert set(some.returns.round(6)) <= set(kept(run)["return"])

@@ -10,6 +10,7 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.checkpoints.plain_files import fitting
 
 
 class TransitionBuffer:
@@ -80,9 +81,6 @@ class TransitionBuffer:
     def _check(self, state: Mapping[str, Any]) -> None:
         n = len(state["actions"])
         for name, column in self._columns.items():
-            values = state[name]
-            is_alike = values.shape == (n, *column.shape[1:]) and values.dtype == column.dtype
-            if not is_alike or not th.isfinite(values).all():
-                raise ValueError(f"`{name}` must be {n} rows of {tuple(column.shape[1:])}, finite.")
+            fitting(name, state[name], (n, *column.shape[1:]), column.numpy().dtype)
         if type(state["next"]) is not int or not 0 <= state["next"] <= n:
             raise ValueError(f"`next` must be from 0 to {n}, got {state['next']!r}.")

@@ -14,9 +14,10 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
-from curiosity_algos.bonuses.episodes import refuse_transitions, take_over
+from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.transitions import flat
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.compiled import compiled
@@ -126,7 +127,8 @@ class Ellipsoids:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        self._inverses = take_over(state, {"inverses": self._inverses})["inverses"]
+        shape, dtype = self._inverses.shape, self._inverses.dtype
+        self._inverses = fitting("inverses", state["inverses"], shape, dtype).copy()
 
 
 @compiled

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.common.arrays import Array, Float32Array, Mask
 
@@ -59,15 +57,3 @@ def check_needs_no_episodes(bonus: Bonus, holder: str) -> None:
 def episodes_of(bonus: Bonus, n: int) -> Episodes | None:
     """A memory for n episodes side by side, if the bonus has any."""
     return bonus.episodes(n) if isinstance(bonus, EpisodicBonus) else None
-
-
-def take_over(state: Mapping[str, Any], own: Mapping[str, Array]) -> dict[str, Array]:
-    """Copies of saved tensors that are like one's own; ValueError if they are of other episodes."""
-    columns = {name: state[name].cpu().numpy().copy() for name in own}
-    for name, column in columns.items():
-        shape, dtype = own[name].shape, own[name].dtype
-        if (column.shape, column.dtype) != (shape, dtype):
-            raise ValueError(f"`{name}` must have shape {shape}, got {column.shape}.")
-        if not np.isfinite(column).all():
-            raise ValueError(f"`{name}` must be finite.")
-    return columns

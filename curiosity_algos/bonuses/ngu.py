@@ -14,9 +14,10 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import NetworkKeywords
-from curiosity_algos.bonuses.episodes import refuse_transitions, take_over
+from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.common.randomness import integer_seed, torch_generator
@@ -189,12 +190,11 @@ class Neighbors:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        saved = {f"features {i}": each for i, each in enumerate(state["features"])}
+        saved = list(state["features"])
         if len(saved) != len(self._n_held):
             raise ValueError(f"`features` must be of {len(self._n_held)} episodes.")
         n_features = self._bonus.n_features
-        own = {name: np.zeros((len(each), n_features)) for name, each in saved.items()}
-        held = take_over(saved, own).values()
+        held = [fitting("features", each, (len(each), n_features), np.float64) for each in saved]
         self._n_held = np.array([len(each) for each in held])
         self._make_room(self._n_held.max())
         for features, each in zip(self._features, held, strict=True):

@@ -14,8 +14,9 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import NetworkKeywords
-from curiosity_algos.bonuses.episodes import refuse_transitions, take_over
+from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.rnd import RND
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_gym.validation import check_not_negative, check_whole
@@ -166,8 +167,9 @@ class Visits:
         saved = list(state["seen"])
         if len(saved) != len(self._seen) or {each.dtype for each in saved} != {th.int64}:
             raise ValueError(f"`seen` must be whole numbers of {len(self._seen)} episodes.")
-        columns = take_over(state, {"mean": self._mean, "scale": self._scale})
-        if (columns["scale"] <= 0.0).any():
+        mean = fitting("mean", state["mean"], self._mean.shape, self._mean.dtype)
+        scale = fitting("scale", state["scale"], self._scale.shape, self._scale.dtype)
+        if (scale <= 0.0).any():
             raise ValueError("`scale` must be above 0.")
         self._seen = [set(each.flatten().tolist()) for each in saved]
-        self._mean, self._scale = columns["mean"], columns["scale"]
+        self._mean, self._scale = mean.copy(), scale.copy()

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import torch as th
 
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
@@ -85,12 +86,10 @@ class RecentSteps:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError where it is other environments'."""
-        arrays = {name: state[name].cpu().numpy() for name in ARRAYS}
-        for name, array in arrays.items():
-            own = getattr(self, f"_{name}")
-            is_alike = array.shape == own.shape and array.dtype == own.dtype
-            if not is_alike or not np.isfinite(array).all():
-                raise ValueError(f"`{name}` must be finite, of shape {own.shape}.")
+        owned = {name: getattr(self, f"_{name}") for name in ARRAYS}
+        arrays = {
+            name: fitting(name, state[name], own.shape, own.dtype) for name, own in owned.items()
+        }
         lengths, place = arrays["lengths"], state["next"]
         if lengths.min() < 0 or lengths.max() > self.horizon:
             raise ValueError(f"`lengths` must be from 0 to {self.horizon}.")
@@ -99,4 +98,4 @@ class RecentSteps:
         load_generator_state(self._rng, state["rng"])
         self._next = place
         for name, array in arrays.items():
-            getattr(self, f"_{name}")[:] = array
+            owned[name][:] = array

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+import numpy.typing as npt
 import torch as th
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.common.arrays import Array
 
 
 def plain(value: Any) -> Any:
@@ -35,6 +37,14 @@ def check_plain(state: Any, name: str) -> None:
     """Raise ValueError unless a file can hold the state of the argument `name`."""
     if not is_plain(state):
         raise ValueError(f"`{name}` must have a state of tensors and plain values.")
+
+
+def fitting(name: str, saved: th.Tensor, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+    """A saved tensor as an array, not copied; ValueError unless it is finite and of that kind."""
+    array: Array = saved.cpu().numpy()
+    if array.shape != shape or array.dtype != dtype or not np.isfinite(array).all():
+        raise ValueError(f"`{name}` must be finite, of shape {shape} and type {np.dtype(dtype)}.")
+    return array
 
 
 def write_plain(path: str | os.PathLike[str], content: dict[str, Any], kind: str) -> None:

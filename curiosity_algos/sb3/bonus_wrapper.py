@@ -22,7 +22,7 @@ from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.bonuses.views import View
-from curiosity_algos.checkpoints.plain_files import plain
+from curiosity_algos.checkpoints.plain_files import fitting, plain
 from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.common.randomness import integer_seed
@@ -34,7 +34,6 @@ from curiosity_algos.sb3.wrapper_file import (
     check_actions,
     check_counters,
     check_fits,
-    last_observations,
     read_wrapper,
     resume_episodes,
     sound,
@@ -140,7 +139,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._name = bonus if isinstance(bonus, str) else None
         self._make_parts(bonus, np.random.SeedSequence(seed), device)
         self.metrics: dict[str, float] = {}
-        self._observations: Array = np.empty(0)
+        self._observations: Array = np.empty(0, self._dtype)
         self._actions: Array = np.empty(0)
         self._scale = BonusScale(self.num_envs, gamma=self.gamma)
         self._n_untrained = 0
@@ -311,8 +310,9 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
         check_counters(state)
         check_actions(state["buffer"]["actions"], self._acted.space)
-        shape = (self.num_envs, *(self._view.space.shape or ()))
-        observations = last_observations(state["observations"], shape, self._dtype)
+        held = state["observations"]
+        shape = (self.num_envs, *(self._view.space.shape or ())) if held.numel() else (0,)
+        observations = fitting("observations", held, shape, self._dtype).copy()
         self._scale.load_state_dict(state["scale"])
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])

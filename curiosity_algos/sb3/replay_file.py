@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch as th
 
-from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
+from curiosity_algos.checkpoints.plain_files import check_plain, fitting, read_plain, write_plain
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import load_generator_state
 from curiosity_algos.sb3.held_observations import as_tensors
@@ -58,7 +58,4 @@ def _check_column(name: str, saved: Any, like: th.Tensor | dict[str, th.Tensor],
         for key, entry in like.items():
             _check_column(f"{name}[{key!r}]", saved[key], entry, n)
         return
-    shape = like.shape[1:]
-    is_alike = saved.dtype == like.dtype and saved.shape == (n, *shape)
-    if not is_alike or not th.isfinite(saved).all():
-        raise ValueError(f"`{name}` must be {n} rows of {tuple(shape)}, finite.")
+    fitting(name, saved, (n, *like.shape[1:]), like.numpy().dtype)

@@ -9,6 +9,7 @@ import numpy as np
 import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.validation import check_share
 
@@ -53,21 +54,16 @@ class BonusScale:
 
     def state_dict(self) -> dict[str, Any]:
         """Sums and statistics."""
-        statistics = self._statistics
-        return {
-            "sums": th.from_numpy(self._sums.copy()),
-            "statistics": [float(statistics.mean), float(statistics.var), float(statistics.count)],
-        }
+        seen = self._statistics
+        statistics = np.array([seen.mean, seen.var, seen.count], dtype=np.float64)
+        return {"sums": th.from_numpy(self._sums.copy()), "statistics": th.from_numpy(statistics)}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, of as many environments."""
-        sums, numbers = state["sums"].cpu().numpy().copy(), np.array(state["statistics"])
-        if sums.shape != self._sums.shape or sums.dtype != np.float64:
-            raise ValueError(f"`sums` must be {len(self._sums)} numbers.")
-        if numbers.shape != (3,) or numbers.dtype != np.float64:
-            raise ValueError("`statistics` must be three numbers.")
-        if not (np.isfinite([*sums, *numbers]).all() and numbers[1] >= 0.0 and numbers[2] > 0.0):
-            raise ValueError("`sums` and `statistics` must be finite, variance and count positive.")
-        self._sums = sums
+        sums = fitting("sums", state["sums"], self._sums.shape, np.float64)
+        numbers = fitting("statistics", state["statistics"], (3,), np.float64)
+        if numbers[1] < 0.0 or numbers[2] <= 0.0:
+            raise ValueError("`statistics` must have a variance of at least 0, and a count above.")
+        self._sums = sums.copy()
         self._statistics.mean, self._statistics.var = map(np.array, numbers[:2])
         self._statistics.count = float(numbers[2])

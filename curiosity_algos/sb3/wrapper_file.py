@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from math import isfinite
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
@@ -22,7 +20,6 @@ from curiosity_algos.checkpoints.environment_state import (
 )
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
-from curiosity_algos.common.arrays import Array
 
 FORMAT = "curiosity bonus wrapper 5"
 WHAT = "BonusVecEnvWrapper"
@@ -119,15 +116,6 @@ def check_actions(actions: th.Tensor, action_space: spaces.Space[Any]) -> None:
         is_known = (actions >= 0) & (actions < int(action_space.n)) & (actions == actions.floor())
         if not is_known.all():
             raise ValueError(f"`actions` must be whole numbers below {action_space.n}.")
-
-
-def last_observations(saved: th.Tensor, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-    """A copy of what the next step begins with; empty where no episode has begun."""
-    observations: Array = saved.cpu().numpy().copy()
-    is_alike = observations.shape == shape and observations.dtype == dtype
-    if observations.size and not (is_alike and np.isfinite(observations).all()):
-        raise ValueError(f"`observations` must be finite, of shape {shape}.")
-    return observations
 
 
 def resume_episodes(venv: VecEnv, states: list[Any] | None) -> bool:

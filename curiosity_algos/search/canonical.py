@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import torch as th
 
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
@@ -86,8 +87,5 @@ class CanonicalSearch:
         Raises:
             ValueError: If the center has another number of parameters, or is not finite.
         """
-        center = state["center"].cpu().numpy().copy()
-        if center.shape != self.center.shape or not np.isfinite(center).all():
-            raise ValueError(f"`center` must be {self.center.size} finite parameters.")
-        self.center = center
+        self.center = fitting("center", state["center"], self.center.shape, np.float64).copy()
         load_generator_state(self._rng, state["rng"])

@@ -16,6 +16,7 @@ import numpy as np
 import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.policies import Mlp
 from curiosity_algos.evaluation.rollouts import (
@@ -101,13 +102,11 @@ class NormalizedSearch:
         """
         if state.keys() != {"search", "mean", "var", "count"}:
             raise ValueError("`normalize_observations` must be as in the saved model.")
-        mean, var = (state[name].cpu().numpy().copy() for name in ("mean", "var"))
-        if any(
-            each.shape != (self._n_inputs,) or not np.isfinite(each).all() for each in (mean, var)
-        ):
-            raise ValueError(f"`mean` and `var` must be {self._n_inputs} finite numbers each.")
+        shape = (self._n_inputs,)
+        mean, var = (fitting(name, state[name], shape, np.float64) for name in ("mean", "var"))
         self.search.load_state_dict(state["search"], strict)
-        self._seen.mean, self._seen.var, self._seen.count = mean, var, state["count"]
+        self._seen.mean, self._seen.var = mean.copy(), var.copy()
+        self._seen.count = state["count"]
 
     @property
     def _deviation(self) -> Float64Array:

@@ -60,5 +60,5 @@ def test_another_state_changes_nothing(assert_same, name, value):
     scale = BonusScale(2, gamma=0.5)
     before = scale.state_dict()
     with pytest.raises(ValueError, match=f"`{name}`"):
-        scale.load_state_dict(before | {name: value})
+        scale.load_state_dict(before | {name: th.as_tensor(value, dtype=th.float64)})
     assert_same(scale.state_dict(), before)

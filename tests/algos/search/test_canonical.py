@@ -131,6 +131,6 @@ def test_a_state_is_a_copy():
 def test_a_center_that_does_not_fit_changes_nothing(center):
     search = make_search()
     before = search.center.copy()
-    with pytest.raises(ValueError, match="`center` must be 5 finite parameters"):
+    with pytest.raises(ValueError, match="`center` must be finite, of shape"):
         search.load_state_dict(search.state_dict() | {"center": center})
     np.testing.assert_array_equal(search.center, before)

@@ -138,8 +138,8 @@ def test_it_goes_on_from_its_state():
     ("change", "match"),
     [
         (lambda state: state["search"], "`normalize_observations`"),
-        (lambda state: {**state, "mean": state["mean"][:2]}, "`mean` and `var`"),
-        (lambda state: {**state, "var": state["var"] * np.nan}, "`mean` and `var`"),
+        (lambda state: {**state, "mean": state["mean"][:2]}, "`mean` must be"),
+        (lambda state: {**state, "var": state["var"] * np.nan}, "`var` must be"),
     ],
 )
 def test_the_state_of_another_is_refused(change, match):

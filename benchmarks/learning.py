@@ -17,6 +17,7 @@ from curiosity_algos.cli.sweep import sweep
 from curiosity_algos.experiments.figures.plan import CONTROL, MAZES
 
 WORLDS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
+LABYRINTH = ("CuriosityMaze-Labyrinth-v0",)
 ALGORITHMS = (
     "CuriosityES",
     "NSES",
@@ -27,6 +28,8 @@ ALGORITHMS = (
     "AURORA",
     "CanonicalES",
 )
+TOLD_NOTHING = {"algos": ("NSLC",), "hyperparams": ["behavior:'learned'"]}
+"""Novelty search with behaviors that it learns."""
 ROBOT_TRIES: dict[str, list[str]] = {
     "linear": ["policy_kwargs:{'net_arch': []}"],
     "normalize_observations": ["normalize_observations:True"],
@@ -39,24 +42,9 @@ ON_A_ROBOT = {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e6}
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
-    "mazes_learned": {
-        "algos": ("NSLC",),
-        "envs": MAZES,
-        "timesteps": 3e7,
-        "preset": "tuned",
-        "hyperparams": ["behavior:'learned'"],
-    },
-    "labyrinth": {
-        "algos": ALGORITHMS,
-        "envs": ("CuriosityMaze-Labyrinth-v0",),
-        "timesteps": 2.24e8,
-    },
-    "labyrinth/learned": {
-        "algos": ("NSLC",),
-        "envs": ("CuriosityMaze-Labyrinth-v0",),
-        "timesteps": 2.24e8,
-        "hyperparams": ["behavior:'learned'"],
-    },
+    "mazes/learned": {**TOLD_NOTHING, "envs": MAZES, "timesteps": 3e7},
+    "labyrinth": {"algos": ALGORITHMS, "envs": LABYRINTH, "timesteps": 2.24e8},
+    "labyrinth/learned": {**TOLD_NOTHING, "envs": LABYRINTH, "timesteps": 2.24e8},
     "control": {
         "algos": ("CuriosityES", "CanonicalES"),
         "envs": CONTROL,
@@ -97,12 +85,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
             "learning_rate:1",
         ],
     },
-    "locomotion/learned": {
-        "algos": ("NSLC",),
-        "envs": WORLDS,
-        "timesteps": 1e6,
-        "hyperparams": ["behavior:'learned'"],
-    },
+    "locomotion/learned": {**TOLD_NOTHING, "envs": WORLDS, "timesteps": 1e6},
     "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS, "timesteps": 1e7},
     "locomotion_tries": {
         **ON_A_ROBOT,

@@ -54,7 +54,8 @@ def main(
     """Train the best runs, and write a file for each."""
     for name in tables.split(","):
         settings = {**SWEEPS[name], "log_folder": runs / name, "jobs": jobs}
-        for rows in rewarded_pairs(read_runs(name)):
+        found = read_runs(name)
+        for rows in rewarded_pairs(found[found["algorithm"].isin(settings["algos"])]):
             for run in rows.itertuples():
                 pair = {"algos": run.algorithm, "envs": run.env}
                 sweep(**{**settings, **pair}, seeds=str(run.seed))

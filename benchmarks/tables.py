@@ -90,14 +90,6 @@ def parts() -> str:
     return visits(pd.concat([recipe, tried], ignore_index=True))
 
 
-def learned() -> str:
-    """As `summary`, of NSLC that learns behaviors, beside those that are told, and AURORA."""
-    runs, told = read_runs("mazes_learned"), read_runs("mazes")
-    runs = runs.assign(algorithm=runs["algorithm"] + ', `behavior="learned"`')
-    beside = told[told["algorithm"].isin(["NSLC", "AURORA"])]
-    return summary(in_order(pd.concat([runs, beside], ignore_index=True)))
-
-
 def returns(runs: pd.DataFrame) -> str:
     """Interquartile mean of the best returns of runs, with its 95 % interval."""
     return _by_environment(runs, _return)
@@ -285,7 +277,6 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "mazes-step-seeds": ("mazes_step", every_seed),
     "rounding-summary": ("rounding", summary),
     "rounding-seeds": ("rounding", every_seed),
-    "mazes-learned-seeds": ("mazes_learned", every_seed),
     "labyrinth-summary": ("labyrinth", summary),
     "labyrinth-seeds": ("labyrinth", every_seed),
     "mazes-icm-summary": ("mazes_icm", summary),
@@ -319,7 +310,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
     "ppo-parts": parts,
-    "mazes-learned-summary": learned,
     "minigrid": partial(make_table, read_rows, "minigrid", doors),
     "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", roaming),

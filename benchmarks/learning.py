@@ -30,15 +30,23 @@ ALGORITHMS = (
 )
 TOLD_NOTHING = {"algos": ("NSLC",), "hyperparams": ["behavior:'learned'"]}
 """Novelty search with behaviors that it learns."""
-ROBOT_TRIES: dict[str, list[str]] = {
-    "linear": ["policy_kwargs:{'net_arch': []}"],
-    "normalize_observations": ["normalize_observations:True"],
-    "population_size=28": ["population_size:28", "n_parents:14"],
-    "power=3, horizon=10": ["bonus_kwargs:{'horizon': 10, 'power': 3.0}"],
-}
-"""Other settings of CuriosityES for robots, by the names of their folders."""
 ON_A_ROBOT = {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e6}
-"""What they are tried on."""
+ROBOT_TRIES: dict[str, dict[str, Any]] = {
+    "linear": {"hyperparams": ["policy_kwargs:{'net_arch': []}"]},
+    "normalize_observations": {"hyperparams": ["normalize_observations:True"]},
+    "population_size=28": {"hyperparams": ["population_size:28", "n_parents:14"]},
+    "power=3, horizon=10": {"hyperparams": ["bonus_kwargs:{'horizon': 10, 'power': 3.0}"]},
+    # Of the same physics: a step is as long as two or four.
+    "held 2 steps": {
+        "env_kwargs": ["horizon:500", "env_kwargs:{'frame_skip': 10}"],
+        "timesteps": 5e5,
+    },
+    "held 4 steps": {
+        "env_kwargs": ["horizon:250", "env_kwargs:{'frame_skip': 20}"],
+        "timesteps": 2.5e5,
+    },
+}
+"""What was tried with CuriosityES on a robot, by the names of folders."""
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
@@ -92,7 +100,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "hyperparams": [f"sigma:{sigma}" for sigma in (0.05, 0.1, 0.2, 0.3, 1.0)],
     },
     **{
-        f"locomotion_tries/{name}": {**ON_A_ROBOT, "hyperparams": settings}
+        f"locomotion_tries/{name}": {**ON_A_ROBOT, **settings}
         for name, settings in ROBOT_TRIES.items()
     },
     "normalized": {

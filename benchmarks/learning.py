@@ -94,7 +94,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
         ],
     },
     "locomotion/learned": {**TOLD_NOTHING, "envs": WORLDS, "timesteps": 1e6},
-    "locomotion_long": {"algos": ("CuriosityES",), "envs": WORLDS, "timesteps": 1e7},
+    "locomotion_long": {
+        "algos": ("CuriosityES",),
+        "envs": (*WORLDS, "CuriosityLocomotion-HumanoidTrap-v0"),
+        "timesteps": 1e7,
+    },
     "locomotion_tries": {
         **ON_A_ROBOT,
         "hyperparams": [f"sigma:{sigma}" for sigma in (0.05, 0.1, 0.2, 0.3, 1.0)],

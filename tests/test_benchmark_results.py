@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.collections import QuadMesh
 from PIL import Image
 
 from benchmarks import (
@@ -15,6 +16,7 @@ from benchmarks import (
     results,
     tables,
     unseen,
+    whereabouts,
 )
 from benchmarks.headline import headline
 from curiosity_algos import CanonicalES
@@ -190,6 +192,19 @@ def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
         with Image.open(tmp_path / f"{name}.gif") as image:
             assert image.n_frames == 3
         assert (figures.IMAGES / f"{name}.gif").is_file()
+
+
+@pytest.mark.extra("locomotion")
+def test_the_whereabouts_are_all_ends_of_all_runs(tmp_path):
+    env = gym.make(learning.WORLDS[0], horizon=5)
+    for seed in (0, 1):
+        model = CanonicalES(env, population_size=4, n_parents=2, seed=seed)
+        model.learn(40, callback=SaveRun(tmp_path / str(seed)))
+    figure = whereabouts.draw(load_runs(tmp_path))
+    (squares,) = figure.axes[0].findobj(QuadMesh)
+    n_episodes = sum(len(load_final_states(tmp_path / seed)["return"]) for seed in "01")
+    assert squares.get_array().sum() == n_episodes == 16
+    assert (figures.IMAGES / "whereabouts.png").is_file()
 
 
 def test_figures_are_drawn_from_the_data(tmp_path, monkeypatch):

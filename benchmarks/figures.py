@@ -26,7 +26,7 @@ IMAGES = Path(__file__).parents[1] / "docs" / "images"
 TITLES = {
     "mazes": "Coverage and best return on the mazes",
     "labyrinth": "Labyrinth, with the paper's budget of 2,000 generations",
-    "locomotion_long": "Ten million steps of the ant",
+    "locomotion_long": "Ten million steps of robots among walls",
 }
 ROWS = {
     "coverage": ("reachable cells with a final state (%)", 0.01),

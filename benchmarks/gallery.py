@@ -1,9 +1,10 @@
 """`python -m benchmarks.gallery` films each environment for the pages, and says what it has filmed.
 
 In mazes and control tasks the policy is what CuriosityES has come to with its first reward, or with
-its budget, and "best_ant" is the one that comes with the package; at the traps it is the plan that
-the tests replay, which was found by sampling. All other environments, which nothing here was
-trained in, are shown with actions at random. Run it with MUJOCO_GL=egl where there is no display.
+its budget, "best_ant" and "best_humanoid" are those that come with the package; at the traps it is
+the plan that the tests replay, which was found by sampling. All other environments, which nothing
+here was trained in, are shown with actions at random. Run it with MUJOCO_GL=egl where there is no
+display.
 """
 
 from __future__ import annotations
@@ -43,7 +44,10 @@ FOUND = {
     "stacker": Search("CuriosityControl-Stacker-v0", 1e6),
 }
 """Name of the picture: what found the episode."""
-PRETRAINED = {"best_ant": ("CuriosityES", "CuriosityLocomotion-AntTrap-v0")}
+PRETRAINED = {
+    "best_ant": ("CuriosityES", "CuriosityLocomotion-AntTrap-v0"),
+    "best_humanoid": ("CuriosityES", "CuriosityLocomotion-HumanoidTrap-v0"),
+}
 """Name of the picture: algorithm and environment of a policy that comes with the package."""
 PLANNED = {
     "ant_trap": "CuriosityLocomotion-AntTrap-v0",

@@ -50,7 +50,7 @@ ROBOT_TRIES: dict[str, dict[str, Any]] = {
 SWEEPS: dict[str, dict[str, Any]] = {
     "mazes": {"algos": ALGORITHMS, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "rounding": {"algos": ("CuriosityES",), "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
-    "mazes/learned": {**TOLD_NOTHING, "envs": MAZES, "timesteps": 3e7},
+    "mazes/learned": {**TOLD_NOTHING, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "labyrinth": {"algos": ALGORITHMS, "envs": LABYRINTH, "timesteps": 2.24e8},
     "labyrinth/learned": {**TOLD_NOTHING, "envs": LABYRINTH, "timesteps": 2.24e8},
     "control": {

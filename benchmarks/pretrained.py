@@ -1,9 +1,10 @@
 """`python -m benchmarks.pretrained` trains the best runs of the results again, for their policies.
 
-Of each algorithm and environment that was rewarded, the seed with the highest return. Another
-processor may round sums otherwise, and come to another run: where that finds nothing, the next best
-seed follows. The best policy of those in the folder is written into the package, and its return
-printed beside that of the results. Half an hour, and an hour for a robot; may be interrupted.
+Of each algorithm, with its defaults, and environment that was rewarded, the seed with the highest
+return. Another processor may round sums otherwise, and come to another run: where that finds
+nothing, the next best seed follows. The best policy of those in the folder is written into the
+package, and its return printed beside that of the results. Half an hour, and an hour or two for
+each robot; may be interrupted.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     n_held = table[HELD].fillna(1) if HELD in table else pd.Series(1, table.index)
     for column in ("timesteps", "first_success_timesteps"):
         table[column] *= n_held
-    table["algorithm"] = _label(table, runs)
+    table["algorithm"] = label(table, runs)
     table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
     shares = sorted(column for column in table if column.startswith("coverage."))
     _write(table[[*RUN, *shares]], folder / f"{name}.csv")
@@ -53,11 +53,11 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     _write(pd.concat(parts), folder / f"{name}_curves.csv")
 
 
-def _label(table: pd.DataFrame, runs: Path) -> pd.Series:
+def label(table: pd.DataFrame, runs: Path) -> pd.Series:
     """As `label_runs`; runs of a sweep with a folder of its own have the folder's name, too."""
     sweeps = table["run"].map(lambda run: Path(run).relative_to(runs).parts[:-3])
     return pd.concat(
-        label_runs(group).map(lambda label, sweep=sweep: ", ".join([label, *sweep]))
+        label_runs(group).map(lambda name, sweep=sweep: ", ".join([name, *sweep]))
         for sweep, group in table.groupby(sweeps)
     )
 

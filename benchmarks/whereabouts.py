@@ -1,7 +1,7 @@
 """`python -m benchmarks.whereabouts RUNS` draws where robots among walls have ended their episodes.
 
 RUNS is a folder of finished runs, such as `runs/locomotion_long` of `python -m benchmarks.learning
-locomotion_long`; the runs of an algorithm in a world, all seeds, share a map.
+locomotion_long`; the runs of an algorithm with some settings in a world, all seeds, share a map.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.figures import IMAGES
-from benchmarks.results import rank
+from benchmarks.results import label, rank
 from curiosity_algos.experiments import load_final_states, load_runs
 from curiosity_algos.experiments.figures.canvas import add_note, make_panels, save, short_name
 from curiosity_gym.maze.plots import plot_density
@@ -42,7 +42,7 @@ def draw(runs: pd.DataFrame) -> Figure:
 def draw_map(ax: Axes, env: str, runs: list[str]) -> None:
     """The ends of all episodes of some runs, in their world."""
     layout = gym.make(env).unwrapped.task.world.layout
-    ends = [load_final_states(run)["behavior"][:, :2] for run in runs]
+    ends = [np.empty((0, 2)), *(load_final_states(run)["behavior"][:, :2] for run in runs)]
     bins = round(max(layout.width, layout.height) / SIDE)
     plot_density(np.concatenate(ends) + layout.start, layout, ax=ax, bins=bins)
 
@@ -51,7 +51,8 @@ def main(
     runs: Annotated[Path, typer.Argument(help="Folder of the runs.")], out: Path = IMAGES
 ) -> None:
     """Draw the maps."""
-    save(draw(load_runs(runs)), out / "whereabouts.png")
+    table = load_runs(runs)
+    save(draw(table.assign(algorithm=label(table, runs))), out / "whereabouts.png")
 
 
 if __name__ == "__main__":

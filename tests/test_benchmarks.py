@@ -301,10 +301,13 @@ class TestPoliciesAndPortraits:
     }
 
     def test_policies_are_trained_and_written(self, tmp_path, monkeypatch, capsys):
-        rows = {"algorithm": "NSES", "env": "CuriosityMaze-Hard-v0", "seed": [5, 7]}
+        names = ["NSES", "NSES", "NSES, learned"]  # whose settings are others
+        rows = {"algorithm": names, "env": "CuriosityMaze-Hard-v0", "seed": [5, 7, 9]}
         monkeypatch.setitem(pretrained.SWEEPS, "mazes", self.settings)
         monkeypatch.setattr(
-            pretrained, "read_runs", lambda name: pd.DataFrame(rows | {"best_return": [0.0, 0.5]})
+            pretrained,
+            "read_runs",
+            lambda name: pd.DataFrame(rows | {"best_return": [0.0, 0.5, 0.9]}),
         )
         pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
         told = [line for line in capsys.readouterr().out.splitlines() if line.endswith(" there")]

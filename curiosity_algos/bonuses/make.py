@@ -53,8 +53,9 @@ def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> N
             raise ValueError("`bonus_kwargs` must be empty where `bonus` is an object.")
         return
     check_choice(tuple(BONUSES), bonus=bonus)
+    known_keywords = bonus_keywords(bonus)
     for name in bonus_kwargs:
-        check_choice(bonus_keywords(bonus), bonus_kwargs=name)
+        check_choice(known_keywords, bonus_kwargs=name)
 
 
 def bonus_keywords(bonus: str) -> tuple[str, ...]:

@@ -40,10 +40,15 @@ def check_plain(state: Any, name: str) -> None:
 
 
 def fitting(name: str, saved: th.Tensor, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-    """A saved tensor as an array, not copied; ValueError unless it is finite and of that kind."""
-    array: Array = saved.cpu().numpy()
-    if array.shape != shape or array.dtype != dtype or not np.isfinite(array).all():
+    """A saved tensor as an array, which shares its memory where that is the processor's.
+
+    Raises:
+        ValueError: If it is not finite, or of another shape or type.
+    """
+    is_alike = saved.shape == shape and saved.dtype == th.from_numpy(np.empty(0, dtype)).dtype
+    if not is_alike or not th.isfinite(saved).all():
         raise ValueError(f"`{name}` must be finite, of shape {shape} and type {np.dtype(dtype)}.")
+    array: Array = saved.detach().cpu().numpy()
     return array
 
 

@@ -105,10 +105,8 @@ def replay(
         alike = np.arange(len(parameters)) if seed is None else np.flatnonzero(seeds == seed)
         for i in range(0, len(alike), BATCH):
             indices = alike[i : i + BATCH]
-            yield (
-                indices,
-                evaluator.evaluate(parameters[indices], None if seed is None else int(seed)),
-            )
+            rollouts = evaluator.evaluate(parameters[indices], None if seed is None else int(seed))
+            yield indices, rollouts
 
 
 def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:

@@ -21,7 +21,7 @@ from curiosity_algos.checkpoints.environment_state import (
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
 
-FORMAT = "curiosity bonus wrapper 5"
+FORMAT = "curiosity bonus wrapper 6"
 WHAT = "BonusVecEnvWrapper"
 SETTINGS = ["observation_key", "bonus_kwargs", "weight", "extrinsic", "gamma"]
 SETTINGS += ["train_interval", "n_updates", "batch_size", "buffer_size"]

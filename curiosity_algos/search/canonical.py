@@ -85,7 +85,7 @@ class CanonicalSearch:
         """Take over what `state_dict` gave.
 
         Raises:
-            ValueError: If the center has another number of parameters, or is not finite.
+            ValueError: If the center is of another shape or type, or is not finite.
         """
         self.center = fitting("center", state["center"], self.center.shape, np.float64).copy()
         load_generator_state(self._rng, state["rng"])

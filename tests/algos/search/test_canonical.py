@@ -127,7 +127,16 @@ def test_a_state_is_a_copy():
     assert before.equal(state["center"])
 
 
-@pytest.mark.parametrize("center", [th.full((5,), th.nan), th.zeros(3), th.zeros(1, 5)])
+@pytest.mark.parametrize(
+    "center",
+    [
+        th.full((5,), th.nan, dtype=th.float64),
+        th.zeros(3, dtype=th.float64),
+        th.zeros(1, 5, dtype=th.float64),
+        th.zeros(5, dtype=th.float32),
+        th.zeros(5, dtype=th.bfloat16),
+    ],
+)
 def test_a_center_that_does_not_fit_changes_nothing(center):
     search = make_search()
     before = search.center.copy()

@@ -95,7 +95,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
     },
     "locomotion/learned": {**TOLD_NOTHING, "envs": WORLDS, "timesteps": 1e6},
     "locomotion_long": {
-        "algos": ("CuriosityES",),
+        "algos": ("CuriosityES", "NSES", "NSLC"),
         "envs": (*WORLDS, "CuriosityLocomotion-HumanoidTrap-v0"),
         "timesteps": 1e7,
     },

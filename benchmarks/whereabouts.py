@@ -22,19 +22,21 @@ from curiosity_algos.experiments import load_final_states, load_runs
 from curiosity_algos.experiments.figures.canvas import add_note, make_panels, save, short_name
 from curiosity_gym.maze.plots import plot_density
 
+N_COLUMNS = 3
 SIDE = 0.5
 """Of a square that ends are counted in (m)."""
 
 
 def draw(runs: pd.DataFrame) -> Figure:
-    """A row of maps for each algorithm, a column for each world."""
-    algorithms, envs = sorted(set(runs["algorithm"])), sorted(set(runs["env"]), key=rank)
-    figure, axes = make_panels(len(algorithms), len(envs), width=6.0, height=4.5)
-    for row, algorithm in zip(axes, algorithms, strict=True):
-        for ax, env in zip(row, envs, strict=True):
-            here = runs[(runs["algorithm"] == algorithm) & (runs["env"] == env)]
-            draw_map(ax, env, here["run"].tolist())
-            ax.set_title(f"{algorithm}, {short_name(env)} ({len(here)})")
+    """A map for each algorithm in each world that it has runs in."""
+    groups = sorted(runs.groupby(["env", "algorithm"])["run"], key=lambda group: rank(group[0][0]))
+    n_columns = min(N_COLUMNS, len(groups))
+    figure, axes = make_panels(-(-len(groups) // n_columns), n_columns, width=6.0, height=4.5)
+    for ax, ((env, algorithm), folders) in zip(axes.flat, groups, strict=False):
+        draw_map(ax, env, folders.tolist())
+        ax.set_title(f"{algorithm}, {short_name(env)} ({len(folders)})")
+    for ax in axes.flat[len(groups) :]:
+        ax.set_axis_off()
     add_note(figure, "Where episodes have ended, of all runs, whose number is in brackets.")
     return figure
 
@@ -42,7 +44,7 @@ def draw(runs: pd.DataFrame) -> Figure:
 def draw_map(ax: Axes, env: str, runs: list[str]) -> None:
     """The ends of all episodes of some runs, in their world."""
     layout = gym.make(env).unwrapped.task.world.layout
-    ends = [np.empty((0, 2)), *(load_final_states(run)["behavior"][:, :2] for run in runs)]
+    ends = [load_final_states(run)["behavior"][:, :2] for run in runs]
     bins = round(max(layout.width, layout.height) / SIDE)
     plot_density(np.concatenate(ends) + layout.start, layout, ax=ax, bins=bins)
 

@@ -6,6 +6,7 @@ locomotion_long`; the runs of an algorithm with some settings in a world, all se
 
 from __future__ import annotations
 
+from math import ceil
 from pathlib import Path
 from typing import Annotated
 
@@ -17,8 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.figures import IMAGES
+from benchmarks.opening import read_ends
 from benchmarks.results import label, rank
-from curiosity_algos.experiments import load_final_states, load_runs
+from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures.canvas import add_note, make_panels, save, short_name
 from curiosity_gym.maze.plots import plot_density
 
@@ -31,7 +33,7 @@ def draw(runs: pd.DataFrame) -> Figure:
     """A map for each algorithm in each world that it has runs in."""
     groups = sorted(runs.groupby(["env", "algorithm"])["run"], key=lambda group: rank(group[0][0]))
     n_columns = min(N_COLUMNS, len(groups))
-    figure, axes = make_panels(-(-len(groups) // n_columns), n_columns, width=6.0, height=4.5)
+    figure, axes = make_panels(ceil(len(groups) / n_columns), n_columns, width=6.0, height=4.5)
     for ax, ((env, algorithm), folders) in zip(axes.flat, groups, strict=False):
         draw_map(ax, env, folders.tolist())
         ax.set_title(f"{algorithm}, {short_name(env)} ({len(folders)})")
@@ -44,9 +46,9 @@ def draw(runs: pd.DataFrame) -> Figure:
 def draw_map(ax: Axes, env: str, runs: list[str]) -> None:
     """The ends of all episodes of some runs, in their world."""
     layout = gym.make(env).unwrapped.task.world.layout
-    ends = [load_final_states(run)["behavior"][:, :2] for run in runs]
+    ends = [read_ends(Path(run), layout.start).positions for run in runs]
     bins = round(max(layout.width, layout.height) / SIDE)
-    plot_density(np.concatenate(ends) + layout.start, layout, ax=ax, bins=bins)
+    plot_density(np.concatenate(ends), layout, ax=ax, bins=bins)
 
 
 def main(

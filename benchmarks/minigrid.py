@@ -22,7 +22,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 
 from benchmarks.pool import run_all
-from benchmarks.results import FOLDER, replaced
+from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import BonusVecEnvWrapper, SmallCNN
 from curiosity_algos.bonuses.make import BONUSES
 
@@ -100,10 +100,7 @@ def main(
     """Train every task with every bonus and seed, and put their rows into the CSV file."""
     run_all(train, product([runs], FRAMES, bonuses.split(","), map(int, seeds.split(","))), jobs)
     table = pd.concat(map(pd.read_csv, sorted(runs.glob("*.csv"))))
-    columns, path = ["algorithm", "env", "seed", "frames", "return"], out / "minigrid.csv"
-    if path.exists():
-        table = replaced(pd.read_csv(path), table, columns[:3])
-    table[columns].to_csv(path, index=False, float_format="%.4g")
+    add_rows(table, out / "minigrid.csv", ["algorithm", "env", "seed"])
 
 
 if __name__ == "__main__":

@@ -96,7 +96,8 @@ def collect(runs: Path, out: Path = FOLDER) -> None:
         "projection": (_projection(_shown(found, 8), out), ["preset"]),
     }
     for name, (table, keys) in tables.items():
-        _merge(table, keys, out / f"{name}.csv")
+        if not table.empty:
+            results.add_rows(table, out / f"{name}.csv", keys, read)
 
 
 def _variant(path: Path) -> str:
@@ -154,8 +155,8 @@ def _projection(runs: pd.DataFrame, folder: Path) -> pd.DataFrame:
     None where the folder's file has policies of other runs: it is one projection of all.
     """
     keys = ["preset", "variant", "algorithm", "seed"]
-    if (folder / "projection.csv").exists():
-        old = read("projection", folder)
+    if (path := folder / "projection.csv").exists():
+        old = read(path)
         old = old[old["preset"].isin(runs["preset"])].set_index(keys)
         if not old.index.isin(runs.set_index(keys).index).all():
             typer.echo("projection.csv stays as it is: it shows runs that are not here.")
@@ -178,22 +179,12 @@ def _route(states: npt.NDArray[np.float32]) -> bytes:
     return bytes(number for square in dict.fromkeys(map(tuple, squares)) for number in square)
 
 
-def _merge(table: pd.DataFrame, keys: list[str], path: Path) -> None:
-    """Write a file with these rows, in the place of those that have the same keys."""
-    if table.empty:
-        return
-    if path.exists():
-        table = results.replaced(read(path.stem, path.parent), table, keys)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    table.sort_values(keys, kind="stable").to_csv(path, index=False, float_format="%.5g")
-
-
 # -- from the files -------------------------------------------------------------------------------
 
 
-def read(name: str, folder: Path = FOLDER) -> pd.DataFrame:
+def read(path: Path) -> pd.DataFrame:
     """A file."""
-    return pd.read_csv(folder / f"{name}.csv", dtype={"variant": str}).fillna({"variant": ""})
+    return pd.read_csv(path, dtype={"variant": str}).fillna({"variant": ""})
 
 
 class Tables:
@@ -206,7 +197,7 @@ class Tables:
 
     def __init__(self, settings: str, folder: Path = FOLDER) -> None:
         preset, setting = SETTINGS[settings]
-        tables = {path.stem: read(path.stem, folder) for path in folder.glob("*.csv")}
+        tables = {path.stem: read(path) for path in folder.glob("*.csv")}
         tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
         runs = tables["runs"]
         replaced = set(runs.loc[runs["variant"] == setting, "algorithm"]) if setting else set()

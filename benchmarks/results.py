@@ -6,6 +6,7 @@ NAME_curves.csv   of each run best return and coverage at up to `N_POINTS` times
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -44,13 +45,13 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     table["algorithm"] = label(table, runs)
     table["first_success_timesteps"] = table["first_success_timesteps"].astype("Int64")
     shares = sorted(column for column in table if column.startswith("coverage."))
-    _write(table[[*RUN, *shares]], folder / f"{name}.csv")
+    add_rows(table[[*RUN, *shares]], folder / f"{name}.csv", KEYS)
     labels = table.set_index("run")["algorithm"]
     curves = load_progress(runs)
     curves[TIMESTEPS] *= curves["run"].map(n_held.set_axis(table["run"]))
     curves["algorithm"] = curves["run"].map(labels)
     parts = [_thin(curve) for _, curve in curves.groupby(KEYS)]
-    _write(pd.concat(parts), folder / f"{name}_curves.csv")
+    add_rows(pd.concat(parts), folder / f"{name}_curves.csv", KEYS)
 
 
 def label(table: pd.DataFrame, runs: Path) -> pd.Series:
@@ -74,18 +75,23 @@ def _thin(curve: pd.DataFrame) -> pd.DataFrame:
     return rows.iloc[np.unique(np.maximum(last, 0))]
 
 
-def replaced(old: pd.DataFrame, new: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """The rows of both, without old ones that have the keys of new ones."""
-    is_kept = ~old.set_index(keys).index.isin(new.set_index(keys).index)
-    return pd.concat([old[is_kept], new])
+def _read(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path, dtype={"first_success_timesteps": "Int64"})
 
 
-def _write(table: pd.DataFrame, path: Path) -> None:
+def add_rows(
+    table: pd.DataFrame,
+    path: Path,
+    keys: list[str],
+    read: Callable[[Path], pd.DataFrame] = _read,
+) -> None:
+    """Write a CSV file with these rows, in the place of old ones that have the same keys."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():
-        old = pd.read_csv(path, dtype={"first_success_timesteps": "Int64"})
-        table = replaced(old, table, KEYS)
-    table.sort_values(KEYS, kind="stable").to_csv(path, index=False, float_format="%.6g")
+        old = read(path)
+        is_kept = ~old.set_index(keys).index.isin(table.set_index(keys).index)
+        table = pd.concat([old[is_kept], table])
+    table.sort_values(keys, kind="stable").to_csv(path, index=False, float_format="%.6g")
 
 
 def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:

@@ -23,7 +23,7 @@ import typer
 
 from benchmarks.learning import SWEEPS
 from benchmarks.pool import run_all
-from benchmarks.results import FOLDER
+from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -40,6 +40,9 @@ GRID = CoverageGrid(
 )
 N_ENVS = 64
 """Of the random actions."""
+EVERY = 1_000_000
+"""Steps between two rows of a run."""
+KEYS = ["algorithm", "seed", "timesteps"]
 
 
 class Counter:
@@ -47,27 +50,40 @@ class Counter:
 
     Args:
         timesteps: So many steps; what comes later is not counted.
+        every: Steps between two rows.
 
     Attributes:
         timesteps: The steps that are counted when it is full.
         visited: (100, 100, 100) bool, along x, y and z.
+        rows: After each `every` steps, and at the end, the steps and the cells: of x, y and z, of
+            x and y.
     """
 
-    def __init__(self, timesteps: int) -> None:
+    def __init__(self, timesteps: int, every: int = EVERY) -> None:
         self.timesteps = timesteps
         self.visited = np.zeros(GRID.shape, dtype=np.bool_)
-        self._n_left = timesteps
+        self.rows: list[dict[str, int]] = []
+        self._ends = iter([*range(every, timesteps, every), timesteps])
+        self._n_counted, self._end = 0, next(self._ends)
 
     @property
     def is_full(self) -> bool:
         """Whether no more steps are counted."""
-        return self._n_left == 0
+        return self._n_counted == self.timesteps
 
     def add(self, positions: npt.NDArray[Any]) -> None:
         """Count steps by their positions (n, 3), in their order."""
-        counted = positions[: self._n_left].astype(np.float64)
-        self.visited.flat[GRID.cells(counted)] = True
-        self._n_left -= len(counted)
+        while len(positions) and not self.is_full:
+            counted, positions = np.split(positions, [self._end - self._n_counted])
+            self.visited.flat[GRID.cells(counted.astype(np.float64))] = True
+            self._n_counted += len(counted)
+            if self._n_counted == self._end:
+                self._write_row()
+
+    def _write_row(self) -> None:
+        xyz, xy = int(self.visited.sum()), int(self.visited.any(axis=2).sum())
+        self.rows.append({"timesteps": self._n_counted, "xyz": xyz, "xy": xy})
+        self._end = next(self._ends, self._end)
 
 
 class CountingEvaluator:
@@ -114,17 +130,15 @@ WAYS: dict[str, Callable[[Counter, int], None]] = {
 
 
 def train(name: str, seed: int, timesteps: int, runs: Path) -> None:
-    """Train with one seed, unless it was done, and write the cells: of x, y and z, of x and y."""
+    """Train with one seed, unless it was done as long, and write the cells at every million."""
     path = runs / "roaming" / name / f"{seed}.csv"
-    if path.exists() and pd.read_csv(path)["timesteps"].item() == timesteps:
+    if path.exists() and pd.read_csv(path)["timesteps"].max() >= timesteps:
         return
     th.set_num_threads(1)
     counter = Counter(timesteps)
     WAYS[name](counter, seed)
-    xyz, xy = int(counter.visited.sum()), int(counter.visited.any(axis=2).sum())
-    row = {"algorithm": name, "seed": seed, "timesteps": timesteps, "xyz": xyz, "xy": xy}
     path.parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame([row]).to_csv(path, index=False)
+    pd.DataFrame(counter.rows).assign(algorithm=name, seed=seed).to_csv(path, index=False)
 
 
 def main(
@@ -135,14 +149,13 @@ def main(
     jobs: int = 2,
     out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
-    """Train every row with every seed, and write a CSV file of all runs of that length."""
+    """Train every row with every seed, and add all runs to a CSV file."""
     if unknown := sorted(set(names.split(",")) - set(WAYS)):
         raise typer.BadParameter(f"--names knows {', '.join(WAYS)}, not {', '.join(unknown)}.")
     tasks = product(names.split(","), map(int, seeds.split(",")), [int(timesteps)], [runs])
     run_all(train, tasks, jobs)
-    table = pd.concat(map(pd.read_csv, sorted((runs / "roaming").glob("*/*.csv"))))
-    out.mkdir(parents=True, exist_ok=True)
-    table[table["timesteps"] == int(timesteps)].to_csv(out / "roaming.csv", index=False)
+    table = pd.concat(map(pd.read_csv, (runs / "roaming").glob("*/*.csv")))
+    add_rows(table, out / "roaming.csv", KEYS)
 
 
 if __name__ == "__main__":

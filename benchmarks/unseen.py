@@ -13,7 +13,7 @@ import gymnasium as gym
 import pandas as pd
 import typer
 
-from benchmarks.results import FOLDER, KEYS
+from benchmarks.results import FOLDER, KEYS, add_rows
 from curiosity_algos import make_evaluator
 from curiosity_algos.experiments import RunFolder
 from curiosity_algos.experiments.env_spec import decode_spec
@@ -27,11 +27,9 @@ def main(
     starts: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
     out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
-    """Count the starts that the best policy of each run solves, and write a CSV file."""
+    """Count the starts that the best policy of each run solves, and add them to a CSV file."""
     rows = [count(run, starts) for run in find_runs(runs / name)]
-    out.mkdir(parents=True, exist_ok=True)
-    table = pd.DataFrame(rows).sort_values(KEYS)
-    table.to_csv(out / f"{name}_unseen.csv", index=False)
+    add_rows(pd.DataFrame(rows), out / f"{name}_unseen.csv", KEYS)
 
 
 def count(path: Path, n_starts: int) -> dict[str, str | int]:

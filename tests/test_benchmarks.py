@@ -207,6 +207,18 @@ def test_every_step_of_a_population_is_counted():
     assert cells_in(counter) == cells_of(positions)
 
 
+def test_cells_are_counted_along_a_training():
+    positions = np.random.default_rng(0).uniform([-50, -50, 0], [50, 50, 2], (70, 3)).round()
+    counter = roaming.Counter(65, every=20)
+    for part in np.array_split(positions, 3):
+        counter.add(part)
+    ends = [20, 40, 60, 65]
+    cells = [cells_of(positions[:end]) for end in ends]
+    assert [row["timesteps"] for row in counter.rows] == ends
+    assert [row["xyz"] for row in counter.rows] == [len(each) for each in cells]
+    assert [row["xy"] for row in counter.rows] == [len({c[:2] for c in each}) for each in cells]
+
+
 def test_tasks_take_turns():
     calls = []
     tasks = {name: lambda name=name: calls.append(name) or float(len(calls)) for name in "abc"}

@@ -155,7 +155,7 @@ def test_runs_of_other_folders_are_added(plan, collected, tmp_path):
     shutil.copytree(collected, out)
     paper.collect(tmp_path / "more", out=out)
     for name in ("runs", "curves"):
-        before, after = paper.read(name, collected), paper.read(name, out)
+        before, after = (paper.read(each / f"{name}.csv") for each in (collected, out))
         is_new = after["preset"] == "tuned"
         assert set(after.loc[is_new, "algorithm"]) == {"NSLC"}
         kept = after[~is_new].reset_index(drop=True)
@@ -244,7 +244,7 @@ def test_no_figure_has_fewer_than_three_seeds():
 def test_the_public_selection_takes_the_first_for_neighbors(tmp_path):
     reasons.main(tmp_path / "runs", timesteps=3 * 56 * 2000)
     paper.collect(tmp_path / "runs", out=tmp_path / "out")
-    (run,) = paper.read("runs", tmp_path / "out").itertuples()
+    (run,) = paper.read(tmp_path / "out" / "runs.csv").itertuples()
     assert (run.algorithm, run.variant, run.preset) == ("NSLC", "selection=public", "paper")
 
 

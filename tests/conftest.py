@@ -21,6 +21,8 @@ with contextlib.suppress(ImportError):
 
 # Beside other tests, torch's threads only wait for each other.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Ray's workers yield to whatever else runs: beside other tests one would take a minute to start.
+os.environ.setdefault("RAY_worker_niceness", "0")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,17 +14,17 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from curiosity_algos.evaluation.flat_spaces import FlatObservations, numeric
+from curiosity_algos.common.arrays import Array, Float32Array
+from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations, numeric
+from curiosity_algos.evaluation.policies import Mlp, act
+from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.description import versions
-from curiosity_algos.experiments.export.episodes import Episode, play
-from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
+from curiosity_algos.experiments.export.population_run import POLICIES, Policies, PopulationRun
 from curiosity_gym import __version__
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 N_POLICIES = 1000
-CHUNK_BYTES = 2**26
-"""Episodes that are held at once, before they are written."""
 DESCRIBED = ("algorithm", "env", "env_kwargs", "wrappers", "seed", "settings", "versions")
 """What the dataset says of the run."""
 
@@ -88,13 +89,12 @@ def _write(
             numeric(env.observation_space),
             env.action_space,
             _as_json_spec(env.spec),
+            jpeg_encoding=False,  # which would lose bits of images
         )
         storage.update_metadata(
             {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
         )
-        seen = FlatObservations(env.observation_space)
-        for chunk in _chunks(play(env, run.mlp, chosen), seen):
-            storage.update_episodes(chunk)
+        storage.update_episodes(_episodes(env, run.mlp, chosen))  # which it takes one by one
         _publish(whole, target, dataset_id)
 
 
@@ -159,32 +159,47 @@ def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
         return None
 
 
-def _chunks(episodes: Iterable[Episode], seen: FlatObservations) -> Iterator[list[Any]]:
-    """Buffers of Minari's, a few of whose bytes are held at once."""
-    chunk: list[Any] = []
-    n_bytes = 0
-    for episode in episodes:
-        chunk.append(_as_buffer(episode, seen))
-        n_bytes += episode.n_bytes
-        if n_bytes >= CHUNK_BYTES:
-            yield chunk
-            chunk, n_bytes = [], 0
-    if chunk:
-        yield chunk
+def _episodes(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Any]:
+    """An episode of each policy, in their order, as Minari's buffers."""
+    seen, acted = FlatObservations(env.observation_space), FlatActions(env.action_space)
+    for parameters, seed in zip(policies.parameters[:, None], policies.seeds.tolist(), strict=True):
+        yield _episode(env, partial(act, mlp, parameters), seed, seen, acted)
 
 
-def _as_buffer(episode: Episode, seen: FlatObservations) -> Any:
+def _episode(
+    env: gym.Env[Any, Any],
+    decide: Callable[[Array], Float32Array],
+    seed: int,
+    seen: FlatObservations,
+    acted: FlatActions,
+) -> Any:
+    """One episode as the environment gives it: `Rollouts` are in float32, and have no rewards."""
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
-    ends = np.zeros((2, len(episode.rewards)), dtype=np.bool_)
-    ends[:, -1] = episode.terminated, episode.truncated
-    terminations, truncations = ends
+    most = most_steps(env)
+    observations, steps = [_vector(seen, env.reset(seed=seed)[0])], list[Any]()
+    while not steps or not any(steps[-1][2:]):
+        if len(steps) == most:
+            raise ValueError(
+                "`run` must be of an environment that ends its episodes: one had not ended after "
+                f"{most} steps."
+            )
+        action = acted.taken(acted.choose(decide(observations[-1][None])))[0]
+        observation, *outcome, _ = env.step(action)
+        observations.append(_vector(seen, observation))
+        steps.append((action, *outcome))
+    actions, rewards, terminations, truncations = zip(*steps, strict=True)
     return EpisodeBuffer(
-        seed=episode.seed,
-        observations=seen.own(episode.observations),
-        actions=episode.actions,
-        rewards=episode.rewards,
-        terminations=terminations,
-        truncations=truncations,
+        seed=seed,
+        observations=seen.own(np.array(observations)),
+        actions=np.array(actions),
+        rewards=np.array(rewards, np.float64),
+        terminations=np.array(terminations, np.bool_),
+        truncations=np.array(truncations, np.bool_),
         infos={},
     )
+
+
+def _vector(seen: FlatObservations, observation: Any) -> Array:
+    """An observation's vector, a copy in the type of their space."""
+    return np.array(seen.one(observation), seen.space.dtype)

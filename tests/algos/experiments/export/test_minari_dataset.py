@@ -10,16 +10,16 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.spaces import flatten
 from gymnasium.vector.utils import batch_space, iterate
 from stable_baselines3 import PPO
 from toys import SPACES
 
 from curiosity_algos import NSLC, TD3ICM, CanonicalES, MAPElites
-from curiosity_algos.evaluation.flat_spaces import FlatObservations, numeric
+from curiosity_algos.evaluation.flat_spaces import numeric
 from curiosity_algos.experiments import RunFolder, SaveRun
 from curiosity_algos.experiments.export import export_minari, minari_dataset
-from curiosity_algos.experiments.export.stages import SimulatedStage, make_stage
 
 minari = pytest.importorskip("minari")
 pytestmark = pytest.mark.extra("minari")
@@ -99,6 +99,23 @@ def assert_is_sample(dataset, folder):
     np.testing.assert_allclose(np.array(returns)[order], sample["return"][expected], atol=1e-6)
 
 
+def assert_is_given_again(dataset):
+    """As `assert_is_played_again`, of observations that need not be arrays."""
+    env = dataset.recover_environment()
+    space = numeric(env.observation_space)
+    assert dataset.observation_space == space
+    for episode, seed in zip(dataset, seeds_of(dataset), strict=True):
+        n_steps = len(episode.rewards)
+        seen = [*iterate(batch_space(space, n_steps + 1), episode.observations)]
+        given = [env.reset(seed=seed)[0]]
+        for t in range(n_steps):
+            observation, reward, *_ = env.step(episode.actions[t])
+            given.append(observation)
+            assert reward == episode.rewards[t]
+        for one, other in zip(seen, given, strict=True):
+            np.testing.assert_array_equal(flatten(space, one), flatten(space, other))
+
+
 @pytest.mark.parametrize("make_env", ENVS.values(), ids=ENVS)
 def test_an_environment_gives_its_episodes_again(make_env, make_model, folder):
     train(make_model, make_env(), folder)
@@ -123,28 +140,23 @@ def test_an_environment_of_other_spaces_gives_its_episodes_again(
     name, register_toy, make_model, folder
 ):
     train(make_model, gym.make(register_toy(name)), folder, 60)
-    dataset = export_minari(folder, ID, policies="sample")
-    env = dataset.recover_environment()
-    space = numeric(env.observation_space)
-    assert dataset.observation_space == space
-    for episode, seed in zip(dataset, seeds_of(dataset), strict=True):
-        n_steps = len(episode.rewards)
-        seen = [*iterate(batch_space(space, n_steps + 1), episode.observations)]
-        given = [env.reset(seed=seed)[0]]
-        for t in range(n_steps):
-            observation, reward, *_ = env.step(episode.actions[t])
-            given.append(observation)
-            assert reward == episode.rewards[t]
-        for one, other in zip(seen, given, strict=True):
-            np.testing.assert_array_equal(flatten(space, one), flatten(space, other))
+    assert_is_given_again(export_minari(folder, ID, policies="sample"))
 
 
-def test_gymnasiums_own_robots_are_simulated(make_model, folder):
+def test_images_lose_no_bits(register_toy, make_model, folder, monkeypatch):
+    """Minari keeps those of at least 32 pixels a side as JPEG, if it is let."""
+    picture = spaces.Box(0, 255, (40, 40), np.uint8), spaces.Discrete(3)
+    monkeypatch.setitem(SPACES, "picture", picture)
+    train(make_model, gym.make(register_toy("picture")), folder, 60)
+    assert_is_given_again(export_minari(folder, ID, policies="sample"))
+
+
+def test_gymnasiums_own_robots_give_their_episodes_again(make_model, folder):
     pytest.importorskip("mujoco")
-    env = gym.make("Hopper-v5", max_episode_steps=15)
-    assert isinstance(make_stage(env, 1, FlatObservations(env.observation_space)), SimulatedStage)
-    train(make_model, env, folder, 150)
-    assert_is_played_again(export_minari(folder, ID, policies="sample"))
+    train(make_model, gym.make("Hopper-v5", max_episode_steps=15), folder, 150)
+    dataset = export_minari(folder, ID, policies="sample")
+    assert_is_sample(dataset, folder)
+    assert_is_played_again(dataset)
 
 
 def test_a_run_in_a_vector_entry_gives_its_episodes_again(make_model, folder):
@@ -254,22 +266,21 @@ class TestWhole:
     """A dataset is there once it is whole."""
 
     @pytest.fixture
-    def run(self, make_model, folder, monkeypatch):
+    def run(self, make_model, folder):
         train(make_model, ENVS["cart pole"](), folder)
-        monkeypatch.setattr(minari_dataset, "CHUNK_BYTES", 1)
         return folder
 
     def cut(self, monkeypatch, end):
         """Let `end` happen once three episodes are written."""
-        play = minari_dataset.play
+        episodes = minari_dataset._episodes
 
         def some(*arguments):
-            for i, episode in enumerate(play(*arguments)):
+            for i, episode in enumerate(episodes(*arguments)):
                 if i == 3:
                     end()
                 yield episode
 
-        monkeypatch.setattr(minari_dataset, "play", some)
+        monkeypatch.setattr(minari_dataset, "_episodes", some)
 
     def test_ctrl_c_leaves_nothing(self, run, root, monkeypatch):
         def press():
@@ -298,14 +309,13 @@ class TestWhole:
             minari.load_dataset(ID)
         assert len(export_minari(run, ID, policies="sample")) > 3
 
-    def test_chunks_make_no_difference(self, run, monkeypatch):
-        small = export_minari(run, "small-v0", policies="sample")
-        monkeypatch.undo()
-        monkeypatch.setenv("MINARI_DATASETS_PATH", str(small.spec.data_path).split("/small-v0")[0])
-        whole = export_minari(run, "whole-v0", policies="sample")
-        assert small.total_steps == whole.total_steps
-        for one, other in zip(small, whole, strict=True):
-            np.testing.assert_array_equal(one.observations, other.observations)
+
+def test_endless_episodes_are_refused(make_model, folder, monkeypatch):
+    train(make_model, ENVS["pendulum"](), folder, 1)
+    monkeypatch.setattr(minari_dataset, "most_steps", lambda env: 19)
+    with pytest.raises(ValueError, match="had not ended after 19 steps"):
+        export_minari(folder, ID, policies="sample")
+    assert minari.list_local_datasets() == {}
 
 
 class TestRefused:

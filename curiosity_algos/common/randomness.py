@@ -6,7 +6,7 @@ import json
 import random
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
+from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
 import gymnasium as gym
@@ -73,20 +73,15 @@ def _generators(thing: Any, seen: set[int]) -> Iterator[AnyGenerator]:
         if not any(thing is each for each in _GLOBAL):
             yield thing
         return
-    parts = [*getattr(thing, "__dict__", {}).values(), *_slots(thing)]
+    state = object.__getstate__(thing)  # attributes, or they and slots
+    held = state if isinstance(state, tuple) else (state,)
+    parts = [part for each in held for part in (each or {}).values()]
     if isinstance(thing, list | tuple):
         parts += thing
     elif isinstance(thing, Mapping):
         parts += thing.values()
     for part in parts:
         yield from _generators(part, seen)
-
-
-def _slots(thing: object) -> Iterator[Any]:
-    for cls in type(thing).__mro__:
-        for name, member in vars(cls).items() if "__slots__" in vars(cls) else ():
-            if isinstance(member, MemberDescriptorType):
-                yield getattr(thing, name, None)
 
 
 class EpisodeSeeds:

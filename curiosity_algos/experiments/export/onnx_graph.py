@@ -19,8 +19,22 @@ from curiosity_algos.evaluation.rollouts import check_parameters
 from curiosity_algos.experiments.export.population_run import PopulationRun
 from curiosity_gym.extras import import_extra
 
-OPSET, IR = 13, 8
-"""Of 2021, so that old runtimes run it, too."""
+# Opset and IR of 2021, so that old runtimes run it, too.
+GRAPH = """
+<ir_version: 8, opset_import: ["" : 13], producer_name: "curiosity-search">
+policy (float[n, {}] observation) => ({} action) {{ {} }}
+"""
+LINEAR = "linear_{1} = Gemm ({0}, weights_{1}, biases_{1})\n"
+RELU = "relu_{1} = Relu ({0})\n"
+LARGEST = "action = ArgMax <axis = 1, keepdims = 0> ({})"
+# The last two, as rounding may leave the box.
+SCALED = """
+share = Tanh ({})
+scaled = Mul (share, half_range)
+moved = Add (scaled, center)
+floored = Max (moved, low)
+action = Min (floored, high)
+"""
 
 
 def export_onnx(
@@ -80,73 +94,24 @@ def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[
         ValueError: If the parameters are not as many, or not finite, or actions are other ones.
     """
     _check_actions(action_space)
-    parameters = check_parameters(parameters[None], mlp.n_parameters)[0]
-    onnx, helper = import_extra("onnx", "onnx", "onnx.helper")
-    graph = _Graph(onnx)
-    output = _layers(graph, mlp, parameters)
-    _decision(graph, mlp, output)
-    float32, int64 = onnx.TensorProto.FLOAT, onnx.TensorProto.INT64
-    n_in, n_out = int(mlp.sizes[0]), int(mlp.sizes[-1])
-    action = (int64, ["n"]) if mlp.is_discrete else (float32, ["n", n_out])
-    made = helper.make_graph(
-        graph.nodes,
-        "policy",
-        [helper.make_tensor_value_info("observation", float32, ["n", n_in])],
-        [helper.make_tensor_value_info("action", *action)],
-        graph.constants,
-    )
-    opset = helper.make_opsetid("", OPSET)
-    model = helper.make_model(
-        made, opset_imports=[opset], ir_version=IR, producer_name="curiosity-search"
-    )
+    rest = check_parameters(parameters[None], mlp.n_parameters)[0]
+    onnx, parser, numpy_helper = import_extra("onnx", "onnx", "onnx.parser", "onnx.numpy_helper")
+    sizes, x, nodes = mlp.sizes.tolist(), "observation", ""
+    constants: dict[str, Array] = {}
+    for i, (n_in, n_out) in enumerate(pairwise(sizes)):
+        weights, biases, rest = np.split(rest, [n_in * n_out, (n_in + 1) * n_out])
+        constants |= {f"weights_{i}": weights.reshape(n_in, n_out), f"biases_{i}": biases}
+        if i > 0:
+            nodes += RELU.format(x, i)
+            x = f"relu_{i}"
+        nodes += LINEAR.format(x, i)
+        x = f"linear_{i}"
+    if not mlp.is_discrete:
+        constants |= {each: getattr(mlp, each) for each in ("center", "half_range", "low", "high")}
+    nodes += (LARGEST if mlp.is_discrete else SCALED).format(x)
+    action = "int64[n]" if mlp.is_discrete else f"float[n, {sizes[-1]}]"
+    model = parser.parse_model(GRAPH.format(sizes[0], action, nodes))
+    arrays = [numpy_helper.from_array(np.array(each), name) for name, each in constants.items()]
+    model.graph.initializer.extend(arrays)
     onnx.checker.check_model(model, full_check=True)
     return model
-
-
-class _Graph:
-    """Nodes and constants that are added one after another."""
-
-    def __init__(self, onnx: Any) -> None:
-        self._onnx = onnx
-        self.nodes: list[Any] = []
-        self.constants: list[Any] = []
-
-    def add(self, operator: str, *inputs: str, name: str, **attributes: Any) -> str:
-        """The name of a node's output."""
-        node = self._onnx.helper.make_node(operator, inputs, [name], name=name, **attributes)
-        self.nodes.append(node)
-        return name
-
-    def constant(self, name: str, values: Array) -> str:
-        """The name of an array."""
-        self.constants.append(self._onnx.numpy_helper.from_array(np.array(values), name))
-        return name
-
-
-def _layers(graph: _Graph, mlp: Mlp, parameters: Float32Array) -> str:
-    """The linear layers with ReLU between them; the name of what the last gives."""
-    x, begin = "observation", 0
-    sizes = mlp.sizes.tolist()
-    for i, (n_in, n_out) in enumerate(pairwise(sizes)):
-        end = begin + n_in * n_out
-        weights = graph.constant(f"weights_{i}", parameters[begin:end].reshape(n_in, n_out))
-        biases = graph.constant(f"biases_{i}", parameters[end : end + n_out])
-        x = x if i == 0 else graph.add("Relu", x, name=f"relu_{i}")
-        x = graph.add("Gemm", x, weights, biases, name=f"linear_{i}")
-        begin = end + n_out
-    return x
-
-
-def _decision(graph: _Graph, mlp: Mlp, output: str) -> None:
-    """The largest output, or tanh scaled to the box."""
-    if mlp.is_discrete:
-        graph.add("ArgMax", output, name="action", axis=1, keepdims=0)
-        return
-    names = ("center", "half_range", "low", "high")
-    center, half_range, low, high = (graph.constant(each, getattr(mlp, each)) for each in names)
-    share = graph.add("Tanh", output, name="tanh")
-    moved = graph.add("Mul", share, half_range, name="scaled")
-    moved = graph.add("Add", moved, center, name="moved")
-    # Rounding may leave the box.
-    floored = graph.add("Max", moved, low, name="floored")
-    graph.add("Min", floored, high, name="action")

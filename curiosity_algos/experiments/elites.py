@@ -21,7 +21,7 @@ def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
     QD scores can be compared where that is the same: on one environment, in an archive of one class
     with the same cells and `qd_score_offset`. Without cells, as in `UnstructuredArchive`, the
     number of elites itself is what a distance between them comes to, so that each label counts as
-    an archive of its own; as it does where an older folder does not say what the archive was.
+    an archive of its own.
     """
     kept = [_archive_of(*each) for each in zip(runs["run"], runs["label"], strict=True)]
     texts = pd.DataFrame(kept, index=runs.index).dropna(how="all").astype(object)

@@ -15,9 +15,9 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, TypeAlias
 
-import torch as th
 from tqdm import tqdm
 
+from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import find_bonus
 from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.run_spec import RunSpec, variant_of
@@ -127,12 +127,11 @@ def _outcomes(
 
 
 def _train_alone(run: RunSpec, *, folder: Path, interval: float) -> bool:
-    th.set_num_threads(1)
     settings = {"device": "cpu", **run.settings}
     if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
         settings["n_threads"] = 1
-    run = replace(run, settings=settings)
-    return train(run, run.folder(folder), interval=interval)
+    with single_torch_thread():
+        return train(replace(run, settings=settings), run.folder(folder), interval=interval)
 
 
 class Processes:
@@ -164,16 +163,12 @@ class Processes:
 
 
 def _train_here(runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
-    n_threads = th.get_num_threads()
-    try:
-        for run in runs:
-            try:
-                outcome: Outcome = train(run)
-            except Exception as error:  # of any kind, as from a process
-                outcome = error
-            yield run, outcome
-    finally:
-        th.set_num_threads(n_threads)
+    for run in runs:
+        try:
+            outcome: Outcome = train(run)
+        except Exception as error:  # of any kind, as from a process
+            outcome = error
+        yield run, outcome
 
 
 _is_over: Event | None = None

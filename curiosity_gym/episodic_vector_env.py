@@ -20,7 +20,7 @@ from gymnasium.wrappers import TimeLimit
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.validation import check_at_least_one, check_render_mode
+from curiosity_gym.validation import check_at_least_one, check_choice, check_render_mode
 
 CONTRACT = ("behavior_space", "behavior_names", "coverage_grid", "horizon", "sparse")
 """Attributes that single and vector environments have alike."""
@@ -81,7 +81,9 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
         check_render_mode(render_mode)
-        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        if not isinstance(autoreset_mode, AutoresetMode):
+            check_choice(tuple(mode.value for mode in AutoresetMode), autoreset_mode=autoreset_mode)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
         self._single = single = type(self).single_class(*args, **keywords)
         self.simulation = single.simulation.replicate(num_envs, n_threads)
         self.num_envs = num_envs
@@ -254,7 +256,9 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         infos: dict[str, Any] = {}
         for values, has in told:
             for key, value in values.items():
-                infos[key], infos[f"_{key}"] = _where(has, value), has.copy()
+                if not has.all():
+                    value[~has] = 0  # the arrays are new
+                infos[key], infos[f"_{key}"] = value, has.copy()
         return infos
 
     # -- exact resume -----------------------------------------------------------------------------
@@ -318,18 +322,3 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     def close_extras(self, **kwargs: Any) -> None:
         """Close the viewer, if there is one."""
         self._single.close()
-
-
-def _where(mask: Mask, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Values (n, ...), which may become zeros where the mask (n,) is not set."""
-    if not mask.all():
-        values[~mask] = np.zeros((), values.dtype)
-    return values
-
-
-def _autoreset_mode(value: AutoresetMode | str) -> AutoresetMode:
-    try:
-        return AutoresetMode(value)
-    except ValueError:
-        names = ", ".join(mode.value for mode in AutoresetMode)
-        raise ValueError(f"`autoreset_mode` must be one of {names}, got {value!r}.") from None

@@ -19,7 +19,6 @@ from stable_baselines3.td3.policies import TD3Policy
 from curiosity_algos.bonuses.base import Bonus, record_bonus, train
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.bonuses.views import View
-from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
@@ -137,14 +136,9 @@ class TD3ICM(ResumableTD3):
 
     def _make_parts(self, seed: np.random.SeedSequence) -> BonusReplayBuffer:
         networks_seed, buffer_seed = seed.spawn(2)
-        self._bonus = make_bonus(
-            self.bonus,
-            {"learning_rate": BONUS_LEARNING_RATE, **self.bonus_kwargs},
-            View(self.observation_space).space,
-            self.action_space,
-            seed=integer_seed(networks_seed),
-            device=self.device,
-        )
+        kwargs = {"learning_rate": BONUS_LEARNING_RATE, **self.bonus_kwargs}
+        both = View(self.observation_space).space, self.action_space
+        self._bonus = make_bonus(self.bonus, kwargs, *both, seed=networks_seed, device=self.device)
         return BonusReplayBuffer(
             self.buffer_size,
             self.observation_space,

@@ -202,8 +202,8 @@ class NetworkBonus(th.nn.Module):
         """
         try:
             moments = self._moments(state["optimizer"])
-            _check_finite(state["modules"].values())
-            _check_alike(state["modules"], super().state_dict())
+            own = super().state_dict()
+            _check_alike(state["modules"], {name: each.shape for name, each in own.items()})
             super().load_state_dict(state["modules"], *args, **kwargs)
         except (KeyError, RuntimeError, TypeError, AttributeError) as error:
             raise RuntimeError("`bonus` must be made as the one that was saved.") from error
@@ -216,25 +216,16 @@ class NetworkBonus(th.nn.Module):
         if saved and set(saved) != set(range(len(trained))):
             raise RuntimeError("The optimizer's state is of other networks.")
         for i, moments in saved.items():
-            shapes = {name: tuple(moment.shape) for name, moment in moments.items()}
-            shape = tuple(trained[i].shape)
-            if shapes != {"step": (), "exp_avg": shape, "exp_avg_sq": shape}:
-                raise RuntimeError("The optimizer's state is of other networks.")
-            _check_finite(moments.values())
+            shape = trained[i].shape
+            _check_alike(moments, {"step": (), "exp_avg": shape, "exp_avg_sq": shape})
         return copy.deepcopy(dict(saved))
 
 
-def _check_alike(saved: Mapping[str, th.Tensor], own: Mapping[str, th.Tensor]) -> None:
-    """Raise RuntimeError unless torch would take all of it: it takes what it can before."""
-    shapes, expected = (
-        {name: tensor.shape for name, tensor in each.items()} for each in (saved, own)
-    )
-    if shapes != expected:
+def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise RuntimeError unless all is finite and of these shapes: torch takes what it can."""
+    if {name: tensor.shape for name, tensor in saved.items()} != shapes:
         raise RuntimeError("The state is of other networks.")
-
-
-def _check_finite(tensors: Iterable[th.Tensor]) -> None:
-    if not all(bool(th.isfinite(tensor).all()) for tensor in tensors):
+    if not all(bool(th.isfinite(tensor).all()) for tensor in saved.values()):
         raise RuntimeError("The state holds NaN or infinity.")
 
 

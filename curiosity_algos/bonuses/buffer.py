@@ -11,6 +11,7 @@ from gymnasium import spaces
 
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.checkpoints.plain_files import fitting
+from curiosity_algos.common.randomness import integer_seed
 
 
 class TransitionBuffer:
@@ -24,7 +25,12 @@ class TransitionBuffer:
     """
 
     def __init__(
-        self, capacity: int, observation_space: spaces.Space[Any], n_actions: int, *, seed: int
+        self,
+        capacity: int,
+        observation_space: spaces.Space[Any],
+        n_actions: int,
+        *,
+        seed: np.random.SeedSequence,
     ) -> None:
         self.capacity = capacity
         self.size = 0
@@ -37,7 +43,7 @@ class TransitionBuffer:
             "actions": th.from_numpy(np.zeros((capacity, n_actions), np.float32)),
             "next_observations": th.from_numpy(np.zeros((capacity, *shape), dtype)),
         }
-        self._generator = th.Generator().manual_seed(seed)
+        self._generator = th.Generator().manual_seed(integer_seed(seed))
 
     def __len__(self) -> int:
         """Number of transitions held."""

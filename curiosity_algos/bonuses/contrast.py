@@ -22,50 +22,33 @@ def distances(one: th.Tensor, other: th.Tensor) -> th.Tensor:
     return squares.clamp_min_(1e-6).sqrt_()
 
 
-@th.no_grad()
-def info_nce(
-    features: th.Tensor, next_features: th.Tensor
-) -> tuple[th.Tensor, th.Tensor, th.Tensor]:
+class InfoNCE(th.autograd.Function):
     """The mean loss of telling, of n pairs of features, the second from the first and back.
 
     `-log p_ii / 2 - log q_ii / 2`, averaged over i, where p is the softmax of the negative
     distances d over each row, and q over each column. It pulls pairs together that are nearer than
-    .001, too.
-
-    Args:
-        features: (n, F).
-        next_features: Those that follow them, (n, F).
-
-    Returns:
-        The loss, and its slopes by both, written out, which takes two thirds of autograd's time.
+    .001, too. Its slopes are written out, which takes two thirds of autograd's time.
     """
-    d = distances(features, next_features)
-    logits = -d
-    p, q = th.softmax(logits, dim=1), th.softmax(logits, dim=0)
-    # Logarithms of the sums that p and q are shares of; a share of a pair may be 0 in float32.
-    rows = logits.amax(dim=1) - p.amax(dim=1).log()
-    columns = logits.amax(dim=0) - q.amax(dim=0).log()
-    loss = (d.diagonal() + (rows + columns) / 2.0).mean()
-    n = len(d)
-    # Of the loss by each distance: 1/n for those of pairs, less (p + q) / 2n.
-    by_distance = p.add_(q).div_(-2.0 * n)
-    by_distance.diagonal().add_(1.0 / n)
-    # Of each feature f_i the sum over g_j of `w_ij (f_i - g_j)`, w being dL/dd over d.
-    w = by_distance.div_(d)
-    ahead = w.sum(dim=1, keepdim=True) * features - w @ next_features
-    back = w.sum(dim=0).unsqueeze(1) * next_features - w.T @ features
-    return loss, ahead, back
-
-
-class InfoNCE(th.autograd.Function):
-    """`info_nce` for autograd."""
 
     @staticmethod
     def forward(ctx: Any, features: th.Tensor, next_features: th.Tensor) -> th.Tensor:
         """The loss, of features (n, F) and those that follow them (n, F)."""
-        loss, *slopes = info_nce(features, next_features)
-        ctx.save_for_backward(*slopes)
-        return loss
+        d = distances(features, next_features)
+        logits = -d
+        p, q = th.softmax(logits, dim=1), th.softmax(logits, dim=0)
+        # Logarithms of the sums that p and q are shares of; a share of a pair may be 0 in float32.
+        rows = logits.amax(dim=1) - p.amax(dim=1).log()
+        columns = logits.amax(dim=0) - q.amax(dim=0).log()
+        n = len(d)
+        # Of the loss by each distance: 1/n for those of pairs, less (p + q) / 2n.
+        by_distance = p.add_(q).div_(-2.0 * n)
+        by_distance.diagonal().add_(1.0 / n)
+        # Of each feature f_i the sum over g_j of `w_ij (f_i - g_j)`, w being dL/dd over d.
+        w = by_distance.div_(d)
+        ahead = w.sum(dim=1, keepdim=True) * features - w @ next_features
+        back = w.sum(dim=0).unsqueeze(1) * next_features - w.T @ features
+        ctx.save_for_backward(ahead, back)
+        return (d.diagonal() + (rows + columns) / 2.0).mean()
 
     @staticmethod
     @once_differentiable

@@ -24,6 +24,7 @@ from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.randomness import integer_seed
 from curiosity_gym.validation import check_choice
 
 BONUSES: dict[str, Callable[..., Bonus]] = {
@@ -82,7 +83,7 @@ def make_bonus(
     observation_space: spaces.Space[Any],
     action_space: spaces.Space[Any],
     *,
-    seed: int,
+    seed: np.random.SeedSequence,
     device: th.device | str,
 ) -> Bonus:
     """The bonus of a name for these spaces; an object is taken as it is, whatever the keywords.
@@ -94,7 +95,8 @@ def make_bonus(
     if not isinstance(bonus, str):
         _check_fits(bonus, observation_space, action_space)
         return bonus
-    return BONUSES[bonus](observation_space, action_space, seed=seed, device=device, **bonus_kwargs)
+    given = {"seed": integer_seed(seed), "device": device, **bonus_kwargs}
+    return BONUSES[bonus](observation_space, action_space, **given)
 
 
 def _check_remembers(episodes: Episodes) -> None:

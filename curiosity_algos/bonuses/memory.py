@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 
+from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
@@ -100,7 +101,7 @@ class FeatureMemory:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave; RuntimeError where it is another memory's."""
+        """Take over what `state_dict` gave; ValueError where it is another memory's."""
         self.check(state)
         load_generator_state(self._rng, state["rng"])
         self.n_seen, n = state["n_seen"], len(state["observations"])
@@ -111,17 +112,11 @@ class FeatureMemory:
         self._is_current[:n] = state["is_current"].cpu().numpy()
 
     def check(self, state: Mapping[str, Any]) -> None:
-        """Raise RuntimeError unless `load_state_dict` would take the state."""
-        held, n_seen = state["observations"], state["n_seen"]
-        n, n_features = len(held), self._features.shape[1]
+        """Raise ValueError unless `load_state_dict` would take the state; other errors, too."""
+        n, n_seen = len(state["observations"]), state["n_seen"]
         if type(n_seen) is not int or n != min(n_seen, len(self._kept)):
-            raise RuntimeError("The memory is of another size.")
-        if held.shape[1:] != self._kept.shape[1:] or held.cpu().numpy().dtype != self._kept.dtype:
-            raise RuntimeError("The memory is of other observations.")
-        is_current = state["is_current"]
-        if state["features"].shape != (n, n_features) or is_current.shape != (n,):
-            raise RuntimeError("The memory is of other features.")
-        if is_current.dtype != th.bool or not isinstance(state["rng"], str):
-            raise RuntimeError("The memory is damaged.")
-        if not all(bool(th.isfinite(each).all()) for each in (held, state["features"])):
-            raise RuntimeError("The memory holds NaN or infinity.")
+            raise ValueError(f"`n_seen` must fit {n} observations, got {n_seen!r}.")
+        fitting("observations", state["observations"], (n, *self._kept.shape[1:]), self._kept.dtype)
+        fitting("features", state["features"], (n, self._features.shape[1]), np.float32)
+        fitting("is_current", state["is_current"], (n,), np.bool_)
+        load_generator_state(np.random.default_rng(0), state["rng"])

@@ -25,11 +25,7 @@ from curiosity_algos.bonuses.transitions import (
 )
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import (
-    generator_state,
-    integer_seed,
-    load_generator_state,
-)
+from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
@@ -162,17 +158,10 @@ class CuriosityMotivation:
             seed = np.random.SeedSequence(seed)
         own_seed, networks_seed, buffer_seed = seed.spawn(3)
         self.bonus = make_bonus(
-            bonus,
-            bonus_kwargs,
-            observation_space,
-            action_space,
-            seed=integer_seed(networks_seed),
-            device=device,
+            bonus, bonus_kwargs, observation_space, action_space, seed=networks_seed, device=device
         )
         n_actions = get_action_dim(action_space)
-        self.buffer = TransitionBuffer(
-            buffer_size, observation_space, n_actions, seed=integer_seed(buffer_seed)
-        )
+        self.buffer = TransitionBuffer(buffer_size, observation_space, n_actions, seed=buffer_seed)
         self.gamma = gamma
         self.n_states = n_states
         self.n_transitions = n_transitions

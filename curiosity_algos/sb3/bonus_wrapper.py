@@ -25,7 +25,6 @@ from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import fitting, plain
 from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread, torch_device
-from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.scale import BonusScale, check_discount
@@ -151,22 +150,16 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     ) -> None:
         networks_seed, buffer_seed, steps_seed = seed.spawn(3)
         space, action_space = self._view.space, self._acted.space
+        kwargs = for_one_policy(bonus, self.bonus_kwargs)
         self.bonus = make_bonus(
-            bonus,
-            for_one_policy(bonus, self.bonus_kwargs),
-            space,
-            action_space,
-            seed=integer_seed(networks_seed),
-            device=device,
+            bonus, kwargs, space, action_space, seed=networks_seed, device=device
         )
         self._episodes = episodes_of(self.bonus, self.num_envs)
         assert isinstance(space, spaces.Box)
         # As the networks take them: images stay bytes.
         self._dtype = np.dtype(np.float32 if ImageInputs.of(space) is None else np.uint8)
         n_stored = get_action_dim(action_space)
-        self.buffer = TransitionBuffer(
-            self.buffer_size, space, n_stored, seed=integer_seed(buffer_seed)
-        )
+        self.buffer = TransitionBuffer(self.buffer_size, space, n_stored, seed=buffer_seed)
         self._recent = RecentSteps(
             self.num_envs,
             horizon_of(self.bonus),

@@ -82,7 +82,7 @@ class GymnasiumVecEnv(VecEnv):
         self.reset_infos = info_rows(infos, self.num_envs)
         self._reset_seeds()
         self._reset_options()
-        begun: VecEnvObs = _copied(observations)
+        begun: VecEnvObs = deepcopy(observations)  # algorithms keep the last, the env may not
         return begun
 
     def step_async(self, actions: Array) -> None:
@@ -103,7 +103,7 @@ class GymnasiumVecEnv(VecEnv):
             rows[i]["terminal_observation"] = infos["final_obs"][i]
         for row, was_cut in zip(rows, (truncated & ~terminated).tolist(), strict=True):
             row["TimeLimit.truncated"] = was_cut
-        return _copied(observations), np.asarray(rewards, dtype=np.float32), ended, rows
+        return deepcopy(observations), np.asarray(rewards, dtype=np.float32), ended, rows
 
     def close(self) -> None:
         """Close the VectorEnv."""
@@ -173,9 +173,3 @@ class GymnasiumVecEnv(VecEnv):
         envs = getattr(self.vector_env.unwrapped, "envs", None)
         chosen = self._get_indices(indices)
         return [envs is not None and is_wrapped(envs[i], wrapper_class) for i in chosen]
-
-
-def _copied(observations: Any) -> Any:
-    """New arrays: the env may write into its own, and algorithms keep the last."""
-    is_array = isinstance(observations, np.ndarray)
-    return observations.copy() if is_array else deepcopy(observations)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.preprocessing import get_obs_shape
@@ -26,7 +24,9 @@ class OrderedReplayBuffer(ReplayBuffer):
     `_columns` names is saved and loaded with the transitions.
 
     Args:
-        buffer_size: As in SB3, and all up to `handle_timeout_termination`.
+        buffer_size: As in SB3.
+        observation_space: Of a single environment.
+        *args: As in SB3, all up to `handle_timeout_termination`.
         rng: Of the draws.
 
     Raises:
@@ -39,23 +39,11 @@ class OrderedReplayBuffer(ReplayBuffer):
         self,
         buffer_size: int,
         observation_space: spaces.Space[Any],
-        action_space: spaces.Space[Any],
-        device: th.device | str,
-        n_envs: int,
-        optimize_memory_usage: bool,
-        handle_timeout_termination: bool,
+        *args: Any,
         rng: np.random.Generator,
     ) -> None:
-        held = HeldObservations(observation_space)
-        super().__init__(
-            buffer_size,
-            held.array_space,
-            action_space,
-            device,
-            n_envs,
-            optimize_memory_usage,
-            handle_timeout_termination,
-        )
+        self._held = held = HeldObservations(observation_space)
+        super().__init__(buffer_size, held.array_space, *args)
         self.observation_space = observation_space
         self.obs_shape = get_obs_shape(observation_space)  # type: ignore[assignment]  # SB3's of a Dict
         self._rng = rng
@@ -63,10 +51,6 @@ class OrderedReplayBuffer(ReplayBuffer):
             self.observations = self.observations.view(held.dtype)[..., 0]
             if not self.optimize_memory_usage:
                 self.next_observations = self.next_observations.view(held.dtype)[..., 0]
-
-    @cached_property
-    def _held(self) -> HeldObservations:
-        return HeldObservations(self.observation_space)
 
     # -- what is collected ----------------------------------------------------------------------
 

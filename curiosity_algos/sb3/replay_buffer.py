@@ -6,7 +6,6 @@ import copy
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.held_observations import check_sb3_takes
 from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS, OrderedReplayBuffer
@@ -93,7 +91,6 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             knows it.
     """
 
-    observation_key: str | None = None
     _ahead: Iterator[tuple[Int64Array, Array]] = iter(())
 
     def __init__(
@@ -123,7 +120,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         _check_schedule(gamma, train_interval, n_updates, batch_size)
         _check_size(buffer_size, n_envs, optimize_memory_usage)
         check_sb3_takes(observation_space)
-        shown = View(observation_space, observation_key).space
+        self._view = View(observation_space, observation_key)
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
         seed = _sequence(seed)
@@ -131,12 +128,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
         self._named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
         self.bonus = make_bonus(
-            bonus,
-            bonus_kwargs,
-            shown,
-            action_space,
-            seed=integer_seed(networks_seed),
-            device=device,
+            bonus, bonus_kwargs, self._view.space, action_space, seed=networks_seed, device=device
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
         super().__init__(
@@ -147,9 +139,10 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             n_envs,
             optimize_memory_usage,
             handle_timeout_termination,
-            np.random.default_rng(seed),
+            rng=np.random.default_rng(seed),
         )
         self.observation_key = observation_key
+        self._shows_images = ImageInputs.of(self._view.space) is not None
         self.weight = float(weight)
         self.extrinsic = bool(extrinsic)
         self.train_interval = train_interval
@@ -355,14 +348,6 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             self._taken(self.actions[rows, envs]),
             self._seen(self._next_observations(rows, envs)),
         )
-
-    @cached_property
-    def _view(self) -> View:
-        return View(self.observation_space, self.observation_key)
-
-    @cached_property
-    def _shows_images(self) -> bool:
-        return ImageInputs.of(self._view.space) is not None
 
     def _seen(self, held: Array) -> Array:
         """Observations as the bonus sees them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from abc import abstractmethod
 from collections.abc import Set
 from contextlib import suppress
@@ -20,6 +21,7 @@ from stable_baselines3.common.type_aliases import (
     RolloutReturn,
     Schedule,
     TrainFreq,
+    TrainFrequencyUnit,
 )
 from stable_baselines3.common.utils import should_collect_more_steps
 from stable_baselines3.common.vec_env import VecEnv
@@ -44,13 +46,13 @@ from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_algos.sb3.td3_envs import (
     GaussianActionNoise,
     check_env,
     check_length,
     default_policy,
-    longest_episode,
 )
 from curiosity_gym.validation import (
     LARGEST_COUNT,
@@ -310,11 +312,13 @@ class ResumableTD3(Resumable, TD3):
         A rollout that was interrupted goes on, and counts as one.
 
         Raises:
-            ValueError: If rollouts are episodes and one does not end, see `longest_episode`.
+            ValueError: If rollouts are episodes and one does not end, see `most_steps`.
         """
         self.policy.set_training_mode(False)
         callback.on_rollout_start()
-        goes_on, limit = True, longest_episode(env, train_freq)
+        goes_on = True
+        # Rollouts of a number of steps end whatever episodes do.
+        limit = math.inf if train_freq.unit is TrainFrequencyUnit.STEP else most_steps(env)
         n_steps = 0  # of the episode, as far as seen here
         while goes_on and should_collect_more_steps(train_freq, self._n_steps, self._n_episodes):
             check_length(n_steps, limit)

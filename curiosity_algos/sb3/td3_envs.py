@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.noise import ActionNoise
-from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
-from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.environments import describe
-from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.sb3.held_observations import check_sb3_takes
 
 NOISE = 0.1
 """Standard deviation of the action noise, in halves of the action space."""
-
-
-def longest_episode(env: VecEnv, train_freq: TrainFreq) -> float:
-    """Steps that an episode may have; rollouts of a number of steps end whatever episodes do."""
-    if train_freq.unit is TrainFrequencyUnit.STEP:
-        return math.inf
-    return most_steps(env)
 
 
 def check_length(n_steps: int, limit: float) -> None:

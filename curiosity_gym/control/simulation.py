@@ -102,12 +102,9 @@ class Simulation(MujocoSimulation):
     def _observe(self, rows: Any) -> SimpleNamespace:
         """Write the observations of `rows`; their fields."""
         fields = SimpleNamespace(**{name: array[rows] for name, array in self._fields.items()})
-        if isinstance(rows, slice):
-            self.task.observe(fields, self.observations)
-        else:
-            observations = np.empty((len(rows), self.task.n_observations), dtype=np.float32)
-            self.task.observe(fields, observations)
-            self.observations[rows] = observations
+        observations = self.observations[rows]  # a view of all, or a copy of some
+        self.task.observe(fields, observations)
+        self.observations[rows] = observations
         return fields
 
     def _raise_warning(self) -> None:
@@ -135,12 +132,8 @@ class Simulation(MujocoSimulation):
         """See `BaseSimulation`; as `ControlTask.state`."""
         return np.hstack([self._batch.state, self._targets])
 
-    def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """See `MujocoSimulation`."""
-        self._stay_in_process()
-        super().restore(state, observations)
-
     def _put(self, state: Float64Array) -> None:
+        self._stay_in_process()
         self._write(slice(None), state)
         self._batch.forward(None, self._mujoco.mjtStage.mjSTAGE_VEL.value)
 

@@ -31,6 +31,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 VECTORS, ACTIONS = spaces.Box(-1, 1, (6,)), spaces.Box(-1, 1, (2,))
+SEED = np.random.SeedSequence(0)
 OBSERVATIONS = {
     "vectors": VECTORS,
     "tiles": spaces.Box(0, 255, (7, 7, 3), np.uint8),
@@ -51,7 +52,7 @@ def transitions(space, n, seed=0):
 
 
 def make(name, space, device):
-    return make_bonus(name, {"n_features": 8}, space, ACTIONS, seed=0, device=device)
+    return make_bonus(name, {"n_features": 8}, space, ACTIONS, seed=SEED, device=device)
 
 
 def learn(bonus, space, n_updates=3):
@@ -105,7 +106,7 @@ class TestBonuses:
 
 
 def test_it_falls_where_it_is_trained():
-    check_bonus(lambda *spaces: make_bonus("icm", {}, *spaces, seed=0, device="cuda"))
+    check_bonus(lambda *spaces: make_bonus("icm", {}, *spaces, seed=SEED, device="cuda"))
 
 
 class TestAlgorithms:

@@ -20,7 +20,7 @@ def fill(buffer, n, first=0):
 
 
 def make_buffer(capacity=10, seed=0):
-    return TransitionBuffer(capacity, spaces.Box(-1, 1, (2,)), 1, seed=seed)
+    return TransitionBuffer(capacity, spaces.Box(-1, 1, (2,)), 1, seed=np.random.SeedSequence(seed))
 
 
 def held(buffer):
@@ -91,7 +91,7 @@ def test_a_state_is_a_copy():
 
 def test_images_stay_bytes():
     images = spaces.Box(0, 255, (3, 36, 36), np.uint8)
-    buffer = TransitionBuffer(4, images, 1, seed=0)
+    buffer = TransitionBuffer(4, images, 1, seed=np.random.SeedSequence(0))
     pictures = th.randint(256, (6, 3, 36, 36), dtype=th.uint8)
     buffer.add(pictures[:-1], th.arange(5.0), pictures[1:])
     observations, actions, next_observations = buffer.sample(20)

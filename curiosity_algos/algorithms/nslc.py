@@ -14,17 +14,17 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.common.arrays import Float32Array, Float64Array
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
+from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, check_observations
 from curiosity_algos.loops.quality_diversity import (
     Fields,
     FieldTypes,
     MutationKeywords,
     QualityDiversity,
 )
-from curiosity_algos.motivations.learned_behavior import N_FEATURES, LearnedBehavior
+from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_algos.motivations.novelty import BEHAVIORS, behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
 from curiosity_gym.validation import check_at_least_one, check_choice, check_whole
@@ -32,6 +32,7 @@ from curiosity_gym.validation import check_at_least_one, check_choice, check_who
 LEARNED = "learned"
 FINAL = "final_observation"
 """The field of an elite that its learned behavior is measured from."""
+N_FEATURES = 8
 
 
 class NSLC(QualityDiversity):
@@ -48,9 +49,9 @@ class NSLC(QualityDiversity):
         n_parents: mu, at most `population_size`, lambda; `emitters` have their own parents.
         k: Neighbors that count; those of an `archive` are its `k_neighbors` instead.
         behavior: "final": the environment's behavior; "state": the whole final observation (the
-            paper's BD_s); "learned": features of the final observation, see `LearnedBehavior`, so
-            that nothing is told. After each generation the elites are measured anew; an `archive`
-            must then be empty at the beginning.
+            paper's BD_s); "learned": features of the final observation, as of `APT`, so that
+            nothing is told: near is what one comes to in few steps. After each generation the
+            elites are measured anew; an `archive` must then be empty at the beginning.
         archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
             its `target_size` instead.
     """
@@ -99,9 +100,12 @@ class NSLC(QualityDiversity):
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         if self._is_learned:
             seed, encoder_seed = seed.spawn(2)
-            self._encoder = LearnedBehavior(
+            self._encoder = CuriosityMotivation(
                 self.policy.seen.space,
                 self.policy.acted.space,
+                bonus="apt",
+                # No distance is asked for, and so nothing remembered.
+                bonus_kwargs={"n_features": N_FEATURES, "memory_size": 1},
                 seed=encoder_seed,
                 device=self.device,
                 n_threads=self.n_threads,
@@ -127,7 +131,7 @@ class NSLC(QualityDiversity):
         return {**super()._fields(rollouts), **own}
 
     def _summarizers(self) -> MakeSummarizers | None:
-        return self._encoder.summarizers if self._is_learned else super()._summarizers()
+        return self._encoder.learning if self._is_learned else super()._summarizers()
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return ParetoEmitter(
@@ -141,7 +145,7 @@ class NSLC(QualityDiversity):
 
     def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._is_learned:
-            return self._encoder.measures(rollouts.final_observations)
+            return self._learned(rollouts.final_observations)
         return behaviors_of(rollouts, self.behavior)
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
@@ -152,5 +156,12 @@ class NSLC(QualityDiversity):
         """Train the encoder, and measure the elites with what it has learned."""
         losses = self._encoder.update(rollouts)
         if len(self.archive):
-            self.archive.set_measures(self._encoder.measures(self.archive.data(FINAL)))
+            self.archive.set_measures(self._learned(self.archive.data(FINAL)))
         return losses
+
+    def _learned(self, observations: Array) -> Float64Array:
+        """Behaviors (n, N_FEATURES) of final observations (n, O)."""
+        check_observations(observations)
+        bonus: Any = self._encoder.bonus
+        measures: Float64Array = bonus.features(observations.astype(np.float32))
+        return measures

@@ -359,8 +359,8 @@ class EliteArchive(ArchiveBase):
         """Hold these elites, all fields with "index", instead of what was held."""
         self._description = {k: (data[k].shape[1:], data[k].dtype) for k in self._description}
         self._begin()
-        if len(data["objective"]):
-            self._elites.replace({name: data[name] for name in self._description})
+        if n := len(data["objective"]):
+            self._elites.write(np.arange(n), {name: data[name] for name in self._description})
 
     def _read(
         self,

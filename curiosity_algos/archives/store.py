@@ -41,28 +41,17 @@ class EliteStore(ArrayStore):
 
     def write(self, slots: Int64Array, rows: Batch) -> None:
         """Put at least one row, arrays (n, ...) by name, into slots (n,), no two the same."""
-        objective, n = rows["objective"], len(self)
+        objective, n, needed = rows["objective"], len(self), int(slots.max()) + 1
         is_old = slots < n
         before = np.zeros(len(slots))
         before[is_old] = self.get("objective", slots[is_old])
         best = self.best_objective if n else -np.inf
-        self._put(slots, rows)
+        if needed > self.capacity:
+            self.resize(max(needed, 2 * self.capacity, FIRST_CAPACITY))
+        self.add(slots, dict(rows))
         self.objective_sum = self.objective_sum + np.sum(objective - before)
         if objective.max() > best:
             self.best_slot = int(slots[np.argmax(objective)])
-
-    def replace(self, rows: Batch) -> None:
-        """Put at least one row into slots that hold nothing, and sum up anew."""
-        objective = rows["objective"]
-        self._put(np.arange(len(objective)), rows)
-        self.objective_sum = np.float64(objective.sum())
-        self.best_slot = int(np.argmax(objective))
-
-    def _put(self, slots: Int64Array, rows: Batch) -> None:
-        n = int(slots.max()) + 1
-        if n > self.capacity:
-            self.resize(max(n, 2 * self.capacity, FIRST_CAPACITY))
-        self.add(slots, dict(rows))
 
     def load_summary(self, objective_sum: Any, best_slot: Any) -> None:
         """Take over the best, and a sum, whose last bits follow from the order of adding up."""

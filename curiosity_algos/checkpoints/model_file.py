@@ -210,15 +210,12 @@ def check_is_checkpoint(
     """The file to read, or an error unless it holds a whole model of a class of this package."""
     if isinstance(source, io.BufferedIOBase):
         file: pathlib.Path | io.BufferedIOBase = source
-        begin = source.tell()
-        found = _saved_algorithm(source)
-        source.seek(begin)
     else:
         path = pathlib.Path(source)
         file = path = path if path.is_file() else checkpoint_path(source)
         if not path.is_file():
             raise FileNotFoundError(f"`path` must be a saved model, there is no file {path}.")
-        found = _saved_algorithm(path)
+    found = _saved_algorithm(file)
     if found != algorithm:
         what = "not a whole file of this package" if found is None else f"one of {found}"
         raise ValueError(f"`path` must be a saved {algorithm}, {file} is {what}.")
@@ -242,10 +239,6 @@ def saved_names(file: pathlib.Path | io.BufferedIOBase) -> set[str]:
 
 
 def _read_data(file: pathlib.Path | io.BufferedIOBase) -> Any:
-    """The file's JSON; a file object stays where it is."""
-    begin = file.tell() if isinstance(file, io.BufferedIOBase) else 0
+    """The file's JSON."""
     with zipfile.ZipFile(file) as archive:
-        data = json.loads(archive.read("data"))
-    if isinstance(file, io.BufferedIOBase):
-        file.seek(begin)
-    return data
+        return json.loads(archive.read("data"))

@@ -25,34 +25,6 @@ BLOCK_SIZE = 128
 
 
 @compiled
-def _rollout(
-    maze: Maze,
-    grid: CompiledGrid,
-    mlp: Mlp,
-    parameters: Float32Array,
-    even: Float32Array,
-    odd: Float32Array,
-    observations: Float32Array,
-    actions: Float32Array,
-    state: Float64Array,
-    visited: Mask,
-) -> tuple[int, bool]:
-    """Play one episode of at most as many steps as `actions` has rows, and mark its cells.
-
-    Returns:
-        Its length, and whether it ended at the goal.
-    """
-    reset(maze, state, observations[0])
-    for t in range(actions.shape[0]):
-        forward(mlp, parameters, observations[t], even, odd, actions[t])
-        if step(maze, state, actions[t], observations[t + 1]):
-            visited[cell_of(grid, state)] = True
-            return t + 1, True
-        visited[cell_of(grid, state)] = True  # twice, as it is slower before the branch
-    return actions.shape[0], False
-
-
-@compiled
 def _rollout_slice(
     maze: Maze,
     grid: CompiledGrid,
@@ -60,8 +32,7 @@ def _rollout_slice(
     parameters: Float32Array,
     begin: int,
     end: int,
-    even: Float32Array,
-    odd: Float32Array,
+    memory: Float32Array,
     observations: Float32Array,
     actions: Float32Array,
     states: Float64Array,
@@ -69,20 +40,21 @@ def _rollout_slice(
     success: Mask,
     visited: Mask,
 ) -> None:
-    """Play the individuals `begin` to `end`; each writes only its own rows of the arrays."""
+    """Play an episode of each of the individuals `begin` to `end`, and mark its cells.
+
+    Each writes only its own rows of the arrays; an episode ends when those of `actions` are full.
+    """
     for i in range(begin, end):
-        lengths[i], success[i] = _rollout(
-            maze,
-            grid,
-            mlp,
-            parameters[i],
-            even[i],
-            odd[i],
-            observations[i],
-            actions[i],
-            states[i],
-            visited[i],
-        )
+        state = states[i]
+        reset(maze, state, observations[i, 0])
+        lengths[i], success[i] = actions.shape[1], False
+        for t in range(actions.shape[1]):
+            forward(mlp, parameters[i], observations[i, t], memory[i], actions[i, t])
+            if step(maze, state, actions[i, t], observations[i, t + 1]):
+                visited[i, cell_of(grid, state)] = True
+                lengths[i], success[i] = t + 1, True
+                break
+            visited[i, cell_of(grid, state)] = True  # twice, as it is slower before the branch
 
 
 class MazeEvaluator:
@@ -126,10 +98,10 @@ class MazeEvaluator:
         lengths = np.empty(n, dtype=np.int64)
         success = np.empty(n, dtype=np.bool_)
         visited = np.zeros((n, self._n_cells), dtype=np.bool_)
-        even, odd = scratch(self.mlp, n)
+        memory = scratch(self.mlp, n)
 
         def run(begin: int, end: int) -> None:
-            arrays = (even, odd, observations, actions, states, lengths, success, visited)
+            arrays = (memory, observations, actions, states, lengths, success, visited)
             _rollout_slice(self.maze, self._grid, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)

@@ -161,8 +161,7 @@ def forward(
     mlp: Mlp,
     parameters: Float32Array,
     observation: Float32Array,
-    even: Float32Array,
-    odd: Float32Array,
+    memory: Float32Array,
     output: Float32Array,
 ) -> None:
     """One forward pass.
@@ -171,29 +170,17 @@ def forward(
         mlp: The network's shape.
         parameters: (n_parameters,)
         observation: (n_inputs,)
-        even: (widest layer,) scratch memory.
-        odd: (widest layer,) more scratch memory.
+        memory: (2, widest layer) scratch.
         output: (n_outputs,) overwritten: actions scaled to the box, or a score for each action.
     """
     last = mlp.sizes.shape[0] - 2
     offset = np.uint64(0)
+    source = observation
     for layer in range(last + 1):
         n_in, n_out = mlp.sizes[layer], mlp.sizes[layer + 1]
-        is_even = layer % 2 == 0
-        if layer == 0:
-            if last == 0:
-                _affine(parameters, offset, n_in, n_out, observation, output, True)
-            else:
-                _affine(parameters, offset, n_in, n_out, observation, even, True)
-        elif layer == last:
-            if is_even:
-                _affine(parameters, offset, n_in, n_out, odd, output, False)
-            else:
-                _affine(parameters, offset, n_in, n_out, even, output, False)
-        elif is_even:
-            _affine(parameters, offset, n_in, n_out, odd, even, False)
-        else:
-            _affine(parameters, offset, n_in, n_out, even, odd, False)
+        target = output if layer == last else memory[layer % 2]
+        _affine(parameters, offset, n_in, n_out, source, target, layer == 0)
+        source = target
         offset += (n_in + np.uint64(1)) * n_out
     if not mlp.is_discrete:
         for j in range(output.shape[0]):
@@ -206,8 +193,8 @@ def forward(
 
 
 def scratch(mlp: Mlp, n: int) -> Float32Array:
-    """The two scratch arrays of `forward` for each of n callers, (2, n, widest layer)."""
-    return np.empty((2, n, int(mlp.sizes.max())), dtype=np.float32)
+    """The memory of `forward` for each of n callers, (n, 2, widest layer)."""
+    return np.empty((n, 2, int(mlp.sizes.max())), dtype=np.float32)
 
 
 @compiled
@@ -215,22 +202,20 @@ def forward_each(
     mlp: Mlp,
     parameters: Float32Array,
     observations: Float32Array,
-    even: Float32Array,
-    odd: Float32Array,
+    memory: Float32Array,
     outputs: Float32Array,
 ) -> None:
     """Each policy on its own observation, as `forward`; parameters (1, n_parameters) serve all."""
     last = parameters.shape[0] - 1
     for i in range(observations.shape[0]):
-        forward(mlp, parameters[min(i, last)], observations[i], even, odd, outputs[i])
+        forward(mlp, parameters[min(i, last)], observations[i], memory, outputs[i])
 
 
 def act(mlp: Mlp, parameters: Float32Array, observations: Array) -> Float32Array:
     """What policies make of observations (n, n_inputs): (n, n_outputs), see `forward`."""
     outputs = np.empty((observations.shape[0], mlp.center.size), dtype=np.float32)
     observations = np.ascontiguousarray(observations, dtype=np.float32)
-    even, odd = scratch(mlp, 1)
-    forward_each(mlp, parameters, observations, even[0], odd[0], outputs)
+    forward_each(mlp, parameters, observations, scratch(mlp, 1)[0], outputs)
     return outputs
 
 

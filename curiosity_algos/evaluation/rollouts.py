@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -40,11 +40,6 @@ def check_observations(observations: Array) -> None:
         raise ValueError("`env` must give finite observations, it gave NaN or infinity.")
 
 
-def stack_behaviors(infos: Iterable[Mapping[str, Any]]) -> Float64Array:
-    """The behaviors (P, B) that P episodes ended with; B = 0 where the env has none."""
-    return as_behaviors([info.get("behavior", ()) for info in infos])
-
-
 def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
     """The behaviors of infos, at least one, as an array (P, B).
 
@@ -53,30 +48,14 @@ def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
     """
     try:
         array = np.array(behaviors, dtype=np.float64)
-    except (TypeError, ValueError):  # which of them it is, the next lines say
+    except (TypeError, ValueError):  # text, or shapes that differ
         array = np.empty(0)
     if array.ndim != 2:
-        check_same_shape([_as_numbers(behavior) for behavior in behaviors])
-    return array
-
-
-def _as_numbers(behavior: Any) -> Float64Array:
-    try:
-        return np.asarray(behavior, dtype=np.float64)
-    except (TypeError, ValueError) as error:  # text, or rows of unequal length
         raise ValueError(
-            '`env` must end every episode with an info["behavior"] of numbers, or none, '
-            f"got {behavior!r:.60}."
-        ) from error
-
-
-def check_same_shape(behaviors: Sequence[Float64Array]) -> None:
-    """Raise ValueError unless all behaviors (B,) of episodes have the same number of entries."""
-    shapes = {behavior.shape for behavior in behaviors}
-    if len(shapes) > 1 or len(shapes.pop()) != 1:
-        raise ValueError(
-            '`env` must end every episode with an info["behavior"] of the same shape (B,), or none.'
+            '`env` must end every episode with an info["behavior"] of numbers, of the same shape '
+            f"(B,), or none, got {behaviors!r:.60}."
         )
+    return array
 
 
 def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
@@ -170,14 +149,14 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
     """Join parts of a population into one record without summaries, padded to the longest."""
     if len(parts) == 1:
         return parts[0]
-    check_same_shape([part.behaviors[0] for part in parts])
     longest = max(part.lengths.max() for part in parts)
-    names = ("returns", "lengths", "success", "behaviors", "final_observations")
+    names = ("returns", "lengths", "success", "final_observations")
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in names
     }
     return Rollouts(
         **joined,
+        behaviors=as_behaviors([each for part in parts for each in part.behaviors]),
         observations=_join_padded([part.observations for part in parts], longest + 1),
         actions=_join_padded([part.actions for part in parts], longest),
         visited=_union([part.visited for part in parts]),

@@ -96,13 +96,13 @@ class SimulationEvaluator:
         success = np.zeros(n, dtype=np.bool_)
         visited = VisitedCells(self.task.coverage_grid)
         active = np.arange(n)
-        even, odd = scratch(self.mlp, 1)
+        memory = scratch(self.mlp, 1)[0]
         rewards: Any = getattr(simulation, "rewards", None)  # its own, which each step writes
         simulation.reset(active, rngs)
         observations[:, 0] = simulation.observations[:n]
         chosen = actions[:, 0].copy()
         for t in range(n_steps):
-            forward_each(self.mlp, parameters, observations[active, t], even[0], odd[0], chosen)
+            forward_each(self.mlp, parameters, observations[active, t], memory, chosen)
             actions[active, t] = chosen
             ended = simulation.step(chosen, active)
             observations[active, t + 1] = simulation.observations[active]

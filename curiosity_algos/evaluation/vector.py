@@ -28,10 +28,10 @@ from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.processes import Processes
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
+    as_behaviors,
     check_observations,
     check_parameters,
     concatenate,
-    stack_behaviors,
 )
 
 BLOCK_SIZE = 128
@@ -153,7 +153,7 @@ class VectorEvaluator:
         for one, length in zip(stacked, lengths, strict=False):
             check_observations(one[: length + 1])
         final_observations = stacked[np.arange(n_policies), lengths[:n_policies]]
-        behaviors = stack_behaviors(last)
+        behaviors = as_behaviors([info.get("behavior", ()) for info in last])
         visited.add(behaviors)
         if self._achieved is not None:
             behaviors = final_observations[:, self._achieved].astype(np.float64)

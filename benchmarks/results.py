@@ -87,11 +87,11 @@ def add_rows(
 ) -> None:
     """Write a CSV file with these rows, in the place of old ones that have the same keys."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    table = table.set_index(keys)
     if path.exists():
-        old = read(path)
-        is_kept = ~old.set_index(keys).index.isin(table.set_index(keys).index)
-        table = pd.concat([old[is_kept], table])
-    table.sort_values(keys, kind="stable").to_csv(path, index=False, float_format="%.6g")
+        old = read(path).set_index(keys)
+        table = pd.concat([old[~old.index.isin(table.index)], table])
+    table.sort_index(kind="stable").to_csv(path, float_format="%.6g")
 
 
 def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:

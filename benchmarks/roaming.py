@@ -132,13 +132,12 @@ WAYS: dict[str, Callable[[Counter, int], None]] = {
 def train(name: str, seed: int, timesteps: int, runs: Path) -> None:
     """Train with one seed, unless it was done as long, and write the cells at every million."""
     path = runs / "roaming" / name / f"{seed}.csv"
-    if path.exists() and pd.read_csv(path)["timesteps"].max() >= timesteps:
+    if path.exists() and (pd.read_csv(path)["timesteps"] == timesteps).any():
         return
     th.set_num_threads(1)
     counter = Counter(timesteps)
     WAYS[name](counter, seed)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(counter.rows).assign(algorithm=name, seed=seed).to_csv(path, index=False)
+    add_rows(pd.DataFrame(counter.rows).assign(algorithm=name, seed=seed), path, KEYS)
 
 
 def main(

@@ -257,7 +257,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         for values, has in told:
             for key, value in values.items():
                 if not has.all():
-                    value[~has] = 0  # the arrays are new
+                    value[~has] = np.zeros((), value.dtype)  # the arrays are new
                 infos[key], infos[f"_{key}"] = value, has.copy()
         return infos
 

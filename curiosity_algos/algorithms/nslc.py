@@ -145,7 +145,7 @@ class NSLC(QualityDiversity):
 
     def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._is_learned:
-            return self._learned(rollouts.final_observations)
+            return self._features_of(rollouts.final_observations)
         return behaviors_of(rollouts, self.behavior)
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
@@ -156,10 +156,10 @@ class NSLC(QualityDiversity):
         """Train the encoder, and measure the elites with what it has learned."""
         losses = self._encoder.update(rollouts)
         if len(self.archive):
-            self.archive.set_measures(self._learned(self.archive.data(FINAL)))
+            self.archive.set_measures(self._features_of(self.archive.data(FINAL)))
         return losses
 
-    def _learned(self, observations: Array) -> Float64Array:
+    def _features_of(self, observations: Array) -> Float64Array:
         """Behaviors (n, N_FEATURES) of final observations (n, O)."""
         check_observations(observations)
         bonus: Any = self._encoder.bonus

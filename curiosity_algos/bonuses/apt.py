@@ -157,7 +157,7 @@ class APT(NetworkBonus):
         """
         try:
             self.memory.check(state["memory"])
-        except (KeyError, RuntimeError, ValueError, TypeError, AttributeError) as error:
+        except Exception as error:  # of any kind, of what is damaged
             raise RuntimeError("`bonus` must be made as the one that was saved.") from error
         super().load_state_dict(state, *args, **kwargs)
         self.memory.load_state_dict(state["memory"])

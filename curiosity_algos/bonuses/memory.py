@@ -112,7 +112,7 @@ class FeatureMemory:
         self._is_current[:n] = state["is_current"].cpu().numpy()
 
     def check(self, state: Mapping[str, Any]) -> None:
-        """Raise ValueError unless `load_state_dict` would take the state; other errors, too."""
+        """Raise an error, ValueError where nothing is damaged, unless the state can be loaded."""
         n, n_seen = len(state["observations"]), state["n_seen"]
         if type(n_seen) is not int or n != min(n_seen, len(self._kept)):
             raise ValueError(f"`n_seen` must fit {n} observations, got {n_seen!r}.")

@@ -51,11 +51,21 @@ def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
     except (TypeError, ValueError):  # text, or shapes that differ
         array = np.empty(0)
     if array.ndim != 2:
+        shapes = [_shape(behavior) for behavior in behaviors]
+        is_odd = [shape is None or len(shape) != 1 or shape != shapes[0] for shape in shapes]
         raise ValueError(
             '`env` must end every episode with an info["behavior"] of numbers, of the same shape '
-            f"(B,), or none, got {behaviors!r:.60}."
+            f"(B,), or none, got {behaviors[is_odd.index(True)]!r:.60}."
         )
     return array
+
+
+def _shape(behavior: Any) -> tuple[int, ...] | None:
+    """The shape of numbers; None: it has none."""
+    try:
+        return np.asarray(behavior, dtype=np.float64).shape
+    except (TypeError, ValueError):  # text, or rows of unequal length
+        return None
 
 
 def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:

@@ -27,7 +27,7 @@ policy (float[n, {}] observation) => ({} action) {{ {} }}
 LINEAR = "linear_{1} = Gemm ({0}, weights_{1}, biases_{1})\n"
 RELU = "relu_{1} = Relu ({0})\n"
 LARGEST = "action = ArgMax <axis = 1, keepdims = 0> ({})"
-# The last two, as rounding may leave the box.
+# Max and Min, as rounding may leave the box.
 SCALED = """
 share = Tanh ({})
 scaled = Mul (share, half_range)
@@ -113,5 +113,7 @@ def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[
     model = parser.parse_model(GRAPH.format(sizes[0], action, nodes))
     arrays = [numpy_helper.from_array(np.array(each), name) for name, each in constants.items()]
     model.graph.initializer.extend(arrays)
+    for node in model.graph.node:
+        node.name = node.output[0]
     onnx.checker.check_model(model, full_check=True)
     return model

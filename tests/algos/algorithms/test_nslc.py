@@ -64,7 +64,7 @@ def test_elites_are_measured_anew_as_the_encoder_learns(make_model, make_easy_ma
     elites = model.archive.data()
     n_generations = len(set(elites["seed"]))
     assert n_generations > 1  # the encoder has learned since the first of them
-    anew = model._learned(elites["final_observation"])
+    anew = model._features_of(elites["final_observation"])
     np.testing.assert_allclose(elites["measures"], anew, rtol=1e-4, atol=1e-5)
 
 
@@ -77,7 +77,7 @@ def test_learned_behaviors_need_no_env_that_has_them(make_model):
 def test_nothing_is_learned_of_observations_that_are_not_finite(make_model):
     model = make_model(NSLC, "CartPole-v1", **LEARNED)
     with pytest.raises(ValueError, match="finite"):
-        model._learned(np.full((1, 4), np.nan))
+        model._features_of(np.full((1, 4), np.nan))
 
 
 def test_a_run_with_learned_behaviors_goes_on(

@@ -1,7 +1,10 @@
+import re
+
 import numpy as np
 import pytest
 
 from curiosity_algos import Rollouts
+from curiosity_algos.evaluation.rollouts import as_behaviors
 
 RECORD = {
     "returns": np.zeros(3),
@@ -31,3 +34,9 @@ def test_trajectories_are_there_or_an_error():
 def test_a_record_is_frozen():
     with pytest.raises(AttributeError):
         Rollouts(**RECORD).returns = np.ones(3)
+
+
+@pytest.mark.parametrize("odd", ["left", [1.0], 2.0, [[1.0, 2.0]], None], ids=repr)
+def test_the_behavior_that_is_not_like_the_others_is_named(odd):
+    with pytest.raises(ValueError, match=re.escape(f"or none, got {odd!r}.")):
+        as_behaviors([[0.0, 1.0], [2.0, 3.0], odd])

@@ -208,15 +208,17 @@ def tries_off_policy(values: pd.DataFrame) -> str:
 
 def unseen(values: pd.DataFrame) -> str:
     """A row for each algorithm: of so many starts those that the policy of each seed solves."""
-    head = f"Of {values['starts'].iloc[0]} starts"
+    (n_starts,) = values["starts"].unique()
+    head = f"Of {n_starts} starts"
     return _by_environment(values, lambda group: " / ".join(map(str, group["solved"])), head)
 
 
-def roaming(values: pd.DataFrame) -> str:
-    """A row for each way to move: means over seeds and standard errors.
+def roaming(values: pd.DataFrame, timesteps: int) -> str:
+    """A row for each way to move: means over seeds and standard errors after so many steps.
 
     Shares are of the run that came to most cells, as RAMP's paper has them.
     """
+    values = values[values["timesteps"] == timesteps]
     values = values.assign(share=100 * values["xyz"] / values["xyz"].max())
     groups = values.groupby("algorithm")[["xyz", "share", "xy"]].agg(["mean", "sem"])
     digits = {"xyz": 0, "share": 1, "xy": 0}
@@ -312,7 +314,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "ppo-parts": parts,
     "minigrid": partial(make_table, read_rows, "minigrid", doors),
     "parity": partial(make_table, read_rows, "parity", counts),
-    "roaming": partial(make_table, read_rows, "roaming", roaming),
+    "roaming": partial(make_table, read_rows, "roaming", partial(roaming, timesteps=1_000_000)),
     "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "locomotion-long-unseen": partial(make_table, read_rows, "locomotion_long_unseen", unseen),

@@ -1,7 +1,9 @@
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import spaces
 
-from curiosity_algos import NSLC
+from curiosity_algos import NSLC, Rollouts
 from curiosity_algos.archives.verify import verify
 
 FINAL, LEARNED = {"behavior": "final"}, {"behavior": "learned"}
@@ -72,6 +74,44 @@ def test_learned_behaviors_need_no_env_that_has_them(make_model):
     model = make_model(NSLC, "CartPole-v1", **LEARNED).learn(500)
     assert len(model.archive) > 1
     assert model.archive.data("measures").shape[1] == 8
+
+
+class Line(gym.Env):
+    """A walk along a line that goes one way; the other two entries are noise."""
+
+    observation_space = spaces.Box(-np.inf, np.inf, (3,))
+    action_space = spaces.Box(-1.0, 1.0, (1,))
+
+
+def walks(rng, n=20, n_steps=100):
+    observations = rng.normal(size=(n, n_steps + 1, 3)).astype(np.float32)
+    speeds = rng.uniform(0.5, 1.5, (n, 1))
+    observations[..., 0] = speeds * np.arange(n_steps + 1) - 50.0
+    return Rollouts(
+        returns=np.zeros(n),
+        lengths=np.full(n, n_steps),
+        success=np.zeros(n, dtype=bool),
+        behaviors=np.zeros((n, 0)),
+        final_observations=observations[:, -1],
+        observations=observations,
+        actions=np.zeros((n, n_steps, 1), dtype=np.float32),
+    )
+
+
+def test_what_is_far_in_time_is_far_and_noise_is_not():
+    model = NSLC(Line(), behavior="learned", seed=0, n_threads=1)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        losses = model._encoder.update(walks(rng))
+    assert losses.keys() == {"apt/loss"}
+    places = np.zeros((3, 3))
+    places[:, 0] = -40.0, 0.0, 40.0
+    here, middle, there = model._features_of(places)
+    noise = model._features_of(np.add(places[:1], [0.0, 1.0, -1.0]))[0]
+    assert here.shape == (8,)
+    near, far = np.linalg.norm(here - middle), np.linalg.norm(here - there)
+    assert far > 1.1 * near  # 1.27, and 1.05 to 1.75 with other seeds
+    assert near > 20.0 * np.linalg.norm(here - noise)
 
 
 def test_nothing_is_learned_of_observations_that_are_not_finite(make_model):

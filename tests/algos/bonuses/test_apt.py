@@ -144,7 +144,12 @@ def test_a_state_that_does_not_fit_changes_nothing(assert_same):
     apt, other = make_apt(), make_apt(memory_size=10, seed=1)
     apt.observe(th.from_numpy(make_observations(300)))
     before = other.state_dict()
-    for state in (apt.state_dict(), {**apt.state_dict(), "memory": {}}):
+    damaged = {**before["memory"], "rng": None}
+    for state in (
+        apt.state_dict(),
+        {**apt.state_dict(), "memory": {}},
+        {**before, "memory": damaged},
+    ):
         with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
             other.load_state_dict(state)
     assert_same(other.state_dict(), before)

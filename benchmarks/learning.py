@@ -35,6 +35,8 @@ ROBOT_TRIES: dict[str, dict[str, Any]] = {
     "linear": {"hyperparams": ["policy_kwargs:{'net_arch': []}"]},
     "normalize_observations": {"hyperparams": ["normalize_observations:True"]},
     "population_size=28": {"hyperparams": ["population_size:28", "n_parents:14"]},
+    "mirrored_sampling": {"hyperparams": ["mirrored_sampling:True"]},
+    "learning_rate=1": {"hyperparams": ["learning_rate:1"]},
     "power=3, horizon=10": {"hyperparams": ["bonus_kwargs:{'horizon': 10, 'power': 3.0}"]},
     # Of the same physics: a step is as long as two or four.
     "held 2 steps": {

@@ -102,11 +102,12 @@ class CountingEvaluator:
         return rollouts
 
 
-def search(name: str, counter: Counter, seed: int) -> None:
-    """Train an algorithm with its defaults."""
+def search(name: str, counter: Counter, seed: int, **settings: Any) -> None:
+    """Train an algorithm with its defaults, but for the settings."""
     env = gym.make(ANT, env_kwargs=ENV_KWARGS)
     evaluator = CountingEvaluator(make_evaluator(env, n_threads=1), counter)
-    find_algorithm(name)(env, seed=seed, evaluator=evaluator, n_threads=1).learn(counter.timesteps)
+    make = partial(find_algorithm(name), env, seed=seed, evaluator=evaluator, n_threads=1)
+    make(**settings).learn(counter.timesteps)
 
 
 def act_at_random(counter: Counter, seed: int) -> None:
@@ -124,6 +125,7 @@ def act_at_random(counter: Counter, seed: int) -> None:
 
 WAYS: dict[str, Callable[[Counter, int], None]] = {
     **{name: partial(search, name) for name in SWEEPS["locomotion"]["algos"]},
+    "NSLC learned": partial(search, "NSLC", behavior="learned"),
     "Uniform actions": act_at_random,
 }
 """What moves the ant in each row."""

@@ -119,6 +119,25 @@ def assert_same_run(one, other):
     assert_same(one.get_parameters(), other.get_parameters())
 
 
+def assert_resumes(path, model, env, *, timesteps=900, **given):
+    """What `load` makes of a saved model goes on as the model itself, in every bit; it is returned.
+
+    Args:
+        path: Where it is saved.
+        model: The model.
+        env: What `load` is given.
+        timesteps: How long both go on.
+        **given: What `load` is given besides.
+    """
+    model.save(path)
+    loaded = type(model).load(path, env=env, **given)
+    assert_same_run(model, loaded)
+    for each in (model, loaded):
+        each.learn(timesteps, reset_num_timesteps=False)
+    assert_same_run(model, loaded)
+    return loaded
+
+
 def latest_checkpoint(folder):
     """The file of a CheckpointCallback with most timesteps, or None."""
     paths = folder.glob("*_steps.zip")
@@ -188,6 +207,11 @@ def assert_same_fixture():
 @pytest.fixture(name="assert_same_run")
 def assert_same_run_fixture():
     return assert_same_run
+
+
+@pytest.fixture(name="assert_resumes")
+def assert_resumes_fixture(tmp_path):
+    return functools.partial(assert_resumes, tmp_path / "model")
 
 
 @pytest.fixture

@@ -111,16 +111,10 @@ def test_it_falls_where_it_is_trained():
 
 class TestAlgorithms:
     @pytest.mark.parametrize("algorithm", CURIOUS)
-    def test_a_run_goes_on_bit_for_bit(
-        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
-    ):
-        uninterrupted = make_model(algorithm, make_easy_maze(), device="cuda").learn(600)
-        uninterrupted.save(tmp_path / "model")
-        resumed = algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cuda")
-        for model in (uninterrupted, resumed):
-            assert model.device.type == "cuda"
-            model.learn(900, reset_num_timesteps=False)
-        assert_same_run(uninterrupted, resumed)
+    def test_a_run_goes_on_bit_for_bit(self, algorithm, make_model, make_easy_maze, assert_resumes):
+        model = make_model(algorithm, make_easy_maze(), device="cuda").learn(600)
+        resumed = assert_resumes(model, make_easy_maze(), device="cuda")
+        assert model.device.type == resumed.device.type == "cuda"
 
     @pytest.mark.parametrize(("begun", "gone_on"), [("cuda", "cpu"), ("cpu", "cuda")])
     @pytest.mark.parametrize("algorithm", CURIOUS)
@@ -153,14 +147,9 @@ class TestAlgorithms:
         observation, _ = make_easy_maze().reset(seed=0)
         assert model.predict(observation)[0].shape == (2,)
 
-    def test_learned_behaviors(self, make_model, make_easy_maze, tmp_path, assert_same_run):
-        settings = {"behavior": "learned", "device": "cuda"}
-        one = make_model(NSLC, make_easy_maze(), **settings).learn(600)
-        one.save(tmp_path / "model")
-        other = NSLC.load(tmp_path / "model", env=make_easy_maze(), device="cuda")
-        for model in (one, other):
-            model.learn(600, reset_num_timesteps=False)
-        assert_same_run(one, other)
+    def test_learned_behaviors(self, make_model, make_easy_maze, assert_resumes):
+        model = make_model(NSLC, make_easy_maze(), behavior="learned", device="cuda").learn(600)
+        assert_resumes(model, make_easy_maze(), device="cuda")
 
 
 class TestStableBaselines:

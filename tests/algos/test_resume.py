@@ -98,47 +98,26 @@ KINDS = [CuriosityES, MAPElites, TD3ICM]
 """An algorithm of each kind, for what is written once for all of its kind."""
 
 
-def test_a_loaded_model_goes_on(algorithm, make_model, make_easy_maze, tmp_path, assert_same_run):
-    uninterrupted = make_model(algorithm, make_easy_maze()).learn(600)
-    uninterrupted.save(tmp_path / "model")
-    resumed = algorithm.load(tmp_path / "model", env=make_easy_maze())
-    for model in (uninterrupted, resumed):
-        model.learn(900, reset_num_timesteps=False)
-    assert_same_run(uninterrupted, resumed)
+def test_a_loaded_model_goes_on(algorithm, make_model, make_easy_maze, assert_resumes):
+    assert_resumes(make_model(algorithm, make_easy_maze()).learn(600), make_easy_maze())
 
 
 @pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
-def test_other_environments_go_on(env_id, make_model, tmp_path, assert_same_run):
-    def make_env():
-        return gym.make(env_id, max_episode_steps=40)
-
-    uninterrupted = make_model(CuriosityES, make_env()).learn(600)
-    uninterrupted.save(tmp_path / "model")
-    resumed = CuriosityES.load(tmp_path / "model", env=make_env())
-    for model in (uninterrupted, resumed):
-        model.learn(900, reset_num_timesteps=False)
-    assert_same_run(uninterrupted, resumed)
+def test_other_environments_go_on(env_id, make_model, assert_resumes):
+    env, other = (gym.make(env_id, max_episode_steps=40) for _ in range(2))
+    assert_resumes(make_model(CuriosityES, env).learn(600), other)
 
 
-def test_the_papers_settings_go_on(make_model, make_maze, tmp_path, assert_same_run):
+def test_the_papers_settings_go_on(make_model, make_maze, assert_resumes):
     settings = {"no_reward": "random", "step": "paper", "bonus_kwargs": {"normalize": False}}
-    uninterrupted = make_model(CuriosityES, make_maze(), **settings).learn(600)
-    uninterrupted.save(tmp_path / "model")
-    resumed = CuriosityES.load(tmp_path / "model", env=make_maze())
-    for model in (uninterrupted, resumed):
-        model.learn(900, reset_num_timesteps=False)
-    assert_same_run(uninterrupted, resumed)
+    assert_resumes(make_model(CuriosityES, make_maze(), **settings).learn(600), make_maze())
 
 
 @pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
-def test_an_adaptive_phi_goes_on(algorithm, make_model, make_maze, tmp_path, assert_same_run):
-    uninterrupted = make_model(algorithm, make_maze(), phi="adaptive").learn(1500)
-    uninterrupted.save(tmp_path / "model")
-    resumed = algorithm.load(tmp_path / "model", env=make_maze())
-    assert resumed._fitness.phi.value < 0.8
-    for model in (uninterrupted, resumed):
-        model.learn(900, reset_num_timesteps=False)
-    assert_same_run(uninterrupted, resumed)
+def test_an_adaptive_phi_goes_on(algorithm, make_model, make_maze, assert_resumes):
+    model = make_model(algorithm, make_maze(), phi="adaptive").learn(1500)
+    assert model._fitness.phi.value < 0.8
+    assert_resumes(model, make_maze())
 
 
 def test_saving_changes_nothing(

@@ -78,14 +78,16 @@ def make_real(env_id):
     return gym.make(env_id, **REAL[env_id])
 
 
-def assert_resumes(algorithm, model, make_env, path, assert_same_run):
-    model.learn(GENERATION).save(path)
-    resumed = algorithm.load(path, env=make_env())
-    assert resumed.observation_space == numeric(make_env().observation_space)
-    for each in (model, resumed):
-        each.learn(GENERATION, reset_num_timesteps=False)
-    assert_same_run(model, resumed)
-    assert model.generation > 1
+@pytest.fixture
+def learn_and_resume(assert_resumes):
+    """Lets a model learn, which goes on then as if it had never been saved."""
+
+    def learn_and_resume(model, env):
+        resumed = assert_resumes(model.learn(GENERATION), env, timesteps=GENERATION)
+        assert resumed.observation_space == numeric(env.observation_space)
+        assert model.generation > 1
+
+    return learn_and_resume
 
 
 def batch_of(space, observations):
@@ -95,12 +97,8 @@ def batch_of(space, observations):
 
 
 class TestEveryAlgorithm:
-    def test_a_run_resumes_in_every_bit(
-        self, algorithm, name, make_model, tmp_path, assert_same_run
-    ):
-        make_env = functools.partial(Toy, name)
-        model = make_model(algorithm, make_env)
-        assert_resumes(algorithm, model, make_env, tmp_path / "model", assert_same_run)
+    def test_a_run_resumes_in_every_bit(self, algorithm, name, make_model, learn_and_resume):
+        learn_and_resume(make_model(algorithm, functools.partial(Toy, name)), Toy(name))
 
     def test_actions_are_the_environments_own(self, algorithm, name, make_model):
         env = Toy(name)
@@ -119,13 +117,9 @@ class TestEveryAlgorithm:
 
 class TestTD3ICM:
     @pytest.mark.parametrize("name", OFF_POLICY)
-    def test_a_run_resumes_in_every_bit(self, name, make_model, tmp_path, assert_same_run):
+    def test_a_run_resumes_in_every_bit(self, name, make_model, assert_resumes):
         model = make_model(TD3ICM, Toy(name), learning_starts=10).learn(25)
-        model.save(tmp_path / "model")
-        resumed = TD3ICM.load(tmp_path / "model", env=Toy(name))
-        for each in (model, resumed):
-            each.learn(25, reset_num_timesteps=False)
-        assert_same_run(model, resumed)
+        resumed = assert_resumes(model, Toy(name), timesteps=25)
         assert model._n_updates == resumed._n_updates > 0
 
     @pytest.mark.parametrize("name", OFF_POLICY)
@@ -242,22 +236,21 @@ class TestGoals:
 
 
 @pytest.mark.parametrize("env_id", ["CliffWalking-v1", "Blackjack-v1"])
-def test_gymnasiums_own(env_id, make_model, tmp_path, assert_same_run):
-    make_env = functools.partial(make_real, env_id)
-    model = make_model(CuriosityES, make_env)
-    assert_resumes(CuriosityES, model, make_env, tmp_path / "model", assert_same_run)
+def test_gymnasiums_own(env_id, make_model, learn_and_resume):
+    model = make_model(CuriosityES, functools.partial(make_real, env_id))
+    learn_and_resume(model, make_real(env_id))
 
 
 @pytest.mark.extra("robotics")
 @pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
-def test_point_maze(algorithm, make_model, tmp_path, assert_same_run):
+def test_point_maze(algorithm, make_model, learn_and_resume):
     make_env = functools.partial(make_real, "PointMaze_UMaze-v3")
     model = make_model(algorithm, make_env, **({"behavior": "final"} if algorithm is NSES else {}))
-    assert_resumes(algorithm, model, make_env, tmp_path / "model", assert_same_run)
+    learn_and_resume(model, make_env())
 
 
 @pytest.mark.extra("robotics")
-def test_td3_learns_in_point_maze(make_model, tmp_path, assert_same_run):
+def test_td3_learns_in_point_maze(make_model, tmp_path):
     make_env = functools.partial(make_real, "PointMaze_UMaze-v3")
     model = make_model(TD3ICM, make_env, learning_starts=20).learn(40)
     model.save(tmp_path / "model")

@@ -174,7 +174,7 @@ def first_trained(bonus):
 @BONUSES
 @pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites])
 def test_a_bonus_of_ones_own_is_trained_and_saved(
-    make_model, make_easy_maze, assert_same_run, tmp_path, algorithm, bonus
+    make_model, make_easy_maze, assert_resumes, tmp_path, algorithm, bonus
 ):
     if algorithm is CuriosityMAPElites and bonus in (E3B, NovelD):
         pytest.skip("these need whole episodes")
@@ -191,11 +191,8 @@ def test_a_bonus_of_ones_own_is_trained_and_saved(
     with pytest.raises(ValueError, match="`bonus` must be given to `load`"):
         algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cpu")
     again = bonus(env.observation_space, env.action_space, seed=6, hidden=9, device="cpu")
-    loaded = algorithm.load(tmp_path / "model", env=make_easy_maze(), device="cpu", bonus=again)
+    loaded = assert_resumes(model, make_easy_maze(), device="cpu", bonus=again)
     assert loaded._motivation.bonus is again
-    for each in (model, loaded):
-        each.learn(500, reset_num_timesteps=False)
-    assert_same_run(model, loaded)
 
 
 def test_a_bonus_is_a_name_or_has_what_is_asked_of_one(make_model, make_easy_maze):

@@ -95,18 +95,12 @@ def test_a_run_is_that_of_pyribs_alone(make, make_model, make_easy_maze, n, asse
 @EVERY_KIND
 @EVERY
 def test_a_loaded_model_goes_on(
-    algorithm, make, make_model, make_easy_maze, tmp_path, assert_same_run, assert_same, n
+    algorithm, make, make_model, make_easy_maze, assert_resumes, assert_same, n
 ):
     one = make_model(algorithm, make_easy_maze(), archive=make(n)).learn(2000)
-    one.save(tmp_path / "model")
     own = make(n, seed=9)
-    other = algorithm.load(tmp_path / "model", env=make_easy_maze(), archive=own)
+    other = assert_resumes(one, make_easy_maze(), timesteps=2000, archive=own)
     assert other.archive is own
-    assert own.stats == one.archive.stats
-    assert_same_run(one, other)
-    for model in (one, other):
-        model.learn(2000, reset_num_timesteps=False)
-    assert_same_run(one, other)
     assert own.stats == one.archive.stats
     assert_same(own.best_elite, one.archive.best_elite)
     assert verify(own, make_easy_maze(), net_arch=[4]).share == 1.0

@@ -167,13 +167,9 @@ class TestSearch:
         search = Climber(n_parameters, seed=0)
         assert self.make(CanonicalES, make_easy_maze(), search=search).learn(500)._search is search
 
-    def test_a_run_with_it_goes_on(self, make_easy_maze, tmp_path, assert_same_run):
+    def test_a_run_with_it_goes_on(self, make_easy_maze, assert_resumes):
         model = self.make(CuriosityES, make_easy_maze(), search=Climber).learn(1000)
-        model.save(tmp_path / "model")
-        loaded = CuriosityES.load(tmp_path / "model", env=make_easy_maze(), search=Climber)
-        for each in (model, loaded):
-            each.learn(1000, reset_num_timesteps=False)
-        assert_same_run(model, loaded)
+        assert_resumes(model, make_easy_maze(), search=Climber)
 
     def test_it_begins_where_it_was_made_to(self, make_easy_maze):
         model = self.make(CanonicalES, make_easy_maze(), search=Climber)

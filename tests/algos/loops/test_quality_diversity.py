@@ -293,26 +293,18 @@ class TestEmitters:
             metrics = model._tell(model.evaluator.evaluate(model._ask(), 0))
             assert {"search/sigma"} & metrics.keys() == keys
 
-    @pytest.mark.parametrize("emitters", [iso_line, gaussian, genetic, strategies, mixed])
+    @pytest.mark.parametrize(
+        ("algorithm", "emitters"),
+        [
+            *[(MAPElites, each) for each in (iso_line, gaussian, genetic, strategies, mixed)],
+            (AURORA, iso_line),
+        ],
+    )
     def test_a_loaded_model_goes_on(
-        self, make_model, make_easy_maze, tmp_path, assert_same_run, emitters
+        self, algorithm, make_model, make_easy_maze, assert_resumes, emitters
     ):
-        one = make_model(MAPElites, make_easy_maze(), emitters=emitters, population_size=56)
-        one.learn(3000).save(tmp_path / "model")
-        other = MAPElites.load(tmp_path / "model", make_easy_maze(), emitters=emitters)
-        for model in (one, other):
-            model.learn(3000, reset_num_timesteps=False)
-        assert_same_run(one, other)
-
-    def test_of_any_algorithm_a_loaded_model_goes_on(
-        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
-    ):
-        one = make_model(algorithm, make_easy_maze(), emitters=iso_line, population_size=9)
-        one.learn(2000).save(tmp_path / "model")
-        other = algorithm.load(tmp_path / "model", env=make_easy_maze(), emitters=iso_line)
-        for model in (one, other):
-            model.learn(2000, reset_num_timesteps=False)
-        assert_same_run(one, other)
+        model = make_model(algorithm, make_easy_maze(), emitters=emitters, population_size=56)
+        assert_resumes(model.learn(3000), make_easy_maze(), timesteps=3000, emitters=emitters)
 
     def test_load_takes_them_again(self, make_model, make_maze, tmp_path):
         make_model(MAPElites, make_maze(), emitters=mixed, population_size=15).save(
@@ -470,17 +462,11 @@ class TestArchive:
         model.learn(6 * 50)
         assert own.verify(make_maze(layout="snake")).share == 1.0
 
-    def test_a_loaded_model_goes_on(
-        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
-    ):
-        own = [make_own(algorithm, make_model, make_easy_maze) for _ in range(2)]
-        one = make_model(algorithm, make_easy_maze(), archive=own[0]).learn(2000)
-        one.save(tmp_path / "model")
-        other = algorithm.load(tmp_path / "model", env=make_easy_maze(), archive=own[1])
-        assert other.archive is own[1]
-        for model in (one, other):
-            model.learn(2000, reset_num_timesteps=False)
-        assert_same_run(one, other)
+    def test_a_loaded_model_goes_on(self, algorithm, make_model, make_easy_maze, assert_resumes):
+        own, other = (make_own(algorithm, make_model, make_easy_maze) for _ in range(2))
+        model = make_model(algorithm, make_easy_maze(), archive=own).learn(2000)
+        loaded = assert_resumes(model, make_easy_maze(), timesteps=2000, archive=other)
+        assert loaded.archive is other
 
     def test_load_takes_it_again(self, make_model, make_maze, tmp_path):
         own, other = (make_own(MAPElites, make_model, make_maze, n_cells=n) for n in (3, 4))

@@ -10,6 +10,7 @@ import cloudpickle
 import numpy as np
 import pytest
 import torch as th
+from saved_files import rewrite
 from stable_baselines3.common.save_util import load_from_zip_file
 
 from curiosity_algos import (
@@ -67,14 +68,9 @@ def marker(tmp_path):
     return tmp_path / "marker"
 
 
-def rewrite(path, name, change):
+def rewrite_member(path, name, change):
     """Give one member of a zip the content that `change` makes of its own, None: nothing."""
-    with zipfile.ZipFile(path) as archive:
-        members = {each: archive.read(each) for each in archive.namelist()}
-    members[name] = change(members.get(name))
-    with zipfile.ZipFile(path, "w") as archive:
-        for each, content in members.items():
-            archive.writestr(each, content)
+    rewrite(path, lambda members: members | {name: change(members.get(name))})
 
 
 def with_attributes(**attributes):
@@ -100,7 +96,7 @@ def test_nothing_in_a_file_is_pickled(algorithm, make_model, make_maze, path):
 
 @pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
 def test_hidden_code_does_not_run(saved, algorithm, path, marker):
-    rewrite(path, "data", with_attributes(tensorboard_log=pickled(Payload(marker))))
+    rewrite_member(path, "data", with_attributes(tensorboard_log=pickled(Payload(marker))))
     with pytest.raises(ValueError, match=r"`tensorboard_log` must be given .*allow_pickle=True"):
         algorithm.load(path)
     assert not marker.exists()
@@ -110,7 +106,7 @@ def test_hidden_code_does_not_run(saved, algorithm, path, marker):
 
 @pytest.mark.parametrize("how", ["keyword", "custom_objects"])
 def test_what_is_given_is_not_unpickled(saved, algorithm, path, marker, how):
-    rewrite(path, "data", with_attributes(tensorboard_log=pickled(Payload(marker))))
+    rewrite_member(path, "data", with_attributes(tensorboard_log=pickled(Payload(marker))))
     given = {"tensorboard_log": "runs"}
     keywords = given if how == "keyword" else {"custom_objects": given}
     assert algorithm.load(path, **keywords).tensorboard_log == "runs"
@@ -119,7 +115,7 @@ def test_what_is_given_is_not_unpickled(saved, algorithm, path, marker, how):
 
 @pytest.mark.parametrize("name", ["policy.pth", "pytorch_variables.pth"])
 def test_code_among_the_tensors_never_runs(saved, algorithm, path, marker, name):
-    rewrite(path, name, lambda content: pickle.dumps(Payload(marker)))
+    rewrite_member(path, name, lambda content: pickle.dumps(Payload(marker)))
     for allow_pickle in (False, True):
         with pytest.raises(ValueError, match="holds more than tensors and plain values"):
             algorithm.load(path, allow_pickle=allow_pickle)
@@ -131,7 +127,7 @@ def test_code_among_the_tensors_never_runs(saved, algorithm, path, marker, name)
 def test_no_module_is_imported(saved, algorithm, path, tmp_path, marker, monkeypatch):
     (tmp_path / "evil.py").write_text(f"open({str(marker)!r}, 'w')")
     monkeypatch.syspath_prepend(tmp_path)
-    rewrite(path, "data", with_attributes(env="evil:CuriosityMaze-Hard-v0"))
+    rewrite_member(path, "data", with_attributes(env="evil:CuriosityMaze-Hard-v0"))
     with pytest.raises(ValueError, match=r"must be a saved .* is damaged"):
         algorithm.load(path)
     assert not marker.exists()
@@ -152,7 +148,7 @@ def test_no_module_is_imported(saved, algorithm, path, tmp_path, marker, monkeyp
     ids=lambda attributes: next(iter(attributes)),
 )
 def test_damaged_attributes_are_an_error(saved, algorithm, path, attributes):
-    rewrite(path, "data", with_attributes(**attributes))
+    rewrite_member(path, "data", with_attributes(**attributes))
     with pytest.raises(ValueError, match=f"must be a saved {algorithm.__name__}, .* is damaged"):
         algorithm.load(path)
 
@@ -173,7 +169,7 @@ def nested(data):
     ],
 )
 def test_damaged_members_are_an_error(saved, algorithm, path, name, change):
-    rewrite(path, name, change)
+    rewrite_member(path, name, change)
     with pytest.raises(ValueError, match=f"must be a saved {algorithm.__name__}"):
         algorithm.load(path)
 
@@ -188,7 +184,7 @@ def test_zips_of_other_kinds_are_an_error(saved, algorithm, path, offset, value)
 
 
 def test_the_device_is_that_of_load(saved, algorithm, path):
-    rewrite(path, "data", with_attributes(device="nodevice"))
+    rewrite_member(path, "data", with_attributes(device="nodevice"))
     assert algorithm.load(path, device="cpu").device == th.device("cpu")
 
 
@@ -196,13 +192,13 @@ def test_missing_attributes_are_an_error(saved, algorithm, path):
     def without(data):
         return json.dumps({k: v for k, v in json.loads(data).items() if k != "observation_space"})
 
-    rewrite(path, "data", without)
+    rewrite_member(path, "data", without)
     with pytest.raises(ValueError, match="is damaged"):
         algorithm.load(path)
 
 
 def test_an_unknown_policy_is_an_error(saved, algorithm, path):
-    rewrite(path, "data", with_attributes(policy_class="os.system"))
+    rewrite_member(path, "data", with_attributes(policy_class="os.system"))
     with pytest.raises(ValueError, match="`policy` must be one of MlpPolicy"):
         algorithm.load(path)
 

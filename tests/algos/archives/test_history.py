@@ -1,8 +1,6 @@
-import io
-
 import numpy as np
 import pytest
-import torch as th
+from saved_files import through_a_file
 
 from curiosity_algos.archives.history import COLUMNS, ArchiveHistory
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -61,10 +59,7 @@ def test_columns_are_copies():
 @pytest.mark.parametrize("n", [0, 3])
 def test_a_state_goes_on(n, assert_same):
     one, other = make_history(n), make_history(2)
-    file = io.BytesIO()
-    th.save(one.state_dict(), file)
-    file.seek(0)
-    other.load_state_dict(th.load(file, weights_only=True))
+    other.load_state_dict(through_a_file(one.state_dict()))
     for history in (one, other):
         history.record(5, make_archive().stats)
     assert len(other) == n + 1

@@ -1,5 +1,4 @@
 import copy
-import io
 import math
 
 import numpy as np
@@ -7,6 +6,7 @@ import pytest
 import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from saved_files import through_a_file
 
 from curiosity_algos.archives.trajectory_encoder import EvenStates, TrajectoryEncoder
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -215,13 +215,6 @@ class TestEncoding:
         before = encoder.encode(states)
         encoder.encode(1000.0 * states)
         np.testing.assert_array_equal(encoder.encode(states), before)
-
-
-def through_a_file(state):
-    file = io.BytesIO()
-    th.save(state, file)
-    file.seek(0)
-    return th.load(file, weights_only=True)
 
 
 class TestStates:

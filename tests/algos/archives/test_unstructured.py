@@ -1,13 +1,12 @@
 """The oracles are plain Python: what the docstrings say, with lists and loops."""
 
-import io
 import math
 
 import numpy as np
 import pytest
-import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from saved_files import through_a_file
 
 from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED
 from curiosity_algos.archives.unstructured import UnstructuredArchive, _drop_closest
@@ -420,18 +419,12 @@ class TestFiles:
 
 
 class TestStates:
-    def through_a_file(self, state):
-        file = io.BytesIO()
-        th.save(state, file)
-        file.seek(0)
-        return th.load(file, weights_only=True)
-
     @pytest.mark.parametrize("n_batches", [0, 1, 2, 6])
     def test_a_stream_goes_on_in_every_bit(self, n_batches, assert_same):
         one = make_full(n_batches=n_batches, target_size=20)
         other = make_archive(target_size=20, seed=1, extra_fields=EXTRA)
         other.add(**make_batch(40, 77))
-        other.load_state_dict(self.through_a_file(one.state_dict()))
+        other.load_state_dict(through_a_file(one.state_dict()))
         assert other.threshold == one.threshold
         assert_same_elites(one, other)
         for number in range(100, 106):

@@ -1,13 +1,12 @@
-import errno
 import io
 import json
-import os
 import zipfile
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from saved_files import no_space
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -150,37 +149,35 @@ def test_numpy_alone_reads_it(tmp_path):
     assert arrays["solution"].dtype == np.float32
 
 
-class TestFailedWrites:
-    """Whenever the disk fills up, the old file survives and nothing else remains."""
+def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "elites.npz"
+    make_archive().save(path)
+    before = path.read_bytes()
 
-    @pytest.fixture
-    def old(self, tmp_path):
-        make_archive().save(tmp_path / "elites.npz")
-        return tmp_path / "elites.npz", (tmp_path / "elites.npz").read_bytes()
+    def write_half(file, **arrays):
+        file.write(b"half of an archive")
+        no_space()
 
-    def assert_survives(self, old):
-        path, before = old
-        with pytest.raises(OSError, match="No space left"):
-            make_archive(70).save(path)
-        assert path.read_bytes() == before
-        assert list(path.parent.iterdir()) == [path]
+    monkeypatch.setattr(np, "savez", write_half)
+    with pytest.raises(OSError, match="No space left"):
+        make_archive(70).save(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
-    @staticmethod
-    def no_space(*arguments):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    @pytest.mark.parametrize("step", ["fsync", "replace"])
-    def test_at_the_end(self, old, monkeypatch, step):
-        monkeypatch.setattr(os, step, self.no_space)
-        self.assert_survives(old)
+def as_npy(array):
+    """The bytes of a file of numpy's that holds an array."""
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
 
-    def test_while_it_is_written(self, old, monkeypatch):
-        def write_half(file, **arrays):
-            file.write(b"half of an archive")
-            self.no_space()
 
-        monkeypatch.setattr(np, "savez", write_half)
-        self.assert_survives(old)
+def header_of(shape):
+    """How such a file begins, whatever follows."""
+    file = io.BytesIO()
+    header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    return file.getvalue()
 
 
 class TestWrongFiles:
@@ -191,7 +188,8 @@ class TestWrongFiles:
 
     def refuse(self, path):
         with pytest.raises(
-            ValueError, match=r"`path` must be a saved SparseGridArchive, .* is not a whole file"
+            ValueError,
+            match=r"`path` must be a saved SparseGridArchive, .* is not a whole file of this pack",
         ):
             SparseGridArchive.load(path)
 
@@ -228,9 +226,18 @@ class TestWrongFiles:
         path.write_bytes(content)
         self.refuse(path)
 
-    def test_one_that_was_compressed(self, path):
-        with np.load(path) as file:
-            np.savez_compressed(path, **file)
+    @pytest.mark.parametrize(
+        ("name", "content", "compression"),
+        [
+            ("note", b"text", zipfile.ZIP_STORED),
+            ("huge.npy", header_of((2**50,)), zipfile.ZIP_STORED),
+            ("bomb.npy", as_npy(np.zeros(2**14)), zipfile.ZIP_DEFLATED),
+        ],
+        ids=["no array", "too large for any memory", "unpacks to much more"],
+    )
+    def test_one_with_a_member_that_is_not_ours(self, path, name, content, compression):
+        with zipfile.ZipFile(path, "a", compression) as file:
+            file.writestr(name, content)
         self.refuse(path)
 
     def test_a_foreign_one(self, tmp_path):
@@ -267,7 +274,7 @@ class TestWrongFiles:
     def test_one_that_would_run_code(self, path):
         rewrite(path, seed=np.array([print] * 5, dtype=object))
         self.refuse(path)
-        path.write_bytes(_pickled())
+        path.write_bytes(as_npy(np.array([print], dtype=object)))
         self.refuse(path)
 
     def test_one_of_another_class(self, path, tmp_path):
@@ -284,12 +291,6 @@ class TestWrongFiles:
     def test_no_class_in_particular(self, path):
         with pytest.raises(ValueError, match="`path` must be a saved EliteArchive"):
             EliteArchive.load(path)
-
-
-def _pickled():
-    file = io.BytesIO()
-    np.save(file, np.array([print], dtype=object))
-    return file.getvalue()
 
 
 def make_unstructured(n=12):
@@ -428,33 +429,6 @@ class TestDamagedContent:
             settings["dims"] = [10**9, 10**9]
 
         self.refuse(make_archive, tmp_path / "elites.npz", edit, "cells of another")
-
-    def test_members_that_are_no_arrays(self, tmp_path):
-        make_archive(5).save(tmp_path / "elites.npz")
-        with zipfile.ZipFile(tmp_path / "elites.npz", "a") as file:
-            file.writestr("note", b"text")
-        with pytest.raises(ValueError, match="is not a whole file of this package"):
-            SparseGridArchive.load(tmp_path / "elites.npz")
-
-    def test_members_that_unpack_to_much_more_are_not_read(self, tmp_path):
-        path = tmp_path / "elites.npz"
-        make_archive(5).save(path)
-        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
-            content = io.BytesIO()
-            np.save(content, np.zeros(2**21))
-            file.writestr("bomb.npy", content.getvalue())
-        with pytest.raises(ValueError, match="is not a whole file of this package"):
-            SparseGridArchive.load(path)
-
-    def test_arrays_too_large_for_any_memory(self, tmp_path):
-        make_archive(5).save(tmp_path / "elites.npz")
-        header = io.BytesIO()
-        shape = {"descr": "<f8", "fortran_order": False, "shape": (2**50,)}
-        np.lib.format.write_array_header_1_0(header, shape)
-        with zipfile.ZipFile(tmp_path / "elites.npz", "a") as file:
-            file.writestr("huge.npy", header.getvalue())
-        with pytest.raises(ValueError, match="is not a whole file of this package"):
-            SparseGridArchive.load(tmp_path / "elites.npz")
 
 
 VALUES = st.recursive(

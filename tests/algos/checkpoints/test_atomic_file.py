@@ -1,17 +1,18 @@
-import errno
 import os
 import socket
 import subprocess
 import sys
 
 import pytest
+from saved_files import no_space
 
 from curiosity_algos.checkpoints import atomic_file as module
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 
 
-def no_space(*arguments, **kwargs):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+def save(path):
+    with atomic_file(path) as file:
+        file.write(b"new")
 
 
 class TestAtomicFile:
@@ -39,6 +40,16 @@ class TestAtomicFile:
         assert path.read_bytes() == b"old"
         assert list(tmp_path.iterdir()) == [path]
 
+    @pytest.mark.parametrize("step", ["fsync", "replace"])
+    def test_a_disk_that_fills_up_leaves_it_alone_too(self, tmp_path, monkeypatch, step):
+        path = tmp_path / "file.zip"
+        path.write_bytes(b"old")
+        monkeypatch.setattr(os, step, no_space)
+        with pytest.raises(OSError, match="No space left"):
+            save(path)
+        assert path.read_bytes() == b"old"
+        assert list(tmp_path.iterdir()) == [path]
+
 
 class TestStaleFiles:
     """What killed saves have left beside a file."""
@@ -50,10 +61,6 @@ class TestStaleFiles:
         process.wait()
         return process.pid
 
-    def save(self, path):
-        with atomic_file(path) as file:
-            file.write(b"new")
-
     def test_a_killed_save_is_cleared_up(self, tmp_path):
         path = tmp_path / "file.[1].zip"
         code = f"""
@@ -64,7 +71,7 @@ with atomic_file({str(path)!r}) as file:
 """
         subprocess.run([sys.executable, "-c", code], check=False)
         assert len(list(tmp_path.iterdir())) == 1
-        self.save(path)
+        save(path)
         assert list(tmp_path.iterdir()) == [path]
 
     def test_those_of_others_stay(self, tmp_path, gone):
@@ -79,7 +86,7 @@ with atomic_file({str(path)!r}) as file:
         for name in names:
             (tmp_path / name).touch()
         (tmp_path / f".file.zip.{host}.{gone}.tmp").touch()
-        self.save(tmp_path / "file.zip")
+        save(tmp_path / "file.zip")
         assert {path.name for path in tmp_path.iterdir()} == {*names, "file.zip"}
 
     def test_a_full_disk_gets_the_room_back_first(self, tmp_path, gone, monkeypatch):
@@ -87,7 +94,7 @@ with atomic_file({str(path)!r}) as file:
         stale.touch()
         monkeypatch.setattr(os, "fsync", no_space)
         with pytest.raises(OSError, match="No space left"):
-            self.save(tmp_path / "file.zip")
+            save(tmp_path / "file.zip")
         assert list(tmp_path.iterdir()) == []
 
     def test_processes_of_others_run(self, monkeypatch):

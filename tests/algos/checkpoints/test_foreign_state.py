@@ -1,9 +1,7 @@
-import io
-
 import numpy as np
 import pytest
-import torch as th
 from ribs.emitters import EvolutionStrategyEmitter, GaussianEmitter, IsoLineEmitter
+from saved_files import through_a_file
 
 from curiosity_algos.algorithms.cma_me import STRATEGIES
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -89,13 +87,6 @@ def live(emitter, n_generations):
         emitter.tell(solution, objective, solution[:, :2], info)
         emitted.append(solution)
     return emitted
-
-
-def through_a_file(state):
-    file = io.BytesIO()
-    th.save(state, file)
-    file.seek(0)
-    return th.load(file, weights_only=True)
 
 
 class TestEmitters:

@@ -1,7 +1,5 @@
-import errno
 import io
 import json
-import os
 import warnings
 import zipfile
 from inspect import signature
@@ -9,6 +7,7 @@ from inspect import signature
 import gymnasium as gym
 import numpy as np
 import pytest
+from saved_files import no_space, rewrite
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -23,46 +22,25 @@ def algorithm(request):
     return request.param
 
 
-def no_space(*arguments, **kwargs):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
 def test_names_get_stable_baselines_suffix(tmp_path):
     assert checkpoint_path("model").name == "model.zip"
     assert checkpoint_path(tmp_path / "model.best") == tmp_path / "model.best"
 
 
-class TestFullDisk:
-    """Whenever the disk fills up, the old checkpoint survives and nothing else remains."""
+def test_a_full_disk_leaves_the_old_checkpoint(make_model, make_maze, tmp_path, monkeypatch):
+    model, path = make_model(CanonicalES, make_maze()).learn(1), tmp_path / "model.zip"
+    model.save(path)
+    before = path.read_bytes()
 
-    @pytest.fixture
-    def saved(self, make_model, make_maze, tmp_path):
-        model = make_model(CanonicalES, make_maze()).learn(1)
-        model.save(tmp_path / "model")
-        return model.learn(1), tmp_path / "model.zip", (tmp_path / "model.zip").read_bytes()
+    def write_half(file, **kwargs):
+        file.write(b"half of a checkpoint")
+        no_space()
 
-    def assert_survives(self, saved):
-        model, path, before = saved
-        with pytest.raises(OSError, match="No space left"):
-            model.save(path)
-        assert path.read_bytes() == before
-        assert list(path.parent.iterdir()) == [path]
-
-    def test_while_it_is_flushed(self, saved, monkeypatch):
-        monkeypatch.setattr(os, "fsync", no_space)
-        self.assert_survives(saved)
-
-    def test_while_it_is_written(self, saved, monkeypatch):
-        def write_half(file, **kwargs):
-            file.write(b"half of a checkpoint")
-            no_space()
-
-        monkeypatch.setattr(checkpoint, "save_to_zip_file", write_half)
-        self.assert_survives(saved)
-
-    def test_while_it_is_renamed(self, saved, monkeypatch):
-        monkeypatch.setattr(os, "replace", no_space)
-        self.assert_survives(saved)
+    monkeypatch.setattr(checkpoint, "save_to_zip_file", write_half)
+    with pytest.raises(OSError, match="No space left"):
+        model.learn(1).save(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
 
 class TestWhatCouldNotBeRead:
@@ -150,15 +128,6 @@ class TestWrongFiles:
         ):
             CuriosityES.load(tmp_path / "model")
         check_is_checkpoint(tmp_path / "model", "CanonicalES")
-
-
-def rewrite(path, change, compression=zipfile.ZIP_STORED):
-    """Give a zip the members that `change` makes of its own, a dictionary of name: content."""
-    with zipfile.ZipFile(path) as archive:
-        members = {each: archive.read(each) for each in archive.namelist()}
-    with zipfile.ZipFile(path, "w", compression) as archive:
-        for name, content in change(members).items():
-            archive.writestr(name, content)
 
 
 class Strict:

@@ -1,4 +1,3 @@
-import io
 import json
 import random
 
@@ -8,6 +7,7 @@ import torch as th
 from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
+from saved_files import through_a_file
 
 from curiosity_algos.common.randomness import (
     EpisodeSeeds,
@@ -109,13 +109,12 @@ class TestGlobalGenerators:
 
     @pytest.mark.parametrize("n_drawn", [0, 1, 700])
     def test_states_are_taken_within_and_without(self, make, n_drawn):
-        generators, other, file = make(), make(1), io.BytesIO()
+        generators, other = make(), make(1)
         with generators.lent():
             np.random.standard_normal(n_drawn)  # noqa: NPY002  odd numbers leave one behind
-            th.save(generators.state_dict(), file)
+            state = through_a_file(generators.state_dict())
             expected = np.random.standard_normal(), self.draw()  # noqa: NPY002
-        file.seek(0)
-        other.load_state_dict(th.load(file, weights_only=True))
+        other.load_state_dict(state)
         after = generators.state_dict()
         with other.lent():
             assert (np.random.standard_normal(), self.draw()) == expected  # noqa: NPY002

@@ -1,5 +1,4 @@
 import copy
-import io
 from contextlib import nullcontext
 from itertools import pairwise
 
@@ -11,6 +10,7 @@ import sb3_contrib
 import stable_baselines3
 import torch as th
 from gymnasium import spaces
+from saved_files import through_a_file
 from stable_baselines3.common.buffers import DictReplayBuffer, ReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
@@ -281,14 +281,12 @@ def test_the_bonus_sees_actions_as_the_environment_takes_them():
 class TestState:
     @pytest.mark.parametrize("n_added", [0, 2, 3, 5])
     def test_draws_and_additions_go_on(self, n_added):
-        buffer, other, file = make_buffer(3), make_buffer(3, seed=1), io.BytesIO()
+        buffer, other = make_buffer(3), make_buffer(3, seed=1)
         for x in range(n_added):
             add(buffer, x, reward=x, done=x % 2, truncated=x % 3 == 0)
         if n_added:
             buffer.sample(5)
-        th.save(buffer.state_dict(), file)
-        file.seek(0)
-        other.load_state_dict(th.load(file, weights_only=True))
+        other.load_state_dict(through_a_file(buffer.state_dict()))
         for each in (buffer, other):
             for x in range(7, 9):
                 add(each, x)

@@ -1,0 +1,30 @@
+"""What becomes of states and zips on a disk: one that is read, changed, or full."""
+
+import errno
+import io
+import os
+import zipfile
+
+import torch as th
+
+
+def through_a_file(state):
+    """A state as it is read again, without any code that a file may hold."""
+    file = io.BytesIO()
+    th.save(state, file)
+    file.seek(0)
+    return th.load(file, weights_only=True)
+
+
+def rewrite(path, change, compression=zipfile.ZIP_STORED):
+    """Give a zip the members that `change` makes of its own, a dictionary of name: content."""
+    with zipfile.ZipFile(path) as archive:
+        members = {each: archive.read(each) for each in archive.namelist()}
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        for name, content in change(members).items():
+            archive.writestr(name, content)
+
+
+def no_space(*arguments, **kwargs):
+    """Fails as what writes to a full disk."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -184,14 +184,15 @@ class TestSeeds:
         with pytest.raises(AssertionError):
             assert_same(one.get_parameters(), other.get_parameters())
 
-    @pytest.mark.parametrize("any_algorithm", KINDS)
-    def test_global_generators_stay(self, any_algorithm, make_model, make_easy_maze, tmp_path):
-        model = make_model(any_algorithm, make_easy_maze())
-        model.save(tmp_path / "model")
+    def test_global_settings_stay(self, any_algorithm, make_model, make_easy_maze, tmp_path):
+        th.set_num_threads(2)
         random.seed(3), np.random.seed(3), th.manual_seed(3)  # noqa: NPY002
         before = random.getstate(), np.random.get_state(), th.get_rng_state()  # noqa: NPY002
+        model = make_model(any_algorithm, make_easy_maze()).learn(1000)
+        model.save(tmp_path / "model")
         model.set_random_seed(7)
         any_algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=7)
+        assert th.get_num_threads() == 2
         assert random.getstate() == before[0]
         np.testing.assert_equal(np.random.get_state(), before[1])  # noqa: NPY002
         assert th.equal(th.get_rng_state(), before[2])

@@ -134,15 +134,6 @@ class TestSettings:
             with pytest.raises(ValueError, match=f"`{name}` must be"):
                 make(make_maze(), **{name: value})
 
-    def test_numbers_of_numpy_are_numbers(self, make, make_maze):
-        numbers = {"batch_size": np.int64(8), "n_updates": np.int64(2), "weight": np.float64(0.5)}
-        model = make(make_maze(), **numbers, seed=np.int64(3)).learn(100)
-        assert {type(getattr(model, name)) for name in numbers} == {int, float}
-
-    def test_callbacks_are_objects(self, make, make_maze):
-        with pytest.raises(ValueError, match="`callback` must be"):
-            make(make_maze()).learn(10, callback=[print])
-
     def test_the_papers_learning_rate_is_no_more_than_a_default(self, make, make_maze):
         model = make(make_maze(), bonus="rnd", bonus_kwargs={"learning_rate": 0.01})
         assert model._bonus.name == "rnd"

@@ -4,10 +4,8 @@ import csv
 import dataclasses
 import functools
 import gc
-import random
 import time
 import weakref
-from inspect import signature
 
 import gymnasium as gym
 import numpy as np
@@ -243,17 +241,6 @@ class TestDeterminism:
         several = make_model(algorithm, SyncVectorEnv([make] * 4)).learn(400)
         assert_same_run(single, several)
 
-    @EVERY
-    def test_global_settings_stay(self, algorithm, make_model, make_easy_maze):
-        th.set_num_threads(2)
-        random.seed(3), np.random.seed(3), th.manual_seed(3)  # noqa: NPY002
-        before = random.getstate(), np.random.get_state(), th.get_rng_state()  # noqa: NPY002
-        make_model(algorithm, make_easy_maze()).learn(1000)
-        assert th.get_num_threads() == 2
-        assert random.getstate() == before[0]
-        np.testing.assert_equal(np.random.get_state(), before[1])  # noqa: NPY002
-        assert th.equal(th.get_rng_state(), before[2])
-
 
 class TestPredict:
     def test_one_observation_or_a_batch(self, algorithm, make_model, make_maze):
@@ -396,11 +383,6 @@ class TestEnvs:
 
 
 class TestArguments:
-    def test_stable_baselines_order_gets_one_sentence(self, make_maze):
-        for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD), ("CnnPolicy", HARD)]:
-            with pytest.raises(ValueError, match=r"CanonicalES\(env, policy="):
-                CanonicalES(*arguments)
-
     def test_the_policy_goes_by_keyword(self, algorithm, make_model, make_maze):
         settings = {"policy": "MlpPolicy", "policy_kwargs": {"net_arch": [3, 2]}}
         model = make_model(algorithm, make_maze(), **settings)
@@ -429,43 +411,10 @@ class TestArguments:
             with pytest.raises(ValueError, match=f"`{name}` m"):
                 make_model(algorithm, make_maze(), **{name: value})
 
-    @EVERY
-    def test_numbers_of_numpy_are_numbers(self, algorithm, make_model, make_easy_maze):
-        settings = make_model(algorithm, make_easy_maze()).__dict__
-        numbers = {
-            name: np.asarray(value)[()]
-            for name, value in settings.items()
-            if type(value) in (int, float) and name in signature(algorithm).parameters
-        }
-        model = make_model(algorithm, make_easy_maze(), **numbers).learn(1000)
-        assert not [name for name in numbers if isinstance(getattr(model, name), np.generic)]
-
-    def test_an_env_is_needed(self):
-        for env in (None, 3, spaces.Discrete(2)):
-            with pytest.raises(ValueError, match="`env` must be an environment id"):
-                CanonicalES(env)
-
     def test_the_user_keeps_their_dictionaries(self, make_model, make_maze):
         policy_kwargs = {"net_arch": [4]}
         make_model(CanonicalES, make_maze(), policy_kwargs=policy_kwargs).learn(1)
         assert policy_kwargs == {"net_arch": [4]}
-
-
-class TestLearningArguments:
-    @pytest.mark.parametrize(
-        ("name", "values"),
-        [
-            ("total_timesteps", [-1, float("nan"), float("inf"), -1e-9, "1"]),
-            ("log_interval", [0, 1.5, "1"]),
-            ("callback", [3, "eval", EvalCallback, [print], {}]),
-        ],
-    )
-    def test_errors_name_them(self, make_model, make_maze, name, values):
-        model = make_model(CanonicalES, make_maze())
-        for value in values:
-            with pytest.raises(ValueError, match=f"`{name}` must be"):
-                model.learn(**({"total_timesteps": 10} | {name: value}))
-        assert model.num_timesteps == 0
 
 
 class TestParameters:

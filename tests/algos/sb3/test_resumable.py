@@ -2,10 +2,12 @@ import inspect
 import re
 
 import gymnasium as gym
+import numpy as np
 import pytest
+from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos import CMAME, NSES, TD3ICM, CuriosityES
+from curiosity_algos import CMAME, NSES, TD3ICM, CanonicalES, CuriosityES
 
 HARD = "CuriosityMaze-Hard-v0"
 
@@ -21,6 +23,43 @@ class TestSignatures:
         twin = any_algorithm(make_easy_maze())
         for name in defaults.keys() & vars(model).keys() - {"policy", "evaluator", "action_noise"}:
             assert getattr(model, name) == getattr(twin, name) or name == "archive"
+
+    def test_stable_baselines_order_gets_one_sentence(self, any_algorithm, make_maze):
+        for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD), ("CnnPolicy", HARD)]:
+            with pytest.raises(ValueError, match=rf"{any_algorithm.__name__}\(env, policy="):
+                any_algorithm(*arguments)
+
+    def test_an_env_is_needed(self, any_algorithm):
+        for env in (None, 3, gym.spaces.Discrete(2)):
+            with pytest.raises(ValueError, match="`env` must be an environment id"):
+                any_algorithm(env)
+
+    def test_numbers_of_numpy_are_numbers(self, any_algorithm, make_model, make_easy_maze):
+        settings = make_model(any_algorithm, make_easy_maze()).__dict__
+        numbers = {
+            name: np.asarray(value)[()]
+            for name, value in settings.items()
+            if type(value) in (int, float) and name in inspect.signature(any_algorithm).parameters
+        }
+        assert {"seed", "learning_rate"} & numbers.keys()
+        model = make_model(any_algorithm, make_easy_maze(), **numbers).learn(1000)
+        assert not [name for name in numbers if isinstance(getattr(model, name), np.generic)]
+
+    @pytest.mark.parametrize("algorithm", [CanonicalES, TD3ICM])
+    @pytest.mark.parametrize(
+        ("name", "values"),
+        [
+            ("total_timesteps", [-1, float("nan"), float("inf"), -1e-9, "1"]),
+            ("log_interval", [0, 1.5, "1"]),
+            ("callback", [3, "eval", EvalCallback, [print], {}]),
+        ],
+    )
+    def test_errors_name_what_learn_is_given(self, algorithm, make_model, make_maze, name, values):
+        model = make_model(algorithm, make_maze())
+        for value in values:
+            with pytest.raises(ValueError, match=f"`{name}` must be"):
+                model.learn(**({"total_timesteps": 10} | {name: value}))
+        assert model.num_timesteps == 0
 
     def test_parents_keywords_come_after_ones_own(self):
         strategy = {"population_size", "n_parents", "sigma", "learning_rate", "step", "search"}

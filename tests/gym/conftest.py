@@ -1,4 +1,7 @@
-"""What the tests of both vector environments share: equality in every bit, and a plain loop."""
+"""Equality in every bit, a plain loop over vector environments, and both ways to copy something."""
+
+import copy
+import pickle
 
 import numpy as np
 import pytest
@@ -35,6 +38,14 @@ def run(envs, actions):
         if envs.metadata["autoreset_mode"] == AutoresetMode.DISABLED and ended.any():
             results.append(envs.reset(options={"reset_mask": ended.copy()}))
     return results
+
+
+@pytest.fixture(
+    params=[copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))], ids=["copy", "pickle"]
+)
+def duplicate(request):
+    """Makes a copy of an object."""
+    return request.param
 
 
 @pytest.fixture(name="assert_identical")

@@ -1,9 +1,10 @@
-"""Programs of the documentation and the examples, shortened and run as users run them."""
+"""Programs in processes of their own: the documentation's, shortened, and those of tests."""
 
 import multiprocessing
 import os
 import re
 import runpy
+import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +15,19 @@ def cut_budgets(program):
     """The program with a budget of 1e3 and episodes of 100 steps, as a test is no training run."""
     program = re.sub(r"\b\d+(\.\d+)?e[45678]\b", "1e3", program)
     return re.sub(r"\b(max_episode_steps|horizon)=1000\b", r"\1=100", program)
+
+
+def run_python(code, **given):
+    """What a fresh interpreter prints, to which warnings are errors.
+
+    Args:
+        code: The program.
+        **given: Further keywords of `subprocess.run`.
+    """
+    command = [sys.executable, "-W", "error", "-c", code]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, **given)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
 
 
 def run_script(script, folder, arguments=()):

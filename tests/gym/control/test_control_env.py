@@ -1,14 +1,9 @@
-import copy
-import pickle
-import subprocess
-import sys
-import warnings
-
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
+from scripts import run_python
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from curiosity_gym.control.control_env import ControlEnv
@@ -19,15 +14,9 @@ from curiosity_gym.registration import SPECS
 pytestmark = pytest.mark.extra("control")
 
 IDS = {spec["kwargs"]["task"]: env_id for env_id, spec in SPECS.items() if "Control" in env_id}
+INFINITE = "error", "ignore:.*observation space (min|max)imum value is.*inf"
+"""What Gymnasium's check says of positions and speeds is no error."""
 SIZES = {"ball_in_cup": (8, 2, 4, 50), "finger": (12, 2, 3, 50), "stacker": (42, 5, 2, 100)}
-
-
-def run_python(code):
-    """What a fresh interpreter prints."""
-    command = [sys.executable, "-W", "error", "-c", code]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert result.returncode == 0, result.stderr
-    return result.stdout
 
 
 def test_every_task_has_its_id():
@@ -35,16 +24,12 @@ def test_every_task_has_its_id():
 
 
 class TestEveryTask:
-    def test_passes_gymnasiums_checks(self, name):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            warnings.filterwarnings("ignore", r".*observation space (min|max)imum value is.*inf")
-            check_env(gym.make(IDS[name]).unwrapped, skip_render_check=True)
-
-    def test_passes_stable_baselines3s_checks(self, name):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            sb3_check_env(gym.make(IDS[name]))
+    @pytest.mark.filterwarnings(*INFINITE)
+    @pytest.mark.parametrize("random_start", [False, True])
+    def test_passes_the_checks_of_gymnasium_and_stable_baselines(self, name, random_start):
+        env = gym.make(IDS[name], random_start=random_start)
+        check_env(env.unwrapped, skip_render_check=True)
+        sb3_check_env(env)
 
     def test_has_the_documented_spaces(self, name):
         env = gym.make(IDS[name])
@@ -99,18 +84,17 @@ class TestEveryTask:
         env = gym.make(IDS[name])
         np.testing.assert_array_equal(env.reset(seed=0)[0], env.reset(seed=1)[0])
 
-    def test_copies_continue_on_their_own(self, name, make_actions):
-        for duplicate in [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))]:
-            env = gym.make(IDS[name])
-            env.reset()
-            actions = make_actions("uniform", 60, SIZES[name][1])
-            for action in actions:
-                env.step(action)
-            twin = duplicate(env)
-            for action in actions:
-                ours, theirs = env.step(action), twin.step(action)
-                np.testing.assert_array_equal(ours[0], theirs[0])
-                assert ours[1:4] == theirs[1:4]
+    def test_copies_continue_on_their_own(self, name, make_actions, duplicate):
+        env = gym.make(IDS[name])
+        env.reset()
+        actions = make_actions("uniform", 60, SIZES[name][1])
+        for action in actions:
+            env.step(action)
+        twin = duplicate(env)
+        for action in actions:
+            ours, theirs = env.step(action), twin.step(action)
+            np.testing.assert_array_equal(ours[0], theirs[0])
+            assert ours[1:4] == theirs[1:4]
 
     def test_costs_nothing_to_the_interpreter_before_it_is_made(self, name):
         code = (
@@ -148,14 +132,6 @@ class TestEveryTask:
 
 
 class TestRandomStarts:
-    def test_pass_gymnasiums_and_stable_baselines3s_checks(self, name):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            warnings.filterwarnings("ignore", r".*observation space (min|max)imum value is.*inf")
-            env = gym.make(IDS[name], random_start=True)
-            check_env(env.unwrapped, skip_render_check=True)
-            sb3_check_env(env)
-
     def test_are_those_of_the_seed(self, name):
         env, other = (gym.make(IDS[name], random_start=True) for _ in range(2))
         first, second = env.reset(seed=1)[0], env.reset()[0]
@@ -168,15 +144,14 @@ class TestRandomStarts:
         one, other = (gym.make(IDS[name], random_start=True).reset()[0] for _ in range(2))
         assert (one != other).any()
 
-    def test_of_copies_are_the_same(self, name, make_actions):
-        for duplicate in [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))]:
-            env = gym.make(IDS[name], random_start=True)
-            env.reset(seed=4)
-            twin = duplicate(env)
-            for _ in range(2):
-                for action in make_actions("bang-bang", 20, SIZES[name][1]):
-                    np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
-                np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+    def test_of_copies_are_the_same(self, name, make_actions, duplicate):
+        env = gym.make(IDS[name], random_start=True)
+        env.reset(seed=4)
+        twin = duplicate(env)
+        for _ in range(2):
+            for action in make_actions("bang-bang", 20, SIZES[name][1]):
+                np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
+            np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
 
 
 class TestStep:

@@ -1,6 +1,4 @@
-import copy
 import multiprocessing
-import pickle
 from functools import partial
 
 import gymnasium as gym
@@ -220,14 +218,13 @@ class TestMakeVec:
                 make_native(**{keyword: value})
 
 
-def test_copies_continue_on_their_own(actions, run, assert_identical):
-    for duplicate in [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))]:
-        for random_start in [False, True]:
-            envs = make_native(random_start=random_start)
-            run(envs, actions[:25])
-            twins = duplicate(envs)
-            for action in actions[25:]:
-                assert_identical(envs.step(action), twins.step(action))
+def test_copies_continue_on_their_own(actions, run, assert_identical, duplicate):
+    for random_start in [False, True]:
+        envs = make_native(random_start=random_start)
+        run(envs, actions[:25])
+        twins = duplicate(envs)
+        for action in actions[25:]:
+            assert_identical(envs.step(action), twins.step(action))
 
 
 @pytest.mark.parametrize("start_method", ["fork", "spawn"])

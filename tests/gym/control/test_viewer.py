@@ -1,7 +1,5 @@
-import copy
 import importlib
 import os
-import pickle
 import subprocess
 import sys
 
@@ -210,7 +208,6 @@ def test_a_forked_process_may_forget_what_has_drawn(act):
 
 
 @needs_opengl
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
 def test_copies_of_an_env_that_has_rendered_render_too(duplicate):
     env = ControlEnv("finger", render_mode="rgb_array")
     env.reset()

@@ -1,7 +1,5 @@
 import copy
 import math
-import pickle
-import warnings
 from collections import deque
 from itertools import pairwise, product
 
@@ -90,20 +88,18 @@ def solve(env):
 
 @pytest.mark.parametrize("env_id", MAZE_IDS)
 class TestEveryMaze:
+    @pytest.mark.filterwarnings("error")
     def test_passes_gymnasiums_checks(self, env_id):
         pytest.importorskip("pygame")
         env = gym.make(env_id)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            check_env(env.unwrapped)
+        check_env(env.unwrapped)
         env.close()
 
+    @pytest.mark.filterwarnings("error")
     def test_passes_stable_baselines3s_checks(self, env_id):
         env = gym.make(env_id)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            sb3_check_env(env)
-            sb3_check_env(env.unwrapped)
+        sb3_check_env(env)
+        sb3_check_env(env.unwrapped)
 
     def test_a_plan_is_rewarded_at_the_goal_and_ends_there(self, env_id):
         env = gym.wrappers.RecordEpisodeStatistics(gym.make(env_id))
@@ -355,7 +351,6 @@ def test_rejects_a_goal_radius_that_the_robot_cannot_come_within():
 
 
 class TestCopies:
-    @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
     def test_continue_the_episode_on_their_own(self, duplicate):
         env = gym.make("CuriosityMaze-Hard-v0")
         env.reset()

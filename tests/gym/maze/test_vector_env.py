@@ -1,6 +1,5 @@
 import copy
 import multiprocessing
-import pickle
 from functools import partial
 
 import gymnasium as gym
@@ -334,7 +333,6 @@ class TestRender:
             assert make_native().render() is None
 
 
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
 def test_copies_continue_on_their_own(duplicate, assert_identical, run):
     envs = make_native(400, n_threads=2)
     run(envs, random_actions(10, num_envs=400))

@@ -4,7 +4,6 @@ import os
 import pickle
 import subprocess
 import sys
-import warnings
 from collections import deque
 from pathlib import Path
 
@@ -82,16 +81,16 @@ class TestEveryTask:
             assert info["is_success"] is False
             info = env.step(env.action_space.sample())[4]
 
+    @pytest.mark.filterwarnings(
+        "error",
+        r"ignore:Setting the shape on::dm_control\.",
+        "ignore:.*(minimum value is -|maximum value is )infinity",
+    )
     def test_passes_both_checks(self, env_id):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            warnings.filterwarnings("ignore", "Setting the shape on", module=r"dm_control\.")
-            warnings.filterwarnings("ignore", ".*minimum value is -infinity")
-            warnings.filterwarnings("ignore", ".*maximum value is infinity")
-            env = gym.make(env_id)
-            check_env(env.unwrapped, skip_render_check=True)
-            sb3_check_env(env.unwrapped)
-            sb3_check_env(env)
+        env = gym.make(env_id)
+        check_env(env.unwrapped, skip_render_check=True)
+        sb3_check_env(env.unwrapped)
+        sb3_check_env(env)
 
     def test_episodes_end_at_the_horizon(self, env_id):
         env = gym.make(env_id, horizon=30)

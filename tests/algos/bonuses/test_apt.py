@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from observations import make_observations
 from scipy.spatial.distance import cdist
 from scipy.special import log_softmax
 
@@ -15,10 +16,6 @@ BOX = spaces.Box(-1, 1, (6,)), spaces.Box(-2, 2, (2,))
 def make_apt(space=BOX, **changes):
     chosen = {"n_features": 4, "hidden": 8, "n_neighbors": 3, "seed": 0, "device": "cpu"}
     return APT(*space, **(chosen | changes))
-
-
-def make_observations(n=20, seed=0):
-    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
 
 
 @pytest.mark.parametrize("n_seen", [2, 700])
@@ -166,22 +163,6 @@ def test_what_is_remembered_is_known_until_the_next_training():
         apt.observe(th.from_numpy(later))
         for known in (seen, later):
             assert apt.score(None, None, known).max() < 1e-2
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("learning_rate", 0.0),
-        ("n_features", 0),
-        ("hidden", 0),
-        ("n_neighbors", 0),
-        ("horizon", 0),
-        ("power", 0.0),
-    ],
-)
-def test_errors_name_the_argument(name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_apt(**{name: value})
 
 
 def test_a_learning_rate_of_nearly_nothing_keeps_a_random_encoder_as_re3_does():

@@ -4,6 +4,7 @@ import torch as th
 from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
+from observations import make_observations
 
 from curiosity_algos.bonuses.checks import check_episodes
 from curiosity_algos.bonuses.e3b import E3B, Ellipsoids
@@ -13,10 +14,6 @@ SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
 
 def make_e3b(*spaces, **changes):
     return E3B(*(spaces or SPACE), **({"n_features": 4, "seed": 0, "device": "cpu"} | changes))
-
-
-def make_observations(n=20, seed=0):
-    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
 
 
 def by_definition(features, ridge):
@@ -46,15 +43,6 @@ def test_the_same_again_is_worth_one_less_a_step():
     assert scores[0] == pytest.approx(alone / (1.0 + alone))  # the episode began there
 
 
-def test_each_episode_has_its_own_memory():
-    check_episodes(make_e3b)
-
-
-class NeverForgets(Ellipsoids):
-    def end(self, dones):
-        pass
-
-
 class SharesOne(Ellipsoids):
     def visit(self, observations, episodes):
         self._inverses = np.broadcast_to(self._inverses[:1], self._inverses.shape).copy()
@@ -71,7 +59,7 @@ class ScoresWhereItBegan(Ellipsoids):
         return super().score(next_observations, actions, observations)
 
 
-@pytest.mark.parametrize("memory", [NeverForgets, SharesOne, ForgetsTheFirst, ScoresWhereItBegan])
+@pytest.mark.parametrize("memory", [SharesOne, ForgetsTheFirst, ScoresWhereItBegan])
 def test_a_wrong_memory_is_found(memory, monkeypatch):
     monkeypatch.setattr(E3B, "episodes", lambda self, n: memory(self, n))
     with pytest.raises(AssertionError, match="must be the same"):
@@ -93,11 +81,6 @@ def test_features_learn_what_actions_change(actions):
         batch = (before, given.astype(np.float32), after)
         losses.append(e3b.update(*map(th.from_numpy, batch))["loss"])
     assert np.mean(losses[-20:]) < 0.5 * np.mean(losses[:20])
-
-
-def test_a_transition_alone_has_no_bonus():
-    with pytest.raises(ValueError, match="`bonus` must be asked for whole episodes"):
-        make_e3b().score(*make_observations(3)[:, None])
 
 
 @pytest.mark.parametrize("ridge", [0.0, 1e-300])

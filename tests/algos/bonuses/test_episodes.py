@@ -1,24 +1,49 @@
+from functools import partial
+
+import numpy as np
 import pytest
 from gymnasium import spaces
+from observations import make_observations
 
-from curiosity_algos import E3B, ICM, NGU, BonusReplayBuffer, CuriosityMAPElites, NovelD
+from curiosity_algos import BonusReplayBuffer, CuriosityMAPElites
+from curiosity_algos.bonuses.checks import check_episodes
 from curiosity_algos.bonuses.episodes import EpisodicBonus
+from curiosity_algos.bonuses.make import BONUSES
 
 SPACES = spaces.Box(-1, 1, (6,)), spaces.Box(-1, 1, (2,))
+NAMES = ["e3b", "ngu", "noveld"]
+EVERY = pytest.mark.parametrize("name", NAMES)
 
 
-def make(bonus):
-    return bonus(*SPACES, seed=0, device="cpu")
+def maker(name):
+    return partial(BONUSES[name], n_features=4, seed=0, device="cpu")
 
 
 def test_which_bonuses_remember_episodes():
-    assert isinstance(make(E3B), EpisodicBonus)
-    assert isinstance(make(NGU), EpisodicBonus)
-    assert isinstance(make(NovelD), EpisodicBonus)
-    assert not isinstance(make(ICM), EpisodicBonus)
+    assert [name for name in BONUSES if isinstance(maker(name)(*SPACES), EpisodicBonus)] == NAMES
 
 
-@pytest.mark.parametrize("name", ["e3b", "ngu", "noveld"])
+@EVERY
+def test_each_episode_has_its_own_memory(name):
+    check_episodes(maker(name))
+
+
+@EVERY
+def test_a_memory_that_never_forgets_is_found(name, monkeypatch):
+    memory = type(maker(name)(*SPACES).episodes(1))
+    monkeypatch.setattr(memory, "end", lambda self, dones: None)
+    with pytest.raises(AssertionError, match="must be the same"):
+        check_episodes(maker(name))
+
+
+@EVERY
+def test_a_transition_alone_has_no_bonus(name):
+    before, after = make_observations(2)[:, None]
+    with pytest.raises(ValueError, match=f"`bonus` must be asked for whole episodes: {name}"):
+        maker(name)(*SPACES).score(before, np.zeros((1, 2), dtype=np.float32), after)
+
+
+@EVERY
 def test_where_nothing_knows_episodes_they_are_refused(name):
     with pytest.raises(ValueError, match=f"single transitions in a replay buffer, {name} asks"):
         BonusReplayBuffer(10, *SPACES, bonus=name, device="cpu")

@@ -85,17 +85,3 @@ def test_an_update_is_a_step_of_adam_on_the_weighted_loss(action_space, beta):
         optimizer.step()
     for parameter, expected in zip(icm.parameters(), twin.parameters(), strict=True):
         np.testing.assert_allclose(parameter.detach(), expected.detach(), atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("beta", 1.1),
-        ("learning_rate", 0.0),
-        ("n_features", 0),
-        ("hidden", 1.5),
-    ],
-)
-def test_errors_name_the_argument(name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_icm(**{name: value})

@@ -143,10 +143,26 @@ def test_an_object_gives_each_transition_one_score():
 @pytest.mark.parametrize(
     ("bonus", "name", "value"),
     [
-        *[(bonus, "seed", "a") for bonus in BONUSES],
-        *[(bonus, "normalize", "no") for bonus in BONUSES],
+        *[
+            (bonus, name, value)
+            for bonus in BONUSES
+            for name, value in [
+                ("seed", "a"),
+                ("normalize", "no"),
+                ("learning_rate", 0.0),
+                ("n_features", 0),
+                ("hidden", 0),
+            ]
+        ],
+        ("apt", "n_neighbors", 0),
+        ("apt", "horizon", 0),
+        ("apt", "power", 0.0),
+        ("icm", "beta", 1.1),
+        ("icm", "hidden", 1.5),
         ("icm", "device", "nope"),
-        ("rnd", "hidden", 0),
+        ("noveld", "alpha", -1.0),
+        ("noveld", "beta", np.nan),
+        ("noveld", "n_bits", 63),
     ],
 )
 def test_arguments_are_named(bonus, name, value):

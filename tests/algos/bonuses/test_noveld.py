@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from observations import make_observations
 
 from curiosity_algos.bonuses.checks import check_episodes
 from curiosity_algos.bonuses.noveld import NovelD, Visits
@@ -17,10 +18,6 @@ NOTHING = np.zeros(100, dtype=np.int64)
 
 def make_noveld(*spaces, **changes):
     return NovelD(*(spaces or SPACE), **({"n_features": 4, "seed": 0, "device": "cpu"} | changes))
-
-
-def make_observations(n=20, seed=0):
-    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
 
 
 def test_a_first_visit_is_worth_the_gain():
@@ -47,15 +44,6 @@ def test_a_second_visit_is_worth_nothing(kind):
     assert (scores > 0.0).tolist() == [True, True, False, False, True, False, False]
 
 
-def test_each_episode_has_its_own_memory():
-    check_episodes(make_noveld)
-
-
-class NeverForgets(Visits):
-    def end(self, dones):
-        pass
-
-
 class SharesOne(Visits):
     def __init__(self, bonus, n):
         super().__init__(bonus, n)
@@ -67,7 +55,7 @@ class CountsWhereItBegan(Visits):
         return super().score(next_observations, actions, observations)
 
 
-@pytest.mark.parametrize("memory", [NeverForgets, SharesOne, CountsWhereItBegan])
+@pytest.mark.parametrize("memory", [SharesOne, CountsWhereItBegan])
 def test_a_wrong_memory_is_found(memory, monkeypatch):
     monkeypatch.setattr(NovelD, "episodes", lambda self, n: memory(self, n))
     # Few signs, so that what the one episode has seen the others come to.
@@ -140,17 +128,6 @@ for space in (spaces.Box(-1, 1, (6,)), spaces.Box(0, 255, (36, 36, 3), np.uint8)
     assert len(here.splitlines()) == 2
     elsewhere = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert elsewhere.stdout == here
-
-
-def test_a_transition_alone_has_no_bonus():
-    with pytest.raises(ValueError, match="`bonus` must be asked for whole episodes"):
-        make_noveld().score(*make_observations(3)[:, None])
-
-
-@pytest.mark.parametrize(("name", "value"), [("alpha", -1.0), ("beta", np.nan), ("n_bits", 63)])
-def test_errors_name_the_argument(name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_noveld(**{name: value})
 
 
 def test_a_memory_of_other_episodes_is_refused():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from observations import make_observations
 
 from curiosity_algos.bonuses.rnd import RND
 
@@ -13,10 +14,6 @@ SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
 def make_rnd(**changes):
     settings = {"n_features": 4, "hidden": 8, "seed": 0, "device": "cpu"}
     return RND(*SPACE, **(settings | changes))
-
-
-def make_observations(n=20, seed=0):
-    return np.random.default_rng(seed).normal(0, 1, (n, 6)).astype(np.float32)
 
 
 def test_novelty_and_loss_equal_numpy(numpy_network):
@@ -48,11 +45,3 @@ def test_nothing_counts_but_where_a_transition_leads():
     scores = rnd.score(before, actions, after)
     np.testing.assert_array_equal(rnd.score(other, others, after), scores)
     assert not np.array_equal(rnd.score(before, actions, other), scores)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("learning_rate", 0.0), ("n_features", 0), ("hidden", 0)]
-)
-def test_errors_name_the_argument(name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be"):
-        make_rnd(**{name: value})

@@ -210,9 +210,8 @@ def test_walls_are_over_the_cells():
     assert looks(pixel(ax, 15.0, 15.0), FLOOR)
 
 
-@pytest.mark.parametrize("name", ["us"])
-def test_a_maze_keeps_its_look(name):
-    layout = BUILT_IN[name]
+def test_a_maze_keeps_its_look():
+    layout = BUILT_IN["us"]
     ax = plot_archive(random_archive(), layout)
     (walls,) = (item for item in ax.collections if isinstance(item, PatchCollection))
     assert len(walls.get_paths()) == len(layout.walls)

@@ -88,11 +88,11 @@ def test_they_change_no_bit_of_a_search(algorithm, make_model, make_easy_maze, a
     assert_same_run(whole, cut)
 
 
-@pytest.mark.parametrize("changes", [{"bonus": "icm", "n_states": None}])
 def test_nor_do_they_where_whole_trajectories_are_scored(
-    changes, make_model, make_easy_maze, assert_same_run
+    make_model, make_easy_maze, assert_same_run
 ):
-    whole, cut = (make_model(CuriosityES, make_easy_maze(), **changes) for _ in range(2))
+    settings = {"bonus": "icm", "n_states": None}
+    whole, cut = (make_model(CuriosityES, make_easy_maze(), **settings) for _ in range(2))
     cut.evaluator.block_size = 4
     for model in (whole, cut):
         model.learn(1500)

@@ -43,18 +43,14 @@ def torch_outputs(vector, sizes, observations):
 
 class TestForward:
     @pytest.mark.parametrize("net_arch", NET_ARCHS, ids=str)
-    @pytest.mark.parametrize(("n_observations", "n_actions"), [(36, 2)])
-    def test_box_actions_equal_torch(self, net_arch, n_observations, n_actions):
+    def test_box_actions_equal_torch(self, net_arch):
         rng = np.random.default_rng(0)
-        low, high = (
-            np.float32(rng.uniform(-3, 0, n_actions)),
-            np.float32(rng.uniform(1, 4, n_actions)),
-        )
-        mlp = build_mlp(box(n_observations), spaces.Box(low, high), net_arch)
+        low, high = np.float32(rng.uniform(-3, 0, 2)), np.float32(rng.uniform(1, 4, 2))
+        mlp = build_mlp(box(36), spaces.Box(low, high), net_arch)
         parameters = rng.normal(0, 0.5, (4, mlp.n_parameters)).astype(np.float32)
-        observations = rng.normal(0, 1, (4, n_observations)).astype(np.float32)
+        observations = rng.normal(0, 1, (4, 36)).astype(np.float32)
         actions = act(mlp, parameters, observations)
-        sizes = [n_observations, *net_arch, n_actions]
+        sizes = [36, *net_arch, 2]
         outputs = [
             torch_outputs(vector, sizes, observation[None])[0]
             for vector, observation in zip(parameters, observations, strict=True)

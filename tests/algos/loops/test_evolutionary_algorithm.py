@@ -11,7 +11,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
-from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv
 from stable_baselines3.common.callbacks import (
     BaseCallback,
@@ -22,13 +21,7 @@ from stable_baselines3.common.callbacks import (
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import (
-    DummyVecEnv,
-    SubprocVecEnv,
-    VecEnv,
-    VecFrameStack,
-    VecNormalize,
-)
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecNormalize
 
 from curiosity_algos import (
     AURORA,
@@ -88,23 +81,6 @@ EVERY = pytest.mark.parametrize("algorithm", OWN_KEYS, ids=lambda algorithm: alg
 def algorithm(request):
     """A search with a center and one with an archive, for what the loop does for all of them."""
     return request.param
-
-
-class FlatEnv(gym.Env):
-    """Two steps long, with any spaces."""
-
-    def __init__(self, observation_space=None, action_space=None):
-        self.observation_space = observation_space or spaces.Box(-1, 1, (2,))
-        self.action_space = action_space or spaces.Box(-1, 1, (1,))
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.t = 0
-        return np.zeros(2, dtype=np.float32), {}
-
-    def step(self, action):
-        self.t += 1
-        return np.zeros(2, dtype=np.float32), 0.0, False, self.t == 2, {}
 
 
 class Recorder(BaseCallback):
@@ -353,33 +329,6 @@ class TestEnvs:
         with pytest.raises(ValueError, match=r"VecNormalize|spaces do not match"):
             model.set_env(wrong(make_maze))
         assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
-
-    @pytest.mark.parametrize(
-        "observation_space",
-        [spaces.Dict(a=spaces.Text(5)), spaces.Box(0, 255, (84, 84, 3), np.uint8)],
-        ids=["text", "image"],
-    )
-    def test_observations_that_no_network_takes(self, make_model, observation_space):
-        with pytest.raises(ValueError, match=r"observation space .* is not supported"):
-            make_model(CanonicalES, FlatEnv(observation_space))
-
-    @pytest.mark.parametrize(
-        "action_space",
-        [spaces.Box(-np.inf, np.inf, (1,)), spaces.Tuple([spaces.Discrete(2)])],
-        ids=["unbounded", "tuple"],
-    )
-    def test_actions_that_no_network_gives(self, make_model, action_space):
-        with pytest.raises(ValueError, match=r"action space .* is not supported"):
-            make_model(CanonicalES, FlatEnv(action_space=action_space))
-
-    @pytest.mark.parametrize(
-        "wrap",
-        [VecNormalize, functools.partial(VecFrameStack, n_stack=2)],
-        ids=["VecNormalize", "VecFrameStack"],
-    )
-    def test_vec_env_wrappers_are_refused(self, make_model, make_maze, wrap):
-        with pytest.raises(ValueError, match=r"`env` is wrapped in Vec(Normalize|FrameStack)"):
-            make_model(CanonicalES, wrap(DummyVecEnv([make_maze])))
 
 
 class TestArguments:

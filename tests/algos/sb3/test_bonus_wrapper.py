@@ -334,11 +334,10 @@ class TestRewards:
         with pytest.raises(ValueError, match="`venv` must hold no VecNormalize"):
             wrap(around(VecNormalize(make_venv())))
 
-    @pytest.mark.parametrize("value", [np.nan])
-    def test_a_bonus_that_is_not_finite_is_named(self, value):
+    def test_a_bonus_that_is_not_finite_is_named(self):
         venv = wrap_trained(bonus=(bonus := Recorder()))
         before = venv.state_dict()["scale"]["statistics"]
-        bonus.score = lambda observations, actions, after: np.array([1.0, value])
+        bonus.score = lambda observations, actions, after: np.array([1.0, np.nan])
         with pytest.raises(ValueError, match="`bonus` must give finite scores"):
             play(venv, 1)
         assert venv.state_dict()["scale"]["statistics"].equal(before)
@@ -658,15 +657,6 @@ class TestFiles:
         wrap().save(path)
         with pytest.raises(ValueError, match="`bonus` must be None, it was saved as 'icm'"):
             BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus)
-
-    def test_a_bonus_of_ones_own_is_made_alike(self, tmp_path):
-        made = [
-            ICM(Count.observation_space, Count.action_space, hidden=hidden, device="cpu")
-            for hidden in (8, 9)
-        ]
-        wrap(bonus=made[0]).save(tmp_path / "wrapper.pt")
-        with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
-            BonusVecEnvWrapper.load(tmp_path / "wrapper.pt", make_venv(), bonus=made[1])
 
     def test_a_state_that_does_not_fit_changes_nothing(self, assert_same):
         venv, other = wrap(bonus="rnd"), wrap(bonus="rnd", bonus_kwargs={"hidden": 8})

@@ -11,25 +11,10 @@ from curiosity_algos import (
     ICM,
     RND,
     TD3ICM,
-    CanonicalES,
     CuriosityES,
     CuriosityMAPElites,
     NovelD,
 )
-from curiosity_algos.loops.evolution_strategy import standardize
-
-
-def test_one_generation_of_algorithm_1(make_model, make_easy_maze, assert_same):
-    model, twin = (make_model(CuriosityES, make_easy_maze(), phi=0.6, seed=1) for _ in range(2))
-    for _ in range(4):
-        rollouts = twin.evaluator.evaluate(twin._search.ask(), twin._episodes.draw())
-        curiosity = twin._motivation.score(rollouts)
-        twin._search.tell(0.6 * standardize(rollouts.returns) + 0.4 * standardize(curiosity))
-        twin._motivation.update(rollouts)
-        model.learn(1, reset_num_timesteps=False)
-        for name in ("_search", "_motivation"):
-            assert_same(getattr(model, name).state_dict(), getattr(twin, name).state_dict())
-    assert model.best_return > 0
 
 
 @pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites, TD3ICM])
@@ -41,14 +26,6 @@ def test_the_trained_bonus_is_at_hand(algorithm, make_model, make_easy_maze, tmp
     assert model.trained_bonus.score(*steps) != before
     loaded = algorithm.load(tmp_path / "model").trained_bonus
     assert loaded.score(*steps) == model.trained_bonus.score(*steps)
-
-
-def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_same):
-    curious = make_model(CuriosityES, make_easy_maze(), phi=1.0).learn(2000)
-    rate = curious.learning_rate
-    canonical = make_model(CanonicalES, make_easy_maze(), learning_rate=rate).learn(2000)
-    assert_same(curious._search.state_dict(), canonical._search.state_dict())
-    assert curious.num_timesteps == canonical.num_timesteps
 
 
 def test_every_setting_has_an_effect(make_model, make_easy_maze):

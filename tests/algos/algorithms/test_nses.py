@@ -1,31 +1,9 @@
 import numpy as np
 import pytest
 
-from curiosity_algos import NSES, CanonicalES
-from curiosity_algos.loops.evolution_strategy import standardize
+from curiosity_algos import NSES
 
 FINAL = {"behavior": "final"}
-
-
-def test_one_generation(make_model, make_easy_maze, assert_same):
-    settings = {"phi": 0.6, "seed": 1, **FINAL}
-    model, twin = (make_model(NSES, make_easy_maze(), **settings) for _ in range(2))
-    for _ in range(4):
-        rollouts = twin.evaluator.evaluate(twin._search.ask(), twin._episodes.draw())
-        novelty = twin._motivation.score(rollouts)
-        twin._search.tell(0.6 * standardize(rollouts.returns) + 0.4 * standardize(novelty))
-        twin._motivation.update(rollouts)
-        model.learn(1, reset_num_timesteps=False)
-        for name in ("_search", "_motivation"):
-            assert_same(getattr(model, name).state_dict(), getattr(twin, name).state_dict())
-    assert model.best_return > 0
-
-
-def test_with_phi_one_it_is_the_canonical_es(make_model, make_easy_maze, assert_same):
-    novel = make_model(NSES, make_easy_maze(), phi=1.0).learn(2000)
-    rate = novel.learning_rate
-    canonical = make_model(CanonicalES, make_easy_maze(), learning_rate=rate).learn(2000)
-    assert_same(novel._search.state_dict(), canonical._search.state_dict())
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from elites import assert_same_elites
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from saved_files import through_a_file
@@ -101,14 +102,6 @@ def gaps_of(archive):
     """Distances of all pairs of elites."""
     measures = archive.data("measures").tolist()
     return [distance(a, b) for i, a in enumerate(measures) for b in measures[:i]]
-
-
-def assert_same_elites(one, other):
-    one, other = one.data(), other.data()
-    assert list(one) == list(other)
-    for name in one:
-        assert one[name].dtype == other[name].dtype
-        np.testing.assert_array_equal(one[name], other[name])
 
 
 def assert_fields_belong_together(archive):

@@ -101,6 +101,14 @@ LIMITS = {
     "none that counts": lambda env: wrappers.TimeLimit(env, 1000),
     "monitored": lambda env: Monitor(wrappers.TimeLimit(env, 30)),
     "dummy": lambda env: DummyVecEnv([lambda: wrappers.TimeLimit(env, 30)]),
+    "native vector": lambda env: gym.make_vec(
+        "CuriosityMaze-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        layout=env.unwrapped.layout,
+        horizon=64,
+        max_episode_steps=30,
+    ),
 }
 
 
@@ -115,26 +123,6 @@ def test_mazes_within_a_time_limit_run_compiled(kind, make_easy_maze, play, asse
     oracle = wrappers.TimeLimit(make_easy_maze(), limit)
     assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
     assert rollouts.lengths.max() == rollouts.actions.shape[1] == limit
-    assert rollouts.success.any()
-
-
-def test_vector_mazes_with_a_limit_run_compiled(make_easy_maze, play, assert_equal_episodes):
-    maze = make_easy_maze().unwrapped
-    envs = gym.make_vec(
-        "CuriosityMaze-v0",
-        num_envs=2,
-        vectorization_mode="vector_entry_point",
-        layout=maze.layout,
-        horizon=64,
-        max_episode_steps=30,
-    )
-    evaluator = make_evaluator(envs, {"net_arch": []})
-    assert isinstance(evaluator, MazeEvaluator)
-    rng = np.random.default_rng(0)
-    parameters = rng.normal(0, 1, (40, evaluator.n_parameters)).astype(np.float32)
-    oracle = wrappers.TimeLimit(make_easy_maze(), 30)
-    rollouts = evaluator.evaluate(parameters, 0)
-    assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
     assert rollouts.success.any()
 
 

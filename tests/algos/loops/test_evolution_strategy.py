@@ -100,6 +100,37 @@ class TestFitness:
         )
 
 
+@pytest.mark.parametrize(
+    ("algorithm", "settings"), [(CuriosityES, {}), (NSES, {"behavior": "final"})]
+)
+class TestMotivated:
+    """What strategies with a motivation beside the returns do alike."""
+
+    def test_a_generation_is_one_of_algorithm_1(
+        self, algorithm, settings, make_model, make_easy_maze, assert_same
+    ):
+        given = {"phi": 0.6, "seed": 1, **settings}
+        model, twin = (make_model(algorithm, make_easy_maze(), **given) for _ in range(2))
+        for _ in range(4):
+            rollouts = twin.evaluator.evaluate(twin._search.ask(), twin._episodes.draw())
+            intrinsic = twin._motivation.score(rollouts)
+            twin._search.tell(0.6 * standardize(rollouts.returns) + 0.4 * standardize(intrinsic))
+            twin._motivation.update(rollouts)
+            model.learn(1, reset_num_timesteps=False)
+            for name in ("_search", "_motivation"):
+                assert_same(getattr(model, name).state_dict(), getattr(twin, name).state_dict())
+        assert model.best_return > 0
+
+    def test_with_phi_one_it_is_the_canonical_es(
+        self, algorithm, settings, make_model, make_easy_maze, assert_same
+    ):
+        model = make_model(algorithm, make_easy_maze(), phi=1.0, **settings).learn(2000)
+        rate = model.learning_rate
+        canonical = make_model(CanonicalES, make_easy_maze(), learning_rate=rate).learn(2000)
+        assert_same(model._search.state_dict(), canonical._search.state_dict())
+        assert model.num_timesteps == canonical.num_timesteps
+
+
 class Climber:
     """A (1 + lambda) search, written outside the package."""
 

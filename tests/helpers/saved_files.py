@@ -5,6 +5,7 @@ import io
 import os
 import zipfile
 
+import numpy as np
 import torch as th
 
 
@@ -23,6 +24,14 @@ def rewrite(path, change, compression=zipfile.ZIP_STORED):
     with zipfile.ZipFile(path, "w", compression) as archive:
         for name, content in change(members).items():
             archive.writestr(name, content)
+
+
+def npy_header(shape):
+    """How a file of numpy's begins that holds so many numbers, whatever follows."""
+    file = io.BytesIO()
+    header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    return file.getvalue()
 
 
 def no_space(*arguments, **kwargs):

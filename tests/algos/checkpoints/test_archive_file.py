@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from saved_files import no_space
+from saved_files import no_space, npy_header
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -172,14 +172,6 @@ def as_npy(array):
     return file.getvalue()
 
 
-def header_of(shape):
-    """How such a file begins, whatever follows."""
-    file = io.BytesIO()
-    header = {"descr": "<f8", "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(file, header)
-    return file.getvalue()
-
-
 class TestWrongFiles:
     @pytest.fixture
     def path(self, tmp_path):
@@ -230,7 +222,7 @@ class TestWrongFiles:
         ("name", "content", "compression"),
         [
             ("note", b"text", zipfile.ZIP_STORED),
-            ("huge.npy", header_of((2**50,)), zipfile.ZIP_STORED),
+            ("huge.npy", npy_header((2**50,)), zipfile.ZIP_STORED),
             ("bomb.npy", as_npy(np.zeros(2**14)), zipfile.ZIP_DEFLATED),
         ],
         ids=["no array", "too large for any memory", "unpacks to much more"],

@@ -1,6 +1,5 @@
 """Folders that are damaged or a stranger's: one sentence, and nothing is run or written."""
 
-import io
 import json
 import pathlib
 import shutil
@@ -10,6 +9,7 @@ import zipfile
 import gymnasium as gym
 import numpy as np
 import pytest
+from saved_files import npy_header
 
 from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.experiments import RunFolder, SaveRun
@@ -48,11 +48,8 @@ def huge(path_of):
     """A header of more entries than any memory holds."""
 
     def damage(run):
-        header = io.BytesIO()
-        described = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
-        np.lib.format.write_array_header_1_0(header, described)
         with zipfile.ZipFile(path_of(run), "w") as file:
-            file.writestr("return.npy", header.getvalue() + bytes(80))
+            file.writestr("return.npy", npy_header((10**12,)) + bytes(80))
 
     return damage
 
@@ -116,18 +113,17 @@ class TestStrangers:
             "entry_point": "stable_baselines3.common.monitor:Monitor",
             "kwargs": {"filename": str(tmp_path / "mine")},
         }
-        spec = run.describe()["env_spec"]
-        describe(env_spec=spec | {"additional_wrappers": self.wrappers(monitor)})(run)
+        self.wrap(run, monitor)
         line = refused("enjoy", str(run.path), "--no-render")
         assert "`trust` must be given" in line
         assert "stable_baselines3.common.monitor:Monitor" in line
         assert (tmp_path / "mine.monitor.csv").read_text() == "mine"
-        monitor["kwargs"] = {}
-        describe(env_spec=spec | {"additional_wrappers": self.wrappers(monitor)})(run)
+        self.wrap(run, monitor | {"kwargs": {}})
         assert run_here("enjoy", str(run.path), "--no-render")[0] == 0
 
-    def wrappers(self, *each):
-        return {":tuple:": {"items": list(each)}}
+    def wrap(self, run, wrapper):
+        wrappers = {":tuple:": {"items": [wrapper]}}
+        describe(env_spec=run.describe()["env_spec"] | {"additional_wrappers": wrappers})(run)
 
     def test_a_video_is_written_nowhere(self, run, refused, tmp_path):
         recorder = {
@@ -135,8 +131,7 @@ class TestStrangers:
             "entry_point": "gymnasium.wrappers.rendering:RecordVideo",
             "kwargs": {"video_folder": str(tmp_path / "videos")},
         }
-        spec = run.describe()["env_spec"]
-        describe(env_spec=spec | {"additional_wrappers": self.wrappers(recorder)})(run)
+        self.wrap(run, recorder)
         assert "`trust` must be given" in refused("enjoy", str(run.path), "--no-render")
         assert not (tmp_path / "videos").exists()
 

@@ -15,20 +15,15 @@ def interrupt(reached, n_times):
             reached.append(i + 1)
 
 
-def test_ctrl_c_waits_for_the_end_of_the_block():
+@pytest.mark.parametrize("n_times", [1, 2])
+def test_ctrl_c_says_that_it_waits_for_the_end_of_the_block_and_a_second_does_not(capsys, n_times):
     reached = []
     with pytest.raises(KeyboardInterrupt):
-        interrupt(reached, 1)
+        interrupt(reached, n_times)
     assert reached == [1]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_a_second_ctrl_c_interrupts_at_once():
-    reached = []
-    with pytest.raises(KeyboardInterrupt):
-        interrupt(reached, 2)
-    assert reached == [1]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    line = "Ctrl-C: waiting for the end of the test; press it again to stop at once.\n"
+    assert capsys.readouterr().err == line
 
 
 def test_a_block_without_ctrl_c_just_ends():
@@ -65,14 +60,6 @@ def test_other_threads_leave_signals_alone():
     thread.start()
     thread.join()
     assert reached == [signal.default_int_handler]
-
-
-@pytest.mark.parametrize("n_times", [1, 2])
-def test_the_first_ctrl_c_says_what_it_waits_for(capsys, n_times):
-    with pytest.raises(KeyboardInterrupt):
-        interrupt([], n_times)
-    line = "Ctrl-C: waiting for the end of the test; press it again to stop at once.\n"
-    assert capsys.readouterr().err == line
 
 
 def test_a_closed_stderr_does_not_end_the_block(monkeypatch):

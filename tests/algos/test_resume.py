@@ -1,6 +1,5 @@
 """An interrupted run, resumed, is the run that was never interrupted, in every bit."""
 
-import csv
 import pathlib
 import random
 import signal
@@ -11,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
+from logs import read_log
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
@@ -209,8 +209,7 @@ class TestSeeds:
 
 def logged(folder):
     """The rows of a log, without the clock's."""
-    with open(folder / "progress.csv", newline="") as file:
-        return [{k: v for k, v in row.items() if k != "time/fps"} for row in csv.DictReader(file)]
+    return [{k: v for k, v in row.items() if k != "time/fps"} for row in read_log(folder)]
 
 
 @pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
@@ -218,13 +217,13 @@ def test_the_log_of_two_halves_is_the_log_of_the_whole(
     algorithm, make_model, make_easy_maze, tmp_path
 ):
     first = make_model(algorithm, make_easy_maze())
-    first.set_logger(configure(str(tmp_path / "first"), ["csv"]))
+    first.set_logger(configure(str(tmp_path / "first"), ["json"]))
     first.learn(1000).save(tmp_path / "model")
     second = algorithm.load(tmp_path / "model", env=make_easy_maze())
-    second.set_logger(configure(str(tmp_path / "second"), ["csv"]))
+    second.set_logger(configure(str(tmp_path / "second"), ["json"]))
     second.learn(1000, reset_num_timesteps=False)
     whole = make_model(algorithm, make_easy_maze())
-    whole.set_logger(configure(str(tmp_path / "whole"), ["csv"]))
+    whole.set_logger(configure(str(tmp_path / "whole"), ["json"]))
     whole.learn(first.num_timesteps + 1000)
     rows = logged(tmp_path / "whole")
     assert logged(tmp_path / "first") + logged(tmp_path / "second") == rows

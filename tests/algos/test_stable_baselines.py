@@ -1,6 +1,5 @@
 """Stable-Baselines3's own tools work on every algorithm of this package."""
 
-import csv
 import importlib
 import pkgutil
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 import sb3_contrib
 import stable_baselines3
+from logs import read_log
 from sb3_contrib.common.maskable.callbacks import MaskableEvalCallback
 from stable_baselines3.common.callbacks import (
     BaseCallback,
@@ -169,11 +169,10 @@ def test_training_stops_after_so_many_episodes(any_algorithm, make_model, make_m
 
 def test_logs_come_every_so_many_timesteps(any_algorithm, make_model, make_maze, tmp_path):
     model = make_model(any_algorithm, make_maze())
-    model.set_logger(configure(str(tmp_path), ["csv"]))
+    model.set_logger(configure(str(tmp_path), ["json"]))
     model.learn(1200, callback=LogEveryNTimesteps(600), log_interval=None)
-    with open(tmp_path / "progress.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [int(row["time/total_timesteps"]) for row in rows] == [600, 1200]
+    rows = read_log(tmp_path)
+    assert [row["time/total_timesteps"] for row in rows] == [600, 1200]
     assert {"rollout/ep_rew_mean", "rollout/ep_len_mean", "coverage/all"} <= rows[0].keys()
 
 

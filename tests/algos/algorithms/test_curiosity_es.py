@@ -1,8 +1,7 @@
-import json
-
 import numpy as np
 import pytest
 import torch as th
+from logs import read_log
 from stable_baselines3.common.logger import configure
 
 from curiosity_algos import (
@@ -137,7 +136,7 @@ def test_every_bonus_learns_and_logs_under_its_name(make_model, make_easy_maze, 
     model.set_logger(configure(str(tmp_path), ["json"]))
     model.learn(500)
     assert isinstance(model._motivation.bonus, bonus)
-    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    logged = read_log(tmp_path)[-1]
     losses = {name for name in logged if name.endswith("loss")}
     assert f"{bonus.name}/loss" in losses
     assert all(name.startswith(f"{bonus.name}/") for name in losses)

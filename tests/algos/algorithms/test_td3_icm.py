@@ -1,9 +1,9 @@
-import json
 import pickle
 
 import numpy as np
 import pytest
 import torch as th
+from logs import read_log
 from stable_baselines3.common.logger import configure
 
 from curiosity_algos import ICM, TD3ICM
@@ -158,7 +158,7 @@ def test_it_logs_as_every_algorithm(make, make_easy_maze, tmp_path):
     model = make(make_easy_maze())
     model.set_logger(configure(str(tmp_path), ["json"]))
     model.learn(300, log_interval=1)
-    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    rows = read_log(tmp_path)
     names = ["coverage/reachable", "coverage/all", "intrinsic/mean", "intrinsic/max", "icm/loss"]
     names += [
         "coverage/visited",

@@ -1,6 +1,5 @@
 """The contract that every algorithm keeps: Stable-Baselines3's API, exactly counted and seeded."""
 
-import csv
 import dataclasses
 import functools
 import gc
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium.vector import SyncVectorEnv
+from logs import read_log
 from stable_baselines3.common.callbacks import (
     BaseCallback,
     CheckpointCallback,
@@ -473,44 +473,39 @@ def test_an_algorithm_without_a_search_loads_too(make_easy_maze, tmp_path):
         loaded.set_parameters({"policy": model.policy.state_dict()}, exact_match=False)
 
 
-def read_rows(folder):
-    with open(folder / "progress.csv", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 class TestLogging:
     @EVERY
     def test_keys_are_the_documented_ones(self, algorithm, make_model, make_classic, tmp_path):
         model = make_model(algorithm, make_classic("CartPole-v1"))
-        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.set_logger(configure(str(tmp_path), ["json"]))
         model.learn(2 * GENERATION)
-        rows = read_rows(tmp_path)
+        rows = read_log(tmp_path)
         expected = KEYS | OWN_KEYS[algorithm]
         if env_attribute(model.get_env(), "behavior_space") is not None:
             expected = expected | COVERAGE_KEYS
-        assert set(rows[0]) == expected
-        assert float(rows[-1]["time/total_timesteps"]) == model.num_timesteps
-        assert float(rows[-1]["time/generations"]) == model.generation == len(rows)
-        assert all(np.isfinite(float(value)) for row in rows for value in row.values())
+        assert all(row.keys() == expected for row in rows)
+        assert rows[-1]["time/total_timesteps"] == model.num_timesteps
+        assert rows[-1]["time/generations"] == model.generation == len(rows)
+        assert all(np.isfinite(value) for row in rows for value in row.values())
 
     def test_values_are_those_of_the_rollouts(
         self, algorithm, make_model, make_easy_maze, tmp_path
     ):
         model, recorder = make_model(algorithm, make_easy_maze()), Recorder()
-        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.set_logger(configure(str(tmp_path), ["json"]))
         model.learn(2000, callback=recorder)
-        for row, rollouts in zip(read_rows(tmp_path), recorder.rollouts, strict=True):
-            assert float(row["rollout/ep_rew_mean"]) == pytest.approx(rollouts.returns.mean())
-            assert float(row["rollout/ep_rew_max"]) == pytest.approx(rollouts.returns.max())
-            assert float(row["rollout/ep_len_mean"]) == pytest.approx(rollouts.lengths.mean())
-            assert float(row["rollout/success_rate"]) == pytest.approx(rollouts.success.mean())
-        assert float(row["coverage/reachable"]) == pytest.approx(model.coverage)
+        for row, rollouts in zip(read_log(tmp_path), recorder.rollouts, strict=True):
+            assert row["rollout/ep_rew_mean"] == pytest.approx(rollouts.returns.mean())
+            assert row["rollout/ep_rew_max"] == pytest.approx(rollouts.returns.max())
+            assert row["rollout/ep_len_mean"] == pytest.approx(rollouts.lengths.mean())
+            assert row["rollout/success_rate"] == pytest.approx(rollouts.success.mean())
+        assert row["coverage/reachable"] == pytest.approx(model.coverage)
 
     def test_the_interval_counts_generations(self, make_model, make_maze, tmp_path):
         model = make_model(CanonicalES, make_maze())
-        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.set_logger(configure(str(tmp_path), ["json"]))
         model.learn(7 * GENERATION, log_interval=3)
-        assert [float(row["time/generations"]) for row in read_rows(tmp_path)] == [3, 6]
+        assert [row["time/generations"] for row in read_log(tmp_path)] == [3, 6]
 
     def test_verbose_prints_a_table(self, make_model, make_maze, capsys):
         make_model(CanonicalES, make_maze(), verbose=1).learn(1)
@@ -548,9 +543,9 @@ class TestCallbacks:
 
         setattr(Records, event, record)
         model = make_model(CanonicalES, make_maze())
-        model.set_logger(configure(str(tmp_path), ["csv"]))
+        model.set_logger(configure(str(tmp_path), ["json"]))
         model.learn(3 * GENERATION, callback=Records())
-        rows = read_rows(tmp_path)
+        rows = read_log(tmp_path)
         assert [row["own"] for row in rows] == [row["time/generations"] for row in rows]
         assert len(rows) == 3
 

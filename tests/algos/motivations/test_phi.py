@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from logs import read_log
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
@@ -115,7 +116,7 @@ def test_every_generation_is_compared_with_the_best_before(
     model = make_model(algorithm, make_easy_maze(), phi="adaptive")
     model.set_logger(configure(str(tmp_path), ["json"]))
     model.learn(6000)
-    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    rows = read_log(tmp_path)
     best = np.maximum.accumulate([-np.inf, *(row["rollout/ep_rew_max"] for row in rows)])
     assert [row["search/phi"] for row in rows] == adapted(*(np.diff(best) > 0.0))
     assert {row["search/phi"] for row in rows} > {0.8, 0.6}

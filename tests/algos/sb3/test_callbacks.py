@@ -1,10 +1,10 @@
-import json
 import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from logs import read_log
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
 from stable_baselines3.common.env_util import make_vec_env
@@ -59,7 +59,7 @@ def test_it_logs_with_each_rollout(tmp_path):
     logger = configure(str(tmp_path), ["json"])
     env = make_vec_env("CuriosityMaze-US-v0", n_envs=1)
     callback = train(env, 2000, ExplorationCallback(), logger)
-    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    logged = read_log(tmp_path)[-1]
     assert logged["coverage/all"] == pytest.approx(1 / 2500)
     assert logged["coverage/reachable"] == callback.coverage.reachable > logged["coverage/all"]
     assert logged["coverage/visited"] == callback.coverage.visited > logged["coverage/reachable"]
@@ -108,7 +108,7 @@ def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
     logger = configure(str(tmp_path), ["json"])
     venv = BonusVecEnvWrapper(make_vec_env("CartPole-v1"), bonus="rnd", train_interval=50, seed=0)
     train(VecMonitor(venv), 100, ExplorationCallback(), logger)
-    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    logged = read_log(tmp_path)[-1]
     assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
     assert logged["rnd/loss"] == venv.metrics["rnd/loss"]
 
@@ -125,7 +125,7 @@ def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_las
         return True
 
     model.learn(400, [ConvertCallback(keep), ExplorationCallback()], log_interval=1)
-    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    rows = read_log(tmp_path)
     # Episodes have 200 steps; SB3 logs in the last of them, before its rollout has ended.
     for row, part in zip(rows, (paid[:199], paid[199:399]), strict=True):
         assert row["intrinsic/mean"] == pytest.approx(np.mean(part))
@@ -139,7 +139,7 @@ def test_the_log_of_an_episode_has_its_cell(tmp_path):
     model = TD3("MlpPolicy", walk, **schedule, device="cpu")
     model.set_logger(configure(str(tmp_path), ["json"]))
     model.learn(15, ExplorationCallback(), log_interval=1)
-    rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+    rows = read_log(tmp_path)
     assert [row["coverage/all"] for row in rows] == [n / 50 for n in (1, 2, 3, 4, 5)]
 
 

@@ -1,7 +1,6 @@
 """TD3's part of the contract: SB3's promises, exact resume, errors before anything changes."""
 
 import copy
-import json
 import signal
 
 import gymnasium as gym
@@ -12,6 +11,7 @@ from gymnasium import spaces
 from gymnasium.envs.classic_control import PendulumEnv
 from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
+from logs import read_log
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback, ConvertCallback
@@ -547,7 +547,7 @@ class TestAsInStableBaselines:
         model = make(make_maze())
         model.set_logger(configure(str(tmp_path), ["json"]))
         model.learn(150, callback=Logs(), log_interval=1)
-        rows = [json.loads(line) for line in (tmp_path / "progress.json").read_text().splitlines()]
+        rows = read_log(tmp_path)
         assert [row["own/timesteps"] for row in rows] == [50, 100, 150]
 
     def test_callbacks_see_each_step(self, make, make_maze):

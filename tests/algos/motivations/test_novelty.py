@@ -46,14 +46,6 @@ def test_novelty_equals_a_brute_force(data, k, n_dimensions, n_generations):
         seen += behaviors
 
 
-def test_nobody_meets_itself():
-    motivation = NoveltyMotivation(2, k=1, behavior="final")
-    rollouts = make_rollouts([[0.0, 0.0], [3.0, 4.0]])
-    assert motivation.score(rollouts).tolist() == [5.0, 5.0]
-    motivation.update(rollouts)
-    assert motivation.score(rollouts).tolist() == [0.0, 0.0]
-
-
 def test_the_whole_state_may_be_compared():
     rollouts = make_rollouts([[0.0], [0.0]], [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     assert NoveltyMotivation(3, k=1, behavior="state").score(rollouts).tolist() == [2.0, 2.0]

@@ -93,19 +93,6 @@ def test_neighbors_by_hand():
     np.testing.assert_array_equal(distances, [[0.0, 1.0, 5.0], [0.0, 5.0, 10.0]])
 
 
-def test_a_behavior_of_the_archive_is_found_at_no_distance():
-    batches = random_batches(30)
-    archive, seen = make_archive(*batches), np.concatenate(batches)
-    np.testing.assert_array_equal(archive.nearest(seen, 1), 0.0)
-
-
-def test_copies_are_neighbors_each():
-    point, far = [1.0, 2.0], [1.0, 5.0]
-    archive = make_archive([point, far], [point, point], [far], n_dimensions=2)
-    assert archive.nearest([point], 10).tolist() == [[0.0, 0.0, 0.0, 3.0, 3.0]]
-    assert archive.nearest([point], 2).tolist() == [[0.0, 0.0]]
-
-
 def test_thousands_of_copies_are_held_once_in_the_trees():
     archive = make_archive(np.ones((5000, 2)), -np.zeros((5000, 2)), n_dimensions=2)
     archive.add(np.zeros((5000, 2)))
@@ -125,18 +112,6 @@ def test_a_behavior_takes_little_more_than_its_numbers():
     finally:
         tracemalloc.stop()
     assert taken <= 150.0
-
-
-def test_an_empty_archive_has_no_neighbors():
-    archive = make_archive()
-    for each in (archive, make_archive(np.empty((0, N_DIMENSIONS)))):
-        assert each.nearest(np.zeros((3, N_DIMENSIONS)), 5).shape == (3, 0)
-        assert len(each) == 0
-
-
-def test_no_queries_have_no_neighbors():
-    distances = make_archive(*random_batches(1)).nearest(np.empty((0, N_DIMENSIONS)), 5)
-    assert distances.shape == (0, 5)
 
 
 @pytest.mark.parametrize("sizes", [[1] * 600, [600], [599, 1], [200, 37, 363]])

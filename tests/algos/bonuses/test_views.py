@@ -57,11 +57,9 @@ def test_an_array_is_seen_as_it_is():
         np.testing.assert_array_equal(view.one(observations[0]), observations[0])
 
 
-@pytest.mark.parametrize("key", SPACE)
+@pytest.mark.parametrize("key", sorted({*SPACE} - {"image"}))
 def test_what_is_neither_vector_nor_image_is_flat(key):
     rows, together = observe(3)
-    if key == "image":
-        return
     expected = [spaces.flatten(SPACE[key], row[key]) for row in rows]
     for view, observations in [(View(SPACE, key), together), (View(SPACE[key]), together[key])]:
         assert view.space == spaces.flatten_space(SPACE[key])

@@ -125,10 +125,15 @@ class RunSpec:
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""
         cls, venv = find_algorithm(self.algorithm), self._make_env()
+        # Stable-Baselines3's A2C, DDPG and SAC write into their `policy_kwargs`.
+        settings: dict[str, Any] = {
+            name: dict(value) if isinstance(value, dict) else value
+            for name, value in self.settings.items()
+        }
         if is_baseline(cls):
             added = {"bonus": self.bonus, "bonus_kwargs": self.bonus_kwargs}
-            return make_baseline(cls, venv, seed=self.seed, **{**added, **self.settings})
-        settings = {**self.settings, **self._bonus_settings(cls)}
+            return make_baseline(cls, venv, seed=self.seed, **{**added, **settings})
+        settings |= self._bonus_settings(cls)
         preset = settings.pop("preset", None)
         make = cls if preset is None else partial(cls.from_preset, preset)
         model: BaseAlgorithm = make(venv, seed=self.seed, **settings)

@@ -95,6 +95,13 @@ def test_what_is_right_passes():
     RunSpec("curiosity_es", "CartPole-v1", 0, 1).check()
 
 
+def test_models_leave_the_settings_of_other_runs_alone():
+    policy_kwargs = {"net_arch": [4]}
+    for algorithm in ("a2c", "ddpg", "sac"):
+        RunSpec(algorithm, "Pendulum-v1", 0, 1, {}, {"policy_kwargs": policy_kwargs}).make()
+    assert policy_kwargs == {"net_arch": [4]}
+
+
 @pytest.mark.parametrize("algorithm", ["curiosity_es", "td3icm"])
 def test_a_bonus_is_this_packages_own(algorithm):
     spec = RunSpec(algorithm, US, 0, 1, bonus="RND", bonus_kwargs={"learning_rate": 1e-3})

@@ -41,24 +41,22 @@ SAME_STEP: dict[str, Any] = {
     "vectorization_mode": "vector_entry_point",
     "autoreset_mode": AutoresetMode.SAME_STEP,
 }
+TD3_SETTINGS: dict[str, Any] = {
+    "learning_rate": 5e-5,
+    "learning_starts": 10_000,
+    "batch_size": 128,
+    "train_freq": (1, "episode"),
+    "gradient_steps": -1,
+    "action_noise": NormalActionNoise(np.zeros(2), 0.1 * np.ones(2)),
+    "policy_kwargs": {"net_arch": td3_icm.NET_ARCH},
+}
+"""Those that SB3's TD3 has in common with TD3ICM."""
 STAGES = ("environment", "rewards of samples", "bonus updates", "actor and critic", "rest")
 
 
-def make_td3(env: str, **changes: Any) -> TD3:
+def make_td3(**changes: Any) -> TD3:
     """SB3's TD3 with the networks, the noise and the schedule that TD3ICM has."""
-    made = gym.make(env)
-    shape = made.action_space.shape
-    settings = {
-        "learning_rate": 5e-5,
-        "learning_starts": 10_000,
-        "batch_size": 128,
-        "train_freq": (1, "episode"),
-        "gradient_steps": -1,
-        "action_noise": NormalActionNoise(np.zeros(shape), 0.1 * np.ones(shape)),
-        "policy_kwargs": {"net_arch": td3_icm.NET_ARCH},
-        "device": "cpu",
-    }
-    return TD3("MlpPolicy", made, **(settings | changes))
+    return TD3("MlpPolicy", gym.make(MAZE), **(TD3_SETTINGS | {"device": "cpu"} | changes))
 
 
 def run(plan: Plan) -> list[Table]:
@@ -67,7 +65,7 @@ def run(plan: Plan) -> list[Table]:
     changes = {"learning_starts": 0, "buffer_size": 50 * n_steps, "seed": 0}
     if plan.quick:
         changes |= {"train_freq": (n_steps, "step")}
-    icm, td3 = TD3ICM(MAZE, device="cpu", **changes), make_td3(MAZE, **changes)
+    icm, td3 = TD3ICM(MAZE, device="cpu", **changes), make_td3(**changes)
     runs: list[dict[str, float]] = []
     watch = watched(icm)
 
@@ -109,7 +107,7 @@ def _compiled_learner(plan: Plan) -> Table:
 
     tasks = {
         "TD3ICM": task(TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0)),
-        "Stable-Baselines3's TD3": task(make_td3(MAZE, learning_starts=400, seed=0)),
+        "Stable-Baselines3's TD3": task(make_td3(learning_starts=400, seed=0)),
         "Stable-Baselines3's TD3 + ICM, 32 environments, an update every 8 steps": task(
             make_batched(TD3, n_envs=32, steps_per_update=8)
         ),

@@ -92,7 +92,11 @@ def _run(plan: Plan) -> list[Table]:
         f"A generation, read as CuriosityES reads it; on as many workers as threads, on {n_cores} "
         f"cores. {IN_PYTHON} is stepped in Python, by one process without Ray."
     ]
-    return [_bytes(n), Table("cluster: time of a generation", rows, notes), _model(figures, shard)]
+    return [
+        _bytes(n),
+        Table("cluster: time of a generation", rows, notes),
+        _model(workloads, figures, shard),
+    ]
 
 
 def _task(evaluator: Any, workload: Workload) -> Task:
@@ -163,15 +167,16 @@ def _bytes(n: int) -> Table:
     return Table("cluster: a generation in bytes", rows, [f"{MAZE}, {n} individuals."])
 
 
-def _model(figures: Mapping[str, list[float]], shard: list[float]) -> Table:
+def _model(
+    workloads: list[Workload], figures: Mapping[str, list[float]], shard: list[float]
+) -> Table:
     """Speedups over one machine of like machines, at best."""
     n_cores = available_cpus()
     rows = []
     for env_id, n in MODELLED.items():
-        measured = [name for name in figures if name.startswith(env_id) and name.endswith("local")]
-        name = measured[-1]
-        n_measured = int(name.removeprefix(f"{env_id}, ").split(" on ")[0].replace(",", ""))
-        each = median(figures[name]) / n_measured  # seconds an individual, on one machine
+        *_, largest = (each for each in workloads if each.env_id == env_id)
+        # Seconds an individual, on one machine.
+        each = median(figures[f"{largest.name}, local"]) / largest.n
         for n_nodes in NODES:
             n_workers = n_nodes * n_cores
             n_shards = min(n, 2 * n_workers)

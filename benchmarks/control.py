@@ -15,7 +15,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
 from benchmarks.population import POPULATION_SIZE, random_policies
-from benchmarks.python_loop import loop
+from benchmarks.python_loop import loop_task
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_gym.control.tasks import ControlTask
@@ -94,7 +94,7 @@ def tasks(name: str, plan: Plan) -> dict[str, Task]:
         VECTOR_ALL: vector_task(name, episodes, n_threads, plan),
         ALL: partial(rate, many),
         ASYNC: async_task(partial(make_peer, name), streams(episodes[:N_ASYNC], plan.size(500, 5))),
-        SINGLE: single_task(name, episodes, plan),
+        SINGLE: loop_task(make_peer(name), np.concatenate(episodes)[: plan.size(10_000, 100)]),
     }
 
 
@@ -122,14 +122,6 @@ def streams(episodes: Episodes, n_steps: int) -> Float64Array:
     """Each env's actions (n_steps, n, A): its episode over and over, a row a reset in between."""
     cycles = [np.pad(episode, [(0, 1), (0, 0)]) for episode in episodes]
     return np.stack([np.resize(cycle, (n_steps, cycle.shape[1])) for cycle in cycles], axis=1)
-
-
-def single_task(name: str, episodes: Episodes, plan: Plan) -> Task:
-    """Steps a second of one env of Shimmy."""
-    env = make_peer(name)
-    actions = np.concatenate(episodes)[: plan.size(10_000, 100)]
-    loop(env, actions[:10])
-    return lambda: len(actions) / seconds(lambda: loop(env, actions))
 
 
 def async_task(make: Callable[[], gym.Env[Any, Any]], actions: npt.NDArray[Any]) -> Task:

@@ -39,25 +39,15 @@ def run(plan: Plan) -> list[Table]:
     devices = ["cpu", *(["cuda"] if th.cuda.is_available() else [])]
     gpu = f"GPU: {th.cuda.get_device_name()}." if len(devices) > 1 else "There is no GPU here."
     notes = [f"{gpu} Networks are on one thread of the processor; policies are always there."]
+    bonuses: list[Row] = []
     with single_torch_thread():
-        bonuses = [
-            row
-            for (what, sizes), bonus in product(INPUTS.items(), (APT, ICM, RND))
-            for row in _bonus(plan, devices, f"{bonus.__name__}, {what}", bonus, *sizes)
-        ]
-    runs = [
-        row
-        for name, (make, timesteps) in RUNS.items()
-        for row in _rows(
-            plan,
-            name,
-            "steps/s",
-            {
-                device: partial(_rate, make, device, plan.size(int(timesteps), 100))
-                for device in devices
-            },
-        )
-    ]
+        for (what, sizes), bonus in product(INPUTS.items(), (APT, ICM, RND)):
+            bonuses += _bonus(plan, devices, f"{bonus.__name__}, {what}", bonus, *sizes)
+    runs: list[Row] = []
+    for name, (make, timesteps) in RUNS.items():
+        n_steps = plan.size(int(timesteps), 100)
+        tasks = {device: partial(_rate, make, device, n_steps) for device in devices}
+        runs += _rows(plan, name, "steps/s", tasks)
     return [Table("gpu: bonuses", bonuses, notes), Table(f"gpu: {MAZE}", runs, notes)]
 
 
@@ -90,16 +80,11 @@ def _bonus(
         bonus.score(*batch)  # which encodes what is remembered, once after a training
         return len(actions) / seconds(lambda: bonus.score(*batch))
 
-    return [
-        row
-        for stage, task in {"trained": train, "scored": score}.items()
-        for row in _rows(
-            plan,
-            f"{name}, {stage}",
-            "transitions/s",
-            {device: partial(task, bonus) for device, bonus in made.items()},
-        )
-    ]
+    rows: list[Row] = []
+    for stage, task in {"trained": train, "scored": score}.items():
+        tasks = {device: partial(task, bonus) for device, bonus in made.items()}
+        rows += _rows(plan, f"{name}, {stage}", "transitions/s", tasks)
+    return rows
 
 
 def _rate(make: Callable[..., BaseAlgorithm], device: str, n_steps: int) -> float:

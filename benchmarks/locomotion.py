@@ -13,6 +13,7 @@ import numpy.typing as npt
 from benchmarks.control import ALL, ASYNC, BARE, N_ASYNC, ONE, UNIT, VECTOR_ALL, async_task
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
 from benchmarks.population import POPULATION_SIZE, random_policies
+from benchmarks.python_loop import loop_task
 from curiosity_algos import make_evaluator
 from curiosity_gym.locomotion.tasks import LocomotionTask
 from curiosity_gym.processors import available_cpus
@@ -61,8 +62,8 @@ def tasks(robot: str, plan: Plan) -> dict[str, Task]:
         ONE: partial(rate, ONE),
         VECTOR_ALL: vector_task(robot, actions, n_threads),
         ALL: partial(rate, ALL),
-        ASYNC: async_task(partial(gym.make, f"{robot}-v5", **endless(robot)), actions[:, :N_ASYNC]),
-        SINGLE: single_task(robot, actions[:, 0]),
+        ASYNC: async_task(partial(gym.make, f"{robot}-v5", **env_kwargs), actions[:, :N_ASYNC]),
+        SINGLE: loop_task(gym.make(f"{robot}-v5", **env_kwargs), actions[:, 0]),
     }
 
 
@@ -98,16 +99,5 @@ def vector_task(robot: str, actions: npt.NDArray[np.float32], n_threads: int) ->
     def rate() -> float:
         envs.reset(seed=0)
         return actions[..., 0].size / seconds(lambda: [envs.step(each) for each in actions])
-
-    return rate
-
-
-def single_task(robot: str, actions: npt.NDArray[np.float32]) -> Task:
-    """Steps a second of one of Gymnasium's envs."""
-    env = gym.make(f"{robot}-v5", **endless(robot))
-
-    def rate() -> float:
-        env.reset(seed=0)
-        return len(actions) / seconds(lambda: [env.step(each) for each in actions])
 
     return rate

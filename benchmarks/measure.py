@@ -139,17 +139,3 @@ class Stopwatch:
             return result
 
         setattr(owner, method, timed)
-
-
-def stage_rows(stages: Sequence[str], runs: Sequence[Mapping[str, float]]) -> list[Row]:
-    """Seconds of each stage of the runs, of all of them, and their shares."""
-    totals = [sum(run.values()) for run in runs]
-    shares = {
-        stage: [100.0 * run[stage] / total for run, total in zip(runs, totals, strict=True)]
-        for stage in stages
-    }
-    return [
-        *(Row(stage, [run[stage] for run in runs], "s") for stage in stages),
-        Row("all stages", totals, "s"),
-        *(Row(f"share of {stage}", shares[stage], "%") for stage in stages),
-    ]

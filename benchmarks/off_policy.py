@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -24,7 +23,6 @@ from benchmarks.measure import (
     interleave,
     ratios,
     seconds,
-    stage_rows,
 )
 from benchmarks.products import products_of_errors
 from benchmarks.roofline import products_task
@@ -51,7 +49,8 @@ TD3_SETTINGS: dict[str, Any] = {
     "policy_kwargs": {"net_arch": td3_icm.NET_ARCH},
 }
 """Those that SB3's TD3 has in common with TD3ICM."""
-STAGES = ("environment", "rewards of samples", "bonus updates", "actor and critic", "rest")
+SCORED = "rewards of samples"
+STAGES = ("environment", SCORED, "bonus updates", "actor and critic", "rest")
 
 
 def make_td3(**changes: Any) -> TD3:
@@ -170,14 +169,21 @@ def make_batched(
 
 def _stages(runs: list[dict[str, float]], floors: Figures) -> Table:
     """Where the time of each run goes; `floors` are seconds of the products of its rewards."""
-    rows = {row.name: row for row in stage_rows(STAGES, runs)}
-    scored = rows["rewards of samples"]
-    rows[scored.name] = replace(scored, of_roof=ratios(floors, scored.figures))
+    totals = [sum(run.values()) for run in runs]
+    spent = {stage: [run[stage] for run in runs] for stage in STAGES}
+    of_roof = {SCORED: ratios(floors, spent[SCORED])}
+    rows = [
+        *(Row(stage, spent[stage], "s", of_roof=of_roof.get(stage, [])) for stage in STAGES),
+        Row("all stages", totals, "s"),
+    ]
+    for stage in STAGES:
+        shares = [100.0 * share for share in ratios(spent[stage], totals)]
+        rows.append(Row(f"share of {stage}", shares, "%"))
     notes = [
         "`rest` is acting, storing, logging and the loop itself. The roof of rewards is the time "
         "of their matrix products at the rate of large ones, on one thread."
     ]
-    return Table("td3: where TD3ICM's time goes", list(rows.values()), notes)
+    return Table("td3: where TD3ICM's time goes", rows, notes)
 
 
 def watched(model: TD3ICM) -> Stopwatch:
@@ -185,7 +191,7 @@ def watched(model: TD3ICM) -> Stopwatch:
     watch = Stopwatch()
     buffer, bonus = model.replay_buffer, model._bonus
     watch.wrap(model.env, "step", "environment")
-    watch.wrap(bonus, "score", "rewards of samples")
+    watch.wrap(bonus, "score", SCORED)
     watch.wrap(bonus, "update", "bonus updates")
     watch.wrap(buffer, "sample_transitions", "bonus updates")
     watch.wrap(model, "train", "actor and critic")

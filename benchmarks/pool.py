@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
-from itertools import starmap
 from multiprocessing import get_context
-from typing import Any, TypeVar
-
-Result = TypeVar("Result")
+from typing import Any
 
 
-def run_all(
-    run: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], jobs: int
-) -> list[Result]:
-    """What `run` gives for the arguments of each task, in their order; one job needs no process."""
+def run_all(run: Callable[..., None], tasks: Iterable[tuple[Any, ...]], jobs: int) -> None:
+    """Call `run` with the arguments of each task; one job needs no process."""
     if jobs == 1:
-        return list(starmap(run, tasks))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return [future.result() for future in [pool.submit(run, *task) for task in tasks]]
+        for task in tasks:
+            run(*task)
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            list(pool.map(run, *zip(*tasks, strict=True)))  # raises the first error

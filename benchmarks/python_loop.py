@@ -18,9 +18,11 @@ UNIT = "steps/s"
 
 def run(plan: Plan) -> list[Table]:
     """Steps a second of both, as `gym.make` gives them."""
-    tasks = {MAZE: loop_task(gym.make(MAZE), plan)}
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1.0, 1.0, (plan.size(20_000, 100), 2)).astype(np.float32)
+    tasks = {MAZE: loop_task(gym.make(MAZE), actions)}
     notes = ["With gym.make's default wrappers, the same fixed actions, resets included."]
-    add_peer(tasks, notes, POINT_MAZE, lambda: point_maze_task(plan))
+    add_peer(tasks, notes, POINT_MAZE, lambda: point_maze_task(actions))
     figures = interleave(tasks, plan.repeats)
     rows = [Row(name, values, UNIT) for name, values in figures.items()]
     if POINT_MAZE in figures:
@@ -29,7 +31,7 @@ def run(plan: Plan) -> list[Table]:
     return [Table("python_loop: one environment", rows, notes)]
 
 
-def point_maze_task(plan: Plan) -> Task:
+def point_maze_task(actions: npt.NDArray[np.float32]) -> Task:
     """The peer's loop.
 
     Raises:
@@ -38,21 +40,18 @@ def point_maze_task(plan: Plan) -> Task:
     import gymnasium_robotics
 
     gym.register_envs(gymnasium_robotics)
-    return loop_task(gym.make(POINT_MAZE), plan)
+    return loop_task(gym.make(POINT_MAZE), actions)
 
 
-def loop_task(env: gym.Env[Any, Any], plan: Plan) -> Task:
-    """Steps a second of a loop over fixed actions."""
-    rng = np.random.default_rng(0)
-    actions = rng.uniform(-1.0, 1.0, (plan.size(20_000, 100), 2)).astype(np.float32)
-    loop(env, actions[:10])
-    return lambda: len(actions) / seconds(lambda: loop(env, actions))
+def loop_task(env: gym.Env[Any, Any], actions: npt.NDArray[Any]) -> Task:
+    """Steps a second of a loop over actions (n, A), an episode after the other."""
 
+    def loop(actions: npt.NDArray[Any]) -> None:
+        env.reset(seed=0)
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
 
-def loop(env: gym.Env[Any, Any], actions: npt.NDArray[np.float32]) -> None:
-    """Take the actions (n, 2), and begin an episode whenever one has ended."""
-    env.reset(seed=0)
-    for action in actions:
-        _, _, terminated, truncated, _ = env.step(action)
-        if terminated or truncated:
-            env.reset()
+    loop(actions[:10])
+    return lambda: len(actions) / seconds(lambda: loop(actions))

@@ -74,6 +74,12 @@ class Table:
         return "\n".join([*lines, *(f"\n{note}" for note in self.notes), ""])
 
 
+def markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table: its header, then a line for each row."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
 def number(value: float) -> str:
     """Three significant digits, never an exponent: 1,234 or 12.3 or 0.00123."""
     if abs(value) >= 100.0:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from benchmarks.claims import CLAIMS
 from benchmarks.judging import Verdict
-from benchmarks.markdown import markdown
+from benchmarks.measure import markdown
 from benchmarks.paper import PUBLIC_STEP, Tables
 from benchmarks.results import ENVIRONMENTS, in_order
 from benchmarks.run_numbers import N_POLICIES, US, measured

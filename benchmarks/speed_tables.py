@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 from statistics import median
 
-from benchmarks.markdown import markdown
-from benchmarks.measure import number
+from benchmarks.measure import markdown, number
 from benchmarks.record import read_sections
 from benchmarks.results import FOLDER
 

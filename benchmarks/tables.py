@@ -17,12 +17,11 @@ import pandas as pd
 import typer
 
 from benchmarks import paper_tables
-from benchmarks.headline import headline
-from benchmarks.markdown import markdown
+from benchmarks.measure import markdown
 from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
 from benchmarks.results import ENVIRONMENTS, in_order, rank, read_rows, read_runs
-from benchmarks.speed_tables import HEADLINES, SPEED_FILE, section, summary_of
+from benchmarks.speed_tables import HEADLINES, SPEED_FILE, filled, section, summary_of
 from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.statistics import (
     Interval,
@@ -44,6 +43,37 @@ PAGES = (
     *("docs/clusters.md", "docs/paper.md", "docs/paper_claims.md", "docs/paper_today.md"),
 )
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
+
+
+def headline() -> str:
+    """Goals found by evolution and by gradients, with curiosity and without, and steps a second."""
+    mazes, ppo = read_runs("mazes"), read_runs("ppo")
+    (speed,) = filled(HEADLINES[:1])
+    rows = [
+        [
+            "Goals of three mazes found, told nothing",
+            f"CuriosityES: {_found(mazes, 'CuriosityES')}",
+            f"MAP-Elites, told the position: {_found(mazes, 'MAPElites')}",
+        ],
+        [
+            "The same by Stable-Baselines3's PPO, with a bonus around its environment",
+            f"PPO + APT: {_found(ppo, 'PPO + APT')}",
+            f"PPO: {_found(ppo, 'PPO')}",
+        ],
+        speed[:3],
+    ]
+    return markdown(["", "Here", "Beside it"], rows)
+
+
+def _found(runs: pd.DataFrame, algorithm: str) -> str:
+    """How many runs found the goal, and the median time of first reward."""
+    own = runs[runs["algorithm"] == algorithm]
+    firsts, budget = own["first_success_timesteps"], own["timesteps"]
+    median = survival(firsts, budget).median
+    n_found = f"{firsts.notna().sum()} of {len(own)} runs"
+    if median is None:
+        return f"{n_found} within {budget.min() / 1e6:.0f} M steps"
+    return f"{n_found}, within {median / 1e6:.1f} M steps (median)"
 
 
 def summary(runs: pd.DataFrame) -> str:

@@ -18,7 +18,6 @@ from benchmarks import (
     unseen,
     whereabouts,
 )
-from benchmarks.headline import headline
 from curiosity_algos import CanonicalES
 from curiosity_algos.experiments import (
     RunFolder,
@@ -170,7 +169,7 @@ def test_a_long_curve_is_thinned_to_points_equally_far_apart(monkeypatch):
 def test_the_headline_is_what_the_runs_came_to():
     runs = results.read_runs("mazes")
     found = runs[runs["algorithm"] == "CuriosityES"]["first_success_timesteps"].notna()
-    mine, ppo, speed = headline().splitlines()[2:]
+    mine, ppo, speed = tables.headline().splitlines()[2:]
     assert f"CuriosityES: {found.sum()} of {len(found)} runs" in mine
     assert re.search(r"PPO \+ APT: \d+ of 15 runs.* PPO: \d+ of 15 runs", ppo)
     assert re.search(r"M steps/s .* Kheperax.* M steps/s", speed)

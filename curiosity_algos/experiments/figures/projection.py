@@ -20,6 +20,7 @@ from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.export.population_run import Policies
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.reading import REWARDING, read_arrays
 from curiosity_algos.experiments.run_folder import last_checkpoint
 
 N_STATES = 300
@@ -56,13 +57,13 @@ def replay_rewarding(run: Path) -> Rewarding:
 
     Raises:
         FileNotFoundError: If there is no run.
-        ValueError: If its environment is not one that is known here.
+        ValueError: If it is damaged, or its environment is not one that is known here.
     """
     described, checkpoint = last_checkpoint(run)
     env = make_env(described, trust=False)
     evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
-    with np.load(checkpoint / "rewarding.npz") as kept:
-        parameters, seeds = Policies(kept["parameters"], kept["episode_seed"]).draw(N_POLICIES)
+    kept = read_arrays(checkpoint / "rewarding.npz", REWARDING)
+    parameters, seeds = Policies(kept["parameters"], kept["episode_seed"]).draw(N_POLICIES)
     n_observed = FlatObservations(env.observation_space).size
     states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)
     returns = np.empty(len(seeds))

@@ -141,6 +141,13 @@ def test_an_environment_of_strangers_is_not_made(make_runs):
         replay_rewarding(run)
 
 
+def test_damaged_policies_are_told(make_runs):
+    (run,) = make_runs(NSES, seeds=(0,), timesteps=60, n_parents=2, k=3)
+    (RunFolder(run).checkpoint / "rewarding.npz").write_bytes(b"PK\x03\x04")
+    with pytest.raises(ValueError, match=r"rewarding\.npz is damaged"):
+        replay_rewarding(run)
+
+
 def test_there_must_be_something_to_project(make_runs):
     (run,) = make_runs(NSES, seeds=(0,), timesteps=60, goal_radius=2.0, n_parents=2)
     none = replay_rewarding(run)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,7 +17,7 @@ from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.description import versions
-from curiosity_algos.experiments.export.population_run import POLICIES, Policies, PopulationRun
+from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
 from curiosity_gym import __version__
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_at_least_one, check_choice
@@ -94,7 +92,9 @@ def _write(
         storage.update_metadata(
             {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
         )
-        storage.update_episodes(_episodes(env, run.mlp, chosen))  # which it takes one by one
+        pairs = zip(chosen.parameters, chosen.seeds.tolist(), strict=True)
+        # Which it takes one by one.
+        storage.update_episodes(_episode(env, run.mlp, *each) for each in pairs)
         _publish(whole, target, dataset_id)
 
 
@@ -159,23 +159,11 @@ def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
         return None
 
 
-def _episodes(env: gym.Env[Any, Any], mlp: Mlp, policies: Policies) -> Iterator[Any]:
-    """An episode of each policy, in their order, as Minari's buffers."""
-    seen, acted = FlatObservations(env.observation_space), FlatActions(env.action_space)
-    for parameters, seed in zip(policies.parameters[:, None], policies.seeds.tolist(), strict=True):
-        yield _episode(env, partial(act, mlp, parameters), seed, seen, acted)
-
-
-def _episode(
-    env: gym.Env[Any, Any],
-    decide: Callable[[Array], Float32Array],
-    seed: int,
-    seen: FlatObservations,
-    acted: FlatActions,
-) -> Any:
+def _episode(env: gym.Env[Any, Any], mlp: Mlp, parameters: Float32Array, seed: int) -> Any:
     """One episode as the environment gives it: `Rollouts` are in float32, and have no rewards."""
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
+    seen, acted = FlatObservations(env.observation_space), FlatActions(env.action_space)
     most = most_steps(env)
     observations, steps = [_vector(seen, env.reset(seed=seed)[0])], list[Any]()
     while not steps or not any(steps[-1][2:]):
@@ -184,7 +172,7 @@ def _episode(
                 "`run` must be of an environment that ends its episodes: one had not ended after "
                 f"{most} steps."
             )
-        action = acted.taken(acted.choose(decide(observations[-1][None])))[0]
+        action = acted.taken(acted.choose(act(mlp, parameters[None], observations[-1][None])))[0]
         observation, *outcome, _ = env.step(action)
         observations.append(_vector(seen, observation))
         steps.append((action, *outcome))

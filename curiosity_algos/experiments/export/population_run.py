@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
@@ -36,11 +37,9 @@ class Policies(NamedTuple):
 
     def distinct(self) -> Policies:
         """The same without those that stand there twice, with the same seed."""
-        rows = zip(self.parameters, self.seeds.tolist(), strict=True)
-        first: dict[tuple[bytes, int], int] = {}
-        for i, (row, seed) in enumerate(rows):
-            first.setdefault((row.tobytes(), seed), i)
-        return self._at(np.array(list(first.values())))
+        rows = [row.tobytes() for row in self.parameters]
+        is_repeated = pd.DataFrame({"row": rows, "seed": self.seeds}).duplicated()
+        return self._at(np.flatnonzero(~is_repeated))
 
     def draw(self, n: int) -> Policies:
         """At most n of them, drawn uniformly, in their order."""

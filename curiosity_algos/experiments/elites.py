@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pandas as pd
 
 from curiosity_algos.experiments.loading import StrPath, load_progress
-from curiosity_algos.experiments.measures import Points, logged, told_apart
+from curiosity_algos.experiments.measures import logged, told_apart
 from curiosity_algos.experiments.reading import damaged
 from curiosity_algos.experiments.run_folder import RunFolder
 
 QD_SCORE, SIZE = "archive/qd_score", "archive/size"
 """Columns of the log."""
+qd_score = partial(logged, column=QD_SCORE)
+"""Sum of the elites' returns, less the archive's `qd_score_offset` for each of them."""
+n_elites = partial(logged, column=SIZE)
+"""Number of elites."""
 CELLS = {"dims", "centroids"}
 """Settings of archives that say which cells they have."""
 
@@ -42,13 +48,3 @@ def _archive_of(run: StrPath, label: str) -> dict[str, str]:
         case [(name, dict())]:
             return {"archive": f"{name} of {label}"}
     raise damaged(folder.path / "run.json")
-
-
-def qd_score(run: StrPath) -> Points:
-    """Sum of the elites' returns, less the archive's `qd_score_offset` for each of them."""
-    return logged(run, QD_SCORE)
-
-
-def n_elites(run: StrPath) -> Points:
-    """Number of elites."""
-    return logged(run, SIZE)

@@ -314,14 +314,12 @@ def _runs(name: str, scores: Any) -> list[Float64Array]:
 
 def _tasks(name: str, scores: Any) -> list[Float64Array]:
     """The runs (..., runs) of each task."""
-    if not isinstance(scores, list | tuple):
-        matrix = _finite(name, scores)
-        if matrix.ndim > 2:
-            raise ValueError(f"`{name}` must be (runs, tasks) or (runs,), got {matrix.shape}.")
-        return list(np.atleast_2d(matrix.T))
-    if all(np.isscalar(score) for score in scores):
-        return [_finite(name, scores)]
-    return [_finite(name, runs) for runs in scores]
+    if isinstance(scores, list | tuple) and not all(map(np.isscalar, scores)):
+        return [_finite(name, runs) for runs in scores]
+    matrix = _finite(name, scores)
+    if matrix.ndim > 2:
+        raise ValueError(f"`{name}` must be (runs, tasks) or (runs,), got {matrix.shape}.")
+    return list(np.atleast_2d(matrix.T))
 
 
 def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64Array, Float64Array]:

@@ -30,6 +30,8 @@ ALGORITHMS = (
 )
 TOLD_NOTHING = {"algos": ("NSLC",), "hyperparams": ["behavior:'learned'"]}
 """Novelty search with behaviors that it learns."""
+ON_CONTROL = {"algos": ("CuriosityES", "CanonicalES"), "envs": CONTROL, "timesteps": 1e6}
+AMONG_WALLS = {"envs": WORLDS, "timesteps": 1e6}
 ON_A_ROBOT = {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e6}
 ROBOT_TRIES: dict[str, dict[str, Any]] = {
     "linear": {"hyperparams": ["policy_kwargs:{'net_arch': []}"]},
@@ -55,32 +57,20 @@ SWEEPS: dict[str, dict[str, Any]] = {
     "mazes/learned": {**TOLD_NOTHING, "envs": MAZES, "timesteps": 3e7, "preset": "tuned"},
     "labyrinth": {"algos": ALGORITHMS, "envs": LABYRINTH, "timesteps": 2.24e8},
     "labyrinth/learned": {**TOLD_NOTHING, "envs": LABYRINTH, "timesteps": 2.24e8},
-    "control": {
-        "algos": ("CuriosityES", "CanonicalES"),
-        "envs": CONTROL,
-        "timesteps": 1e6,
-    },
-    "control_random": {
-        "algos": ("CuriosityES", "CanonicalES"),
-        "envs": CONTROL,
-        "timesteps": 1e6,
-        "env_kwargs": ["random_start:True"],
-    },
+    "control": ON_CONTROL,
+    "control_random": {**ON_CONTROL, "env_kwargs": ["random_start:True"]},
     "control_strict": {
-        "algos": ("CuriosityES", "CanonicalES"),
+        **ON_CONTROL,
         "envs": ("CuriosityControl-Stacker-v0",),
-        "timesteps": 1e6,
         "env_kwargs": ["success_threshold:0.5"],
     },
     "locomotion": {
+        **AMONG_WALLS,
         "algos": ("CuriosityES", "NSES", "NSLC", "MAPElites", "CMAME"),
-        "envs": WORLDS,
-        "timesteps": 1e6,
     },
     "locomotion/paper": {
+        **AMONG_WALLS,
         "algos": ("CuriosityES",),
-        "envs": WORLDS,
-        "timesteps": 1e6,
         # The paper's settings of US: it has none of a robot.
         "hyperparams": [
             "bonus:'icm'",
@@ -95,7 +85,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
             "learning_rate:1",
         ],
     },
-    "locomotion/learned": {**TOLD_NOTHING, "envs": WORLDS, "timesteps": 1e6},
+    "locomotion/learned": {**TOLD_NOTHING, **AMONG_WALLS},
     "locomotion_long": {
         "algos": ("CuriosityES", "NSES", "NSLC"),
         "envs": (*WORLDS, "CuriosityLocomotion-HumanoidTrap-v0"),

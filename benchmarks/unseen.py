@@ -9,16 +9,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import gymnasium as gym
 import pandas as pd
 import typer
 
 from benchmarks.results import FOLDER, KEYS, add_rows
 from curiosity_algos import make_evaluator
-from curiosity_algos.experiments import RunFolder
-from curiosity_algos.experiments.env_spec import decode_spec
+from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.loading import find_runs
 from curiosity_algos.experiments.names import find_algorithm
+from curiosity_algos.experiments.run_folder import last_checkpoint
 
 
 def main(
@@ -34,11 +33,9 @@ def main(
 
 def count(path: Path, n_starts: int) -> dict[str, str | int]:
     """Of one run: how many of the starts of seeds 0 to `n_starts - 1` its best policy solves."""
-    run = RunFolder(path)
-    described, checkpoint = run.describe(), run.checkpoint
-    assert checkpoint is not None
+    described, checkpoint = last_checkpoint(path)
     model = find_algorithm(described["algorithm"]).load(checkpoint / "model")
-    evaluator = make_evaluator(gym.make(decode_spec(described["env_spec"], trust=True)))
+    evaluator = make_evaluator(make_env(described, trust=True))
     policy = model.policy.vector[None]
     solved = sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))
     return {**{key: described[key] for key in KEYS}, "starts": n_starts, "solved": solved}

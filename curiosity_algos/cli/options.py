@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -73,39 +73,36 @@ def make_runs(
     envs: Sequence[str],
     seeds: Sequence[int],
     *,
-    timesteps: float,
     env_kwargs: list[str] | None,
     hyperparams: list[str] | None,
+    settings: Mapping[str, Any],
     bonuses: Sequence[str],
     bonus_kwargs: list[str] | None,
-    n_envs: int,
-    repeat_action: int,
-    **others: Any,
+    **common: Any,
 ) -> list[RunSpec]:
     """A run of each algorithm, bonus, environment, seed and setting, all of which can begin.
 
-    Keywords of the algorithms that other options give count more than `hyperparams`.
+    `settings` are those that have an option of their own, None where it is not given: they count
+    more than `hyperparams`. What is `common` all runs have.
     """
     if any(":" in env for env in envs):
         find_own_modules()
     from curiosity_algos.experiments.sweep import grid
 
-    given = {name: value for name, value in others.items() if value is not None}
+    given = {name: value for name, value in settings.items() if value is not None}
     found = alternatives("hyperparams", hyperparams)
     swept = {n: values for n, values in found.items() if len(values) > 1 and n not in given}
-    settings = {name: values[0] for name, values in found.items() if name not in swept} | given
+    plain = {name: values[0] for name, values in found.items() if name not in swept}
     runs = grid(
         algos,
         envs,
         seeds,
         swept,
-        settings=settings,
+        settings=plain | given,
         bonuses=[None if name.lower() == "none" else name for name in bonuses],
-        timesteps=timesteps,
         env_kwargs=keywords("env-kwargs", env_kwargs),
         bonus_kwargs=keywords("bonus-kwargs", bonus_kwargs),
-        n_envs=n_envs,
-        repeat_action=repeat_action,
+        **common,
     )
     check_all(runs)
     return runs

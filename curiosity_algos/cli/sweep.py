@@ -76,12 +76,11 @@ def sweep(
         timesteps=timesteps,
         env_kwargs=env_kwargs,
         hyperparams=hyperparams,
+        settings={"preset": preset, "device": device},
         bonuses=options.names("bonus", bonus),
         bonus_kwargs=bonus_kwargs,
         n_envs=n_envs,
         repeat_action=repeat_action,
-        preset=preset,
-        device=device,
     )
     made = _make_backend(backend, jobs, address=address, num_cpus=num_cpus)
     sweeps.sweep(runs, log_folder, backend=made, interval=interval)

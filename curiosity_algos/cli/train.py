@@ -67,13 +67,11 @@ def train(
         timesteps=timesteps,
         env_kwargs=env_kwargs,
         hyperparams=hyperparams,
+        settings={"preset": preset, "device": device, "n_threads": num_threads},
         bonuses=[bonus],
         bonus_kwargs=bonus_kwargs,
         n_envs=n_envs,
         repeat_action=repeat_action,
-        preset=preset,
-        device=device,
-        n_threads=num_threads,
     )
     folder = run.folder(log_folder)
     if not training.train(run, folder, progress_bar=progress):

@@ -220,8 +220,7 @@ def _name(value: Any) -> Any:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that results depend on, where they are installed."""
-    found = {package: version(package) for package in PACKAGES}
-    installed = {package: number for package, number in found.items() if number is not None}
+    installed = {each: number for each in PACKAGES if (number := version(each)) is not None}
     return {"python": platform.python_version(), **installed}
 
 

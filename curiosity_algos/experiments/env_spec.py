@@ -13,16 +13,14 @@ from stable_baselines3.common.monitor import Monitor
 import curiosity_gym
 from curiosity_algos.checkpoints.plain_json import decode, encode
 
-DERIVED = {"namespace", "name", "version"}
-"""Fields that an `EnvSpec` works out of its id."""
-
 
 def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
     """All of a spec but how to render; None where no file can say how to make the environment.
 
     Classes are named by their modules, so that ids which only such a module registers work too.
     """
-    fields = {field.name: getattr(spec, field.name) for field in dataclasses.fields(spec)}
+    given = [field.name for field in dataclasses.fields(spec) if field.init]  # others follow
+    fields = {name: getattr(spec, name) for name in given}
     fields["entry_point"] = _named(spec.entry_point)
     fields["vector_entry_point"] = None
     fields["kwargs"] = {name: spec.kwargs[name] for name in spec.kwargs if name != "render_mode"}
@@ -33,7 +31,7 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
     if unknown or fields["entry_point"] is None:
         return None
     try:
-        encoded: dict[str, Any] = encode({k: v for k, v in fields.items() if k not in DERIVED})
+        encoded: dict[str, Any] = encode(fields)
     except TypeError:  # a function among the arguments of a wrapper
         return None
     return encoded

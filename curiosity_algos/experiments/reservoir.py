@@ -33,12 +33,11 @@ class Reservoir:
     def add(self, policy: Mapping[str, Any]) -> None:
         """See one more policy: a value for each of `FIELDS`, of which copies are kept."""
         self.n_seen += 1
-        if len(self._kept) < self.size:
-            self._kept.append(_copied(policy))
-            return
-        place = int(self._rng.integers(self.n_seen))
-        if place < self.size:
-            self._kept[place] = _copied(policy)
+        place = len(self._kept)
+        if place >= self.size:
+            place = int(self._rng.integers(self.n_seen))
+        if place < self.size:  # copied: a view would keep the whole generation in memory
+            self._kept[place : place + 1] = [{k: np.array(v) for k, v in policy.items()}]
 
     def arrays(self) -> dict[str, Array]:
         """Each of `FIELDS`, (n, ...), n 0 where none is kept; `n_seen`; the state of the draws."""
@@ -52,8 +51,3 @@ class Reservoir:
         self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
         self.n_seen = int(arrays["n_seen"])
         load_generator_state(self._rng, str(arrays["rng"]))
-
-
-def _copied(policy: Mapping[str, Any]) -> dict[str, Any]:
-    """Its own arrays: a view would keep the whole generation in memory."""
-    return {name: np.array(value) for name, value in policy.items()}

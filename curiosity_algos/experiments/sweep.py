@@ -148,7 +148,12 @@ class Processes:
     def __call__(self, runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
         """Train the runs, and give each as it ends."""
         if self.jobs == 1:
-            yield from _train_here(runs, train)
+            for run in runs:
+                try:
+                    outcome: Outcome = train(run)
+                except Exception as error:  # of any kind, as from a process
+                    outcome = error
+                yield run, outcome
             return
         context = get_context("spawn")
         is_over = context.Event()
@@ -160,15 +165,6 @@ class Processes:
             finally:
                 is_over.set()  # those that wait for a process already cannot be canceled
                 pool.shutdown(cancel_futures=True)
-
-
-def _train_here(runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
-    for run in runs:
-        try:
-            outcome: Outcome = train(run)
-        except Exception as error:  # of any kind, as from a process
-            outcome = error
-        yield run, outcome
 
 
 _is_over: Event | None = None

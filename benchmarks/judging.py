@@ -45,9 +45,10 @@ class Verdict(NamedTuple):
 Judge: TypeAlias = Callable[[Tables], Verdict]
 
 
-def _numbers(tables: Tables, measure: str, series: Series, env: str) -> Float64:
+def _numbers(tables: Tables, measure: str, algorithm: str | Series, env: str) -> Float64:
     """The number of each of the runs, NaN where it has none; at least `LEAST_RUNS`, or none."""
     values = measured(measure, tables)
+    series = Series(algorithm) if isinstance(algorithm, str) else algorithm
     key = (series.algorithm, env, series.variant)
     found = values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
     return found if len(found) >= LEAST_RUNS else np.empty(0)
@@ -73,7 +74,7 @@ def finds(algorithm: str, *envs: str) -> Judge:
     def word(share: float) -> str:
         return REPRODUCED if share == 1.0 else UNKNOWN if share >= 0.5 else NOT_REPRODUCED
 
-    return all_of(*(partial(_found, word, Series(algorithm), env) for env in envs))
+    return all_of(*(partial(_found, word, algorithm, env) for env in envs))
 
 
 def finds_none(algorithm: str, *envs: str) -> Judge:
@@ -82,16 +83,16 @@ def finds_none(algorithm: str, *envs: str) -> Judge:
     def word(share: float) -> str:
         return REPRODUCED if share == 0.0 else UNKNOWN if share < 0.5 else NOT_REPRODUCED
 
-    return all_of(*(partial(_found, word, Series(algorithm), env) for env in envs))
+    return all_of(*(partial(_found, word, algorithm, env) for env in envs))
 
 
-def _found(word: Callable[[float], str], series: Series, env: str, tables: Tables) -> Verdict:
+def _found(word: Callable[[float], str], algorithm: str, env: str, tables: Tables) -> Verdict:
     """The word for the share of the runs that found a reward."""
-    is_found = np.isfinite(_numbers(tables, "first reward", series, env))
+    is_found = np.isfinite(_numbers(tables, "first reward", algorithm, env))
     if not len(is_found):
         return _not_trained(env)
     numbers = f"{short_name(env)} {is_found.sum()} of {len(is_found)}"
-    spent = _numbers(tables, "share of the paper's steps", series, env).max()
+    spent = _numbers(tables, "share of the paper's steps", algorithm, env).max()
     if is_found.mean() < 0.5 and spent < LEAST_SHARE:
         return Verdict(UNKNOWN, f"{numbers} in {100 * spent:.2g} % of the paper's steps")
     return Verdict(word(float(is_found.mean())), numbers)
@@ -135,15 +136,14 @@ def _in_each(
     y: str | Series,
     *envs: str,
 ) -> Judge:
-    pair = _series(x), _series(y)
-    return all_of(*(partial(_compared, word, measure, *pair, env) for env in envs))
+    return all_of(*(partial(_compared, word, measure, x, y, env) for env in envs))
 
 
 def _compared(
     word: Callable[[Float64, Float64, Interval], str],
     measure: str,
-    x: Series,
-    y: Series,
+    x: str | Series,
+    y: str | Series,
     env: str,
     tables: Tables,
 ) -> Verdict:
@@ -172,11 +172,11 @@ def _reaches(interval: Interval, limit: float) -> str:
 
 def at_least(measure: str, algorithm: str, least: float, *envs: str) -> Judge:
     """That the mean over the runs in each environment is so much or more."""
-    return all_of(*(partial(_at_least, measure, Series(algorithm), least, env) for env in envs))
+    return all_of(*(partial(_at_least, measure, algorithm, least, env) for env in envs))
 
 
-def _at_least(measure: str, series: Series, least: float, env: str, tables: Tables) -> Verdict:
-    values = _numbers(tables, measure, series, env)
+def _at_least(measure: str, algorithm: str, least: float, env: str, tables: Tables) -> Verdict:
+    values = _numbers(tables, measure, algorithm, env)
     short = _short_of(env, values)
     if short is not None:
         return short
@@ -230,7 +230,3 @@ def takes_longer(x: str, y: str) -> Judge:
 def not_measured(reason: str) -> Judge:
     """That is not judged, and why."""
     return lambda tables: Verdict(UNKNOWN, reason)
-
-
-def _series(algorithm: str | Series) -> Series:
-    return algorithm if isinstance(algorithm, Series) else Series(algorithm)

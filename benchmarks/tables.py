@@ -144,16 +144,12 @@ def _cell(group: pd.DataFrame) -> str:
     budget = group["timesteps"]
     median = survival(firsts, budget).median
     when = f"> {_short(budget.min() / 1e6)} M" if median is None else f"{_short(median / 1e6, 1)} M"
-    return f"{firsts.notna().sum()} of {len(group)}, {when}, {interval(group)} %"
-
-
-def interval(group: pd.DataFrame) -> str:
-    """Interquartile mean of the coverage in percent, with its 95 % interval if it has one."""
-    shares = group["coverage.reachable"].to_numpy()
-    return _percent(stratified_bootstrap(shares, interquartile_mean))
+    share = stratified_bootstrap(group["coverage.reachable"].to_numpy(), interquartile_mean)
+    return f"{firsts.notna().sum()} of {len(group)}, {when}, {_percent(share)} %"
 
 
 def _percent(share: Interval) -> str:
+    """A share in percent, with its 95 % interval if it has one."""
     estimate, low, high = (_short(100 * each) for each in (share.estimate, share.low, share.high))
     return estimate if np.isnan(share.low) else f"{estimate} ({low} to {high})"
 

@@ -78,16 +78,14 @@ def make_evaluator(
     if known is None:
         make_env = opened.make if isinstance(opened, MadeVecEnv) else None
         return VectorEvaluator(inner, mlp, make_env, n_threads or 1)
+    keywords: dict[str, Any] = {
+        "horizon": known.horizon,
+        "max_steps": known.max_steps,
+        "n_threads": n_threads,
+    }
     if known.simulate is None:
-        return MazeEvaluator(known.task, known.grid, mlp, n_threads, known.max_steps)
-    return SimulationEvaluator(
-        known.task,
-        known.simulate,
-        mlp,
-        max_steps=known.max_steps,
-        horizon=known.horizon,
-        n_threads=n_threads,
-    )
+        return MazeEvaluator(known.task, known.grid, mlp, **keywords)
+    return SimulationEvaluator(known.task, known.simulate, mlp, **keywords)
 
 
 def replay(

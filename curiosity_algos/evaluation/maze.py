@@ -64,8 +64,9 @@ class MazeEvaluator:
         maze: The maze, as `curiosity_gym.maze.dynamics.build_maze` gives it.
         grid: The cells whose visits are counted.
         mlp: The policies' shape.
+        horizon: T of the reward, 1 - t / T for a success after t steps.
+        max_steps: Steps after which an episode ends.
         n_threads: None: as many as there are processors.
-        max_steps: Steps after which an episode ends; None: the maze's horizon.
     """
 
     draws = False
@@ -75,11 +76,14 @@ class MazeEvaluator:
         maze: Maze,
         grid: CoverageGrid,
         mlp: Mlp,
+        *,
+        horizon: int,
+        max_steps: int,
         n_threads: int | None = None,
-        max_steps: int | None = None,
     ) -> None:
         self.maze = maze
-        self.max_steps = maze.horizon if max_steps is None else max_steps
+        self.horizon = horizon
+        self.max_steps = max_steps
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self.block_size = BLOCK_SIZE
@@ -106,7 +110,7 @@ class MazeEvaluator:
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
         return Rollouts(
-            returns=sparse_returns(self.maze.horizon, lengths, success),
+            returns=sparse_returns(self.horizon, lengths, success),
             lengths=lengths,
             success=success,
             behaviors=states,

@@ -72,7 +72,6 @@ class Maze(NamedTuple):
     max_speed: float
     max_acceleration: float
     restitution: float
-    horizon: int
 
 
 def same_maze(one: Maze, other: Maze) -> bool:
@@ -84,7 +83,6 @@ def same_maze(one: Maze, other: Maze) -> bool:
 def build_maze(
     layout: MazeLayout,
     *,
-    horizon: int,
     max_speed: float,
     max_acceleration: float,
     n_beams: int,
@@ -125,7 +123,6 @@ def build_maze(
         max_speed=float(max_speed),
         max_acceleration=float(max_acceleration),
         restitution=float(restitution),
-        horizon=int(horizon),
     )
 
 

@@ -121,7 +121,6 @@ class MazeEnv(EpisodicEnv):
         self.lidar_range = float(lidar_range)
         self.maze = build_maze(
             layout,
-            horizon=horizon,
             n_beams=n_beams,
             lidar_range=lidar_range,
             restitution=restitution,

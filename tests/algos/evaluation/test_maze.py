@@ -5,52 +5,60 @@ from gymnasium.vector import AutoresetMode
 
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
 
-def make(env, n_individuals, seed=0, net_arch=(8,)):
-    """What makes an evaluator of a maze, and vigorous policies that meet walls."""
-    maze, grid = env.unwrapped.maze, env.unwrapped.coverage_grid
-    mlp = build_mlp(env.observation_space, env.action_space, net_arch)
+def make(env, n_individuals, seed=0, net_arch=(8,), n_threads=None):
+    """An evaluator of a maze, and vigorous policies that meet walls."""
+    evaluator = make_evaluator(env, {"net_arch": net_arch}, n_threads)
+    assert isinstance(evaluator, MazeEvaluator)
     rng = np.random.default_rng(seed)
-    return (maze, grid, mlp), rng.normal(0, 1, (n_individuals, mlp.n_parameters)).astype(np.float32)
+    return evaluator, rng.normal(0, 1, (n_individuals, evaluator.n_parameters)).astype(np.float32)
 
 
 @pytest.mark.parametrize("name", ["Snake", "Labyrinth"])
 def test_equals_a_loop_over_the_env(name, play, assert_equal_episodes):
     env = gym.make(f"CuriosityMaze-{name}-v0", horizon=250)
-    parts, parameters = make(env, 4)
-    rollouts = MazeEvaluator(*parts).evaluate(parameters)
-    assert_equal_episodes(rollouts, play(env, parts[-1], parameters))
+    evaluator, parameters = make(env, 4)
+    rollouts = evaluator.evaluate(parameters)
+    assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters))
     assert len(np.unique(rollouts.behaviors, axis=0)) == 4
 
 
 def test_equals_the_loop_where_goals_are_found(make_easy_maze, play, assert_equal_episodes):
     env = make_easy_maze()
-    parts, parameters = make(env, 40, net_arch=())
-    rollouts = MazeEvaluator(*parts).evaluate(parameters)
-    assert_equal_episodes(rollouts, play(env, parts[-1], parameters))
+    evaluator, parameters = make(env, 40, net_arch=())
+    rollouts = evaluator.evaluate(parameters)
+    assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters))
     assert 0 < rollouts.success.sum() < 40
     np.testing.assert_array_equal(rollouts.returns > 0, rollouts.success)
+
+
+def test_a_horizon_that_was_changed_is_that_of_the_reward(
+    make_easy_maze, play, assert_equal_episodes
+):
+    env = make_easy_maze()
+    env.unwrapped.horizon *= 2
+    evaluator, parameters = make(env, 40, net_arch=())
+    rollouts = evaluator.evaluate(parameters)
+    assert rollouts.success.any()
+    assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters))
 
 
 @pytest.mark.parametrize("n_individuals", [1, 23])
 def test_threads_change_no_bit(make_easy_maze, n_individuals, assert_same_rollouts):
     env = make_easy_maze()
-    parts, parameters = make(env, n_individuals)
-    one, *others = (
-        MazeEvaluator(*parts, n_threads).evaluate(parameters) for n_threads in (1, 2, 4, None)
-    )
+    made = [make(env, n_individuals, n_threads=n) for n in (1, 2, 4, None)]
+    one, *others = (evaluator.evaluate(parameters) for evaluator, parameters in made)
     for other in others:
         assert_same_rollouts(one, other)
 
 
 @pytest.mark.parametrize("net_arch", [(), (5, 3, 2)], ids=str)
 def test_equals_the_generic_evaluator(make_easy_maze, net_arch, assert_same_rollouts):
-    parts, parameters = make(make_easy_maze(), 7, net_arch=net_arch)
+    evaluator, parameters = make(make_easy_maze(), 7, net_arch=net_arch)
     layout = make_easy_maze().unwrapped.layout
-    compiled = MazeEvaluator(*parts).evaluate(parameters)
+    compiled = evaluator.evaluate(parameters)
     for mode in AutoresetMode:
         envs = gym.make_vec(
             "CuriosityMaze-v0",
@@ -59,12 +67,11 @@ def test_equals_the_generic_evaluator(make_easy_maze, net_arch, assert_same_roll
             horizon=64,
             autoreset_mode=mode,
         )
-        assert_same_rollouts(compiled, VectorEvaluator(envs, parts[-1]).evaluate(parameters))
+        assert_same_rollouts(compiled, VectorEvaluator(envs, evaluator.mlp).evaluate(parameters))
 
 
 def test_an_evaluation_leaves_the_next_alone(make_easy_maze, assert_same_rollouts):
-    parts, parameters = make(make_easy_maze(), 5)
-    evaluator = MazeEvaluator(*parts)
+    evaluator, parameters = make(make_easy_maze(), 5)
     first = evaluator.evaluate(parameters)
     kept = first.observations.copy()
     evaluator.evaluate(-parameters)

@@ -28,7 +28,6 @@ STOP = ROBOT_RADIUS + MARGIN
 
 def make_maze(layout, **changes):
     values = {
-        "horizon": 2000,
         "max_speed": 20.0,
         "max_acceleration": 5.0,
         "n_beams": 32,

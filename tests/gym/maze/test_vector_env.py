@@ -266,7 +266,7 @@ class TestMakeVec:
             t = play_until_the_end(make_native(1), to_goal)[0]
             limit = None if later is None else t + later
             envs = make_native(1, max_episode_steps=limit)
-            assert (envs.horizon, envs.maze.horizon, envs.max_episode_steps) == (25, 25, limit)
+            assert (envs.horizon, envs.max_episode_steps) == (25, limit)
             # A TimeLimit truncates a step that terminates, too.
             assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
 

@@ -82,6 +82,8 @@ class NSLC(QualityDiversity):
         check_whole(1, self.population_size, n_parents=self.n_parents)
         if self._is_learned:
             self._check_begins_empty()
+        if self.emitters is None and getattr(self._own_archive, "k_neighbors", self.k) is None:
+            raise ValueError("`archive` must have `k_neighbors`, which novelty is of, it has none.")
 
     @property
     def _is_learned(self) -> bool:

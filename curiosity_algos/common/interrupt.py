@@ -10,6 +10,10 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 
+class HeldInterrupt(KeyboardInterrupt):
+    """Ctrl-C that was held back: what it came into has been done whole."""
+
+
 @contextmanager
 def deferred_interrupt(what: str) -> Iterator[None]:
     """Hold the first Ctrl-C back until the block ends, and say so; a second one interrupts at once.
@@ -18,6 +22,10 @@ def deferred_interrupt(what: str) -> Iterator[None]:
 
     Args:
         what: What the block does, for the line on stderr: "the generation".
+
+    Raises:
+        HeldInterrupt: After the block, if Ctrl-C was pressed in it.
+        KeyboardInterrupt: In the midst of it, if it was pressed twice.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -43,4 +51,4 @@ def deferred_interrupt(what: str) -> Iterator[None]:
         if is_default:
             signal.signal(signal.SIGINT, previous)
     if received:
-        raise KeyboardInterrupt
+        raise HeldInterrupt

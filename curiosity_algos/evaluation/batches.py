@@ -134,7 +134,7 @@ class GymnasiumBatch:
             final = _each(infos["final_obs"], self.n)
             for i in np.flatnonzero(ended).tolist():
                 observations[i] = self._seen.one(final[i])
-            infos = infos["final_info"]
+            infos = infos.get("final_info", {})
         elif self._mode == AutoresetMode.DISABLED and ended.any():
             self._env.reset(options={"reset_mask": ended})
         gone = np.flatnonzero(ended & active).tolist()

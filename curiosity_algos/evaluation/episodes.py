@@ -36,7 +36,7 @@ class EpisodeRecord:
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
         self.coverage.add_steps(_behaviors(infos))
         behaviors = _behaviors(ended)
-        if behaviors:
+        if behaviors and self.coverage.grid is not None:
             self.coverage.add(as_behaviors(behaviors))
         if self.first_success_timesteps is None and any(info.get("is_success") for info in ended):
             self.first_success_timesteps = num_timesteps

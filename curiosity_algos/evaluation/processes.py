@@ -39,6 +39,10 @@ class Processes:
         self._pool: Any = None
         self._owner = os.getpid()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the processes: a copy would take their pipes, and starts its own."""
+        return {name: each for name, each in vars(self).items() if name != "_end"} | {"_pool": None}
+
     def play(self, parameters: Float32Array, seed: int) -> Rollouts:
         """One episode of each policy (P, n_parameters); raises what the environment raised."""
         from loky.process_executor import BrokenProcessPool

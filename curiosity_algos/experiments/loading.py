@@ -32,7 +32,8 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
         folders = [folders]
     found: dict[Path, Path] = {}
     for folder in folders:
-        runs = sorted(path.parent for path in Path(folder).rglob("run.json"))
+        # Which passes over folders that vanish, as checkpoints do while a run goes on.
+        runs = sorted(Path(path) for path, _, files in os.walk(folder) if "run.json" in files)
         if not runs:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:

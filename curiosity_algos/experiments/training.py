@@ -6,6 +6,7 @@ import warnings
 from contextlib import nullcontext
 from pathlib import Path
 
+from curiosity_algos.common.interrupt import HeldInterrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import is_baseline
 from curiosity_algos.experiments.description import describe_run, with_newer_settings
@@ -46,7 +47,8 @@ def train(
     """Train until the budget is spent, from where the run in the folder stands.
 
     Stable-Baselines3's own algorithms train on one of torch's threads, as those of this package
-    do. After Ctrl-C they go on from the last checkpoint, and others from a new one.
+    do. After Ctrl-C they go on from the last checkpoint, and others from a new one, unless it was
+    pressed twice.
 
     Args:
         run: Run to train.
@@ -70,9 +72,8 @@ def train(
     try:
         with single_torch_thread() if is_theirs else nullcontext():
             model.learn(rest, callback=save, reset_num_timesteps=False, progress_bar=progress_bar)
-    except KeyboardInterrupt:
-        if save.n_calls and not is_theirs:
-            save.save()  # Ctrl-C comes between two generations
+    except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
+        save.save()
         raise
     finally:
         save.close()

@@ -4,6 +4,7 @@ import pytest
 from gymnasium import spaces
 
 from curiosity_algos import NSLC, Rollouts
+from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.archives.verify import verify
 
 FINAL, LEARNED = {"behavior": "final"}, {"behavior": "learned"}
@@ -139,6 +140,13 @@ def test_learned_behaviors_begin_with_an_empty_archive(make_model, make_easy_maz
     archive = make_model(NSLC, make_easy_maze(), **LEARNED).learn(500).archive
     with pytest.raises(ValueError, match="`archive` must be empty"):
         make_model(NSLC, make_easy_maze(), **LEARNED, archive=archive)
+
+
+def test_an_archive_tells_novelty(make_model, make_easy_maze):
+    keywords = {"solution_dim": make_model(NSLC, make_easy_maze()).policy.mlp.n_parameters}
+    own = UnstructuredArchive(**keywords, measure_dim=4, target_size=9, k_neighbors=None)
+    with pytest.raises(ValueError, match="`archive` must have `k_neighbors`"):
+        make_model(NSLC, make_easy_maze(), **FINAL, archive=own)
 
 
 @pytest.mark.parametrize("changes", [{"k": 1}, {"n_parents": 6}, {"archive_size": 5}], ids=str)

@@ -39,6 +39,12 @@ def test_infos_may_say_nothing():
     assert record.best_return == -np.inf
 
 
+def test_where_nothing_is_counted_a_behavior_may_be_anything():
+    record = EpisodeRecord(None)
+    record.add([{"behavior": "walking", "episode": {"r": 2.0}}], np.array([True]), 1)
+    assert record.best_return == 2.0
+
+
 def test_it_goes_on_from_a_saved_state():
     record, other = EpisodeRecord(GRID), EpisodeRecord(GRID)
     info = {"behavior": np.array([3.0]), "is_success": True, "episode": {"r": 9.0}}

@@ -1,5 +1,6 @@
 """Environments on several processes: the same bits."""
 
+import copy
 import gc
 import os
 import signal
@@ -110,6 +111,17 @@ def test_a_fork_begins_its_own(apart):
 def play_and_close(evaluator, parameters):
     evaluator.evaluate(parameters, 0)
     evaluator._processes.close()
+
+
+def test_a_copy_begins_its_own(apart, assert_same_rollouts):
+    parameters = make_parameters(apart)
+    expected = apart.evaluate(parameters, 3)
+    copied = copy.deepcopy(apart)
+    assert pids_of(copied) == []
+    for evaluator in (copied, apart):
+        assert_same_rollouts(evaluator.evaluate(parameters, 3), expected)
+    assert not set(pids_of(copied)) & set(pids_of(apart))
+    copied._processes.close()
 
 
 class TestFaults:

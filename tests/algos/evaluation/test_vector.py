@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.envs.classic_control import CartPoleEnv, PendulumEnv
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
@@ -95,6 +95,25 @@ def test_a_vector_env_with_one_generator_for_all_is_seeded_once():
     one, same = (VectorEvaluator(env, mlp).evaluate(parameters, 7) for _ in range(2))
     np.testing.assert_array_equal(one.final_observations, same.final_observations)
     np.testing.assert_array_equal(one.returns, one.lengths)
+
+
+class OnlyObservations(VectorWrapper):
+    """Of what Gymnasium's own give at the end of an episode, an env need not give the infos."""
+
+    def step(self, actions):
+        *step, infos = self.env.step(actions)
+        return *step, {name: each for name, each in infos.items() if "final_info" not in name}
+
+
+def test_final_infos_may_be_missing(assert_same_rollouts):
+    env = gym.make("CartPole-v1")
+    mlp, parameters = make_policies(env)
+    envs = SyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2, autoreset_mode="SameStep")
+    expected, rollouts = (
+        VectorEvaluator(each, mlp).evaluate(parameters, 3)
+        for each in (envs, OnlyObservations(envs))
+    )
+    assert_same_rollouts(expected, rollouts)
 
 
 def test_a_full_population_is_as_long_as_its_longest_episode():

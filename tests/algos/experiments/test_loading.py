@@ -1,7 +1,10 @@
+import os
+
 import pytest
 
 from curiosity_algos import CanonicalES, MAPElites
 from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
+from curiosity_algos.experiments.loading import find_runs
 from curiosity_algos.experiments.statistics import survival
 
 
@@ -30,6 +33,20 @@ def test_folders_may_be_one_or_several(folder):
     assert len(load_runs(str(one))) == len(load_runs(one)) == 2
     assert load_runs(both)["run"].tolist() == load_runs(folder)["run"].tolist()
     assert load_progress([one, folder]).equals(load_progress(folder))  # none of them twice
+
+
+def test_checkpoints_may_come_and_go_meanwhile(folder, monkeypatch):
+    gone = folder / "CanonicalES" / "0" / "checkpoints"
+
+    def list_late(path, *args):
+        if str(path) == str(gone):
+            gone.rename(folder / "gone")
+        return scandir(path, *args)
+
+    scandir = os.scandir
+    monkeypatch.setattr(os, "scandir", list_late)
+    assert len(find_runs(folder)) == 3
+    assert not gone.exists()
 
 
 def test_progress_is_of_all_runs(folder):

@@ -1,10 +1,11 @@
 import json
 import re
+import signal
 
 import pytest
 from ribs.emitters import GaussianEmitter
 
-from curiosity_algos import TD3ICM
+from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.experiments import RunFolder, load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import is_finished, summary, train
@@ -76,21 +77,26 @@ def test_another_run_is_refused(tmp_path):
             train(other, tmp_path)
 
 
-def test_ctrl_c_leaves_a_checkpoint(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("n_times", "kept"), [(1, 3), (2, None)])
+def test_ctrl_c_keeps_whole_generations(tmp_path, monkeypatch, assert_same, n_times, kept):
     def press(self, *args):
+        told = tell(self, *args)
         if self.generation == 2:
-            raise KeyboardInterrupt
-        return ask(self)
+            for _ in range(n_times):
+                signal.raise_signal(signal.SIGINT)
+        return told
 
-    cls = type(small().make())
-    ask = cls._ask
-    monkeypatch.setattr(cls, "_ask", press)
-    with pytest.raises(KeyboardInterrupt):
-        train(small(), tmp_path)
-    assert RunFolder(tmp_path).result()["timesteps"] == 2 * 6 * 50
-    monkeypatch.undo()
-    assert train(small(), tmp_path)
-    assert RunFolder(tmp_path).result()["timesteps"] == 1200
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    train(small(), whole)
+    tell = MAPElites._tell
+    with monkeypatch.context() as patched:
+        patched.setattr(MAPElites, "_tell", press)
+        with pytest.raises(KeyboardInterrupt):
+            train(small(), cut)
+    assert RunFolder(cut).result().get("timesteps") == (kept and kept * 6 * 50)
+    assert train(small(), cut)
+    assert RunFolder(cut).result()["timesteps"] == 1200
+    assert_same(load_final_states(whole), load_final_states(cut))
 
 
 def test_gradients_are_trained_too(tmp_path):

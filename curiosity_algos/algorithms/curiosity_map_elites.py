@@ -11,7 +11,6 @@ from typing import Unpack
 import numpy as np
 from gymnasium import spaces
 from ribs.emitters import EmitterBase
-from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
 from curiosity_algos.bonuses.base import Bonus
@@ -90,12 +89,11 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     def _field_types(self) -> FieldTypes:
         states = ((self.n_kept, *self.policy.seen.space.shape), np.float32)
         actions = self.policy.acted.space
-        n_actions = get_action_dim(actions)
         dtype = np.int64 if isinstance(actions, spaces.Discrete) else np.float32
         return {
             **super()._field_types(),
             "observations": states,
-            "actions": ((self.n_kept, n_actions), dtype),
+            "actions": ((self.n_kept, *(actions.shape or ())), dtype),
             "next_observations": states,
             "length": ((), np.int64),
         }
@@ -115,9 +113,7 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         return lambda n: self._motivation.learning(n) | self._curiosity.summarizers(n)
 
     def _fields(self, rollouts: Rollouts) -> Fields:
-        kept = self._curiosity.fields(rollouts)
-        kept["actions"] = kept["actions"].reshape(len(rollouts), self.n_kept, -1)
-        return {**super()._fields(rollouts), **kept}
+        return {**super()._fields(rollouts), **self._curiosity.fields(rollouts)}
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         metrics = super()._tell(rollouts)

@@ -163,7 +163,10 @@ class EliteArchive(ArchiveBase):
 
     @property
     def best_elite(self) -> dict[str, Any] | None:
-        """The elite of the highest objective, the first of them; None where there is none."""
+        """The elite of the highest objective; None where there is none.
+
+        Of equals it is the first that came, and after `load` the first in `data`.
+        """
         return None if self.empty else self._elite(self._elites.best_slot)
 
     def add(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 from ribs.archives import GridArchive
@@ -105,15 +105,19 @@ def _count_cells(
 ) -> Cells:
     from scipy.stats import binned_statistic_2d
 
-    positions, objective = behaviors_of(archive)[:, list(dimensions)], archive.data("objective")
-    bins: Any = n_cells or DEFAULT_CELLS
-    spans = np.column_stack([positions.min(axis=0), positions.max(axis=0)])
+    objective, statistic = archive.data("objective"), STATISTICS[by]
     if n_cells is None and _is_grid(archive):
-        bins = [archive.boundaries[dimension] for dimension in dimensions]
-        positions = np.clip(positions, *np.transpose([(each[0], each[-1]) for each in bins]))
-    elif layout is not None:
+        # By their cells: whoever lies at a border, a rounding would put elsewhere.
+        places = archive.int_to_grid_index(archive.data("index"))[:, list(dimensions)]
+        edges = [archive.boundaries[dimension] for dimension in dimensions]
+        bins = [np.arange(len(each)) - 0.5 for each in edges]
+        return (binned_statistic_2d(*places.T, objective, statistic, bins).statistic, *edges)
+    positions = behaviors_of(archive)[:, list(dimensions)]
+    spans = np.column_stack([positions.min(axis=0), positions.max(axis=0)])
+    if layout is not None:
         spans = np.array([[0.0, layout.width], [0.0, layout.height]])
-    cells = binned_statistic_2d(*positions.T, objective, STATISTICS[by], bins, range=spans)
+    n = n_cells or DEFAULT_CELLS
+    cells = binned_statistic_2d(*positions.T, objective, statistic, n, range=spans)
     return cells.statistic, cells.x_edge, cells.y_edge
 
 

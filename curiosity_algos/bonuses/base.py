@@ -255,6 +255,9 @@ def train(
 
 def record_bonus(logger: Logger, values: Array) -> None:
     """Log the mean and the largest of bonuses, over all since the last dump."""
-    logger.record_mean("intrinsic/mean", float(np.mean(values)))
+    counts, before = logger.name_to_count, logger.name_to_value["intrinsic/mean"]
+    n_before = counts["intrinsic/mean"]
+    counts["intrinsic/mean"] = n = n_before + values.size
+    logger.record("intrinsic/mean", (n_before * before + float(np.sum(values))) / n)
     largest = logger.name_to_value.get("intrinsic/max", -np.inf)
     logger.record("intrinsic/max", max(largest, float(np.max(values))))

@@ -12,7 +12,12 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, unwrap_vec_normalize
+from stable_baselines3.common.vec_env import (
+    VecEnv,
+    VecEnvWrapper,
+    unwrap_vec_normalize,
+    unwrap_vec_wrapper,
+)
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards, train
@@ -398,6 +403,8 @@ def _check_venv(venv: object) -> None:
     if unwrap_vec_normalize(venv) is not None:
         # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
+    if unwrap_vec_wrapper(venv, BonusVecEnvWrapper) is not None:
+        raise ValueError("`venv` must hold no other BonusVecEnvWrapper: one bonus is saved.")
 
 
 def _check_infos(infos: list[dict[str, Any]], dones: Array) -> None:

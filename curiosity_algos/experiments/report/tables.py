@@ -123,8 +123,9 @@ def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
 
 def _scores(runs: pd.DataFrame) -> pd.DataFrame:
     """What is compared of each run, the higher the better; NaN where it is not known."""
-    first = runs["first_success_timesteps"]
-    earliness = -first.fillna(first.max() + 1.0).fillna(0.0)  # runs without one share the last rank
+    first, budget = runs["first_success_timesteps"], runs["timesteps"].min()
+    # Of what came later nobody knows in the shortest run; runs without one share the last rank.
+    earliness = -first.where(first <= budget, budget + 1.0)
     return pd.DataFrame(
         {
             "Best return": runs["best_return"],

@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from curiosity_algos import CuriosityMAPElites
+from curiosity_algos import ICM, CuriosityMAPElites
 from curiosity_gym import BehaviorWrapper
 
 
@@ -36,11 +36,20 @@ def test_the_module_learns_from_every_generation(make_model, make_easy_maze):
     assert model._motivation.buffer.size == 3 * 6 * 5
 
 
-@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
+@pytest.mark.parametrize(("env_id", "shape"), [("CartPole-v1", (4,)), ("Pendulum-v1", (4, 1))])
 @pytest.mark.parametrize("algorithm", [CuriosityMAPElites])
-def test_discrete_and_continuous_actions(make_model, make_classic, env_id, algorithm):
+def test_discrete_and_continuous_actions(
+    make_model, make_classic, algorithm, env_id, shape, monkeypatch
+):
+    def see(self, observations, actions, next_observations):
+        seen.add(actions.ndim)
+        return score(self, observations, actions, next_observations)
+
+    seen, score = set(), ICM.score
+    monkeypatch.setattr(ICM, "score", see)
     model = make_model(algorithm, make_classic(env_id)).learn(1500)
-    assert model.archive.data("actions").shape == (len(model.archive), 4, 1)
+    assert model.archive.data("actions").shape == (len(model.archive), *shape)
+    assert seen == {len(shape)}  # actions (n,) or (n, A), as every bonus is asked for them
     assert model.archive.verify(make_classic(env_id)).share == 1.0
 
 

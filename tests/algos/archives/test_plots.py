@@ -142,6 +142,14 @@ def test_a_grid_is_shown_in_its_own_cells(dimensions, by, layout):
 
 
 @pytest.mark.parametrize("kind", [SparseGridArchive, GridArchive])
+def test_elites_at_borders_are_shown_in_their_cells(kind):
+    archive = kind(solution_dim=1, dims=[10, 10], ranges=[(0, 1)] * 2)
+    tenths = np.indices((10, 10)).reshape(2, 100).T / 10
+    archive.add(np.zeros((100, 1)), np.arange(100.0), tenths)
+    np.testing.assert_array_equal(shown(plot_archive(archive)), np.arange(100.0).reshape(10, 10))
+
+
+@pytest.mark.parametrize("kind", [SparseGridArchive, GridArchive])
 @pytest.mark.parametrize("dimensions", [(0, 1), (3, 1)])
 def test_two_dimensions_look_as_pyribs_draws_a_grid_of_these(kind, dimensions, monkeypatch):
     # Another picture of pyribs' draws with seaborn, which need not be installed.

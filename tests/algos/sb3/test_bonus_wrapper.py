@@ -334,6 +334,11 @@ class TestRewards:
         with pytest.raises(ValueError, match="`venv` must hold no VecNormalize"):
             wrap(around(VecNormalize(make_venv())))
 
+    @pytest.mark.parametrize("around", [lambda venv: venv, lambda venv: VecFrameStack(venv, 2)])
+    def test_of_two_bonuses_files_would_hold_one(self, around):
+        with pytest.raises(ValueError, match="`venv` must hold no other BonusVecEnvWrapper"):
+            wrap(around(wrap(make_venv())))
+
     def test_a_bonus_that_is_not_finite_is_named(self):
         venv = wrap_trained(bonus=(bonus := Recorder()))
         before = venv.state_dict()["scale"]["statistics"]

@@ -11,6 +11,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
+from curiosity_algos.bonuses.base import record_bonus
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import BonusCheckpointCallback, ExplorationCallback
 from curiosity_gym import BehaviorWrapper
@@ -111,6 +112,16 @@ def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
     logged = read_log(tmp_path)[-1]
     assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
     assert logged["rnd/loss"] == venv.metrics["rnd/loss"]
+
+
+def test_means_are_over_all_bonuses_since_the_last_log():
+    logger = configure(None, [])
+    for bonuses in (np.ones(1), np.zeros(98), np.full(1, 2.0)):
+        record_bonus(logger, bonuses)
+    assert logger.name_to_value == {"intrinsic/mean": pytest.approx(0.03), "intrinsic/max": 2.0}
+    logger.dump()
+    record_bonus(logger, np.full(3, 7.0))
+    assert logger.name_to_value["intrinsic/mean"] == 7.0
 
 
 def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_last_log(tmp_path):

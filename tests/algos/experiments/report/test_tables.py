@@ -56,7 +56,7 @@ def make_runs(**groups):
     """Runs of each label: best returns, coverages and timesteps of first successes."""
     columns = ["label", "best_return", "coverage.reachable", "first_success_timesteps"]
     rows = [(label, *run) for label, runs in groups.items() for run in zip(*runs, strict=True)]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=columns).assign(timesteps=1e10)
 
 
 def pairs_of(runs):
@@ -107,6 +107,16 @@ def test_runs_without_a_success_are_later_than_all_that_had_one():
     )
     found = {pair: texts[2].split()[0] for pair, texts in pairs_of(runs).items()}
     assert found == {("A", "B"): "1.00", ("A", "C"): "1.00", ("B", "C"): "0.50"}
+
+
+def test_what_came_after_the_shortest_run_is_of_no_account():
+    early, late = (np.ones(3), np.ones(3), [NEVER] * 3), (np.ones(3), np.ones(3), [800, 900, 1000])
+    runs = make_runs(A=early, B=late)
+    assert pairs_of(runs)["A", "B"][-1].startswith("0.00")
+    runs.loc[runs["label"] == "A", "timesteps"] = 850
+    assert pairs_of(runs)["A", "B"][-1].startswith("0.33")
+    runs.loc[runs["label"] == "A", "timesteps"] = 100
+    assert pairs_of(runs)["A", "B"][-1].startswith("0.50")
 
 
 def test_what_is_not_known_of_a_pair_is_a_dash():

@@ -5,6 +5,7 @@ robot fits at the start and can come within `GOAL_RADIUS` of the goal; anything 
 `ValueError` that names the field.
 """
 
+import hashlib
 import json
 import os
 import re
@@ -107,6 +108,7 @@ class MazeLayout:
             text: Rows of equal length; blank lines around them and indentation are ignored.
             name: What the maze is called.
             cell_size: Side of the square that each character stands for; `S` and `G` are centers.
+                With more than 2 the robot fits through doors of one character.
         """
         size = _number_above(0.0, "cell_size", cell_size)
         rows = [row.strip() for row in text.strip().splitlines()][::-1]  # y points up
@@ -126,6 +128,11 @@ class MazeLayout:
         lines = [f'  "{key}": {json.dumps(value)}' for key, value in values.items()]
         text = "{\n" + ",\n".join([*lines, f'  "walls": {walls}']) + "\n}\n"
         Path(path).write_text(text, encoding="utf-8")
+
+    @property
+    def digest(self) -> str:
+        """Eight hexadecimal digits that tell layouts apart by all fields, in any process."""
+        return hashlib.sha256(repr(self._key()).encode()).hexdigest()[:8]
 
     def _set(self, field: str, value: object) -> None:
         object.__setattr__(self, field, value)

@@ -20,6 +20,7 @@ from gymnasium import spaces
 
 from curiosity_algos.common.arrays import Array
 from curiosity_gym.core import CoverageGrid
+from curiosity_gym.layouts import MazeLayout
 
 _PLAIN = (bool, int, float, str, type(None))
 _NUMBERS = "biuf"
@@ -152,6 +153,11 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
         CoverageGrid,
         lambda grid: {field.name: getattr(grid, field.name) for field in fields(grid)},
         CoverageGrid,
+    ),
+    ":maze_layout:": (
+        MazeLayout,
+        lambda layout: {field.name: getattr(layout, field.name) for field in fields(layout)},
+        MazeLayout,
     ),
 }
 """Key: what it stands for, the keywords that describe one, and what makes one of them."""

@@ -152,9 +152,10 @@ def _value(text: str) -> Any:
 
 def names(option: str, text: str) -> list[str]:
     """Names of a text with commas."""
-    if not all(text.split(",")):
+    found = [name.strip() for name in text.split(",")]
+    if not all(found):
         raise ValueError(f"--{option} must be names with commas between them, got {text!r}.")
-    return text.split(",")
+    return found
 
 
 def numbers(option: str, text: str) -> list[int]:

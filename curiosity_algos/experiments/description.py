@@ -33,6 +33,7 @@ from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.core import entry_names
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.processors import available_cpus
 
 PACKAGES = (
@@ -140,6 +141,8 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
         return None
     wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
     kwargs = {name: value for name, value in spec.kwargs.items() if name not in VECTOR_KEYWORDS}
+    if "curiosity_gym." in _entry_text(spec.entry_point):
+        kwargs |= _layouts(kwargs)
     limit = spec.max_episode_steps
     # A vector environment has it among its keywords, a single one not.
     if isinstance(env, GymnasiumView) or "num_envs" in spec.kwargs:
@@ -148,6 +151,12 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
         spec, additional_wrappers=wrappers, kwargs=kwargs, max_episode_steps=limit
     )
     return made_by
+
+
+def _layouts(kwargs: Mapping[str, Any]) -> dict[str, MazeLayout]:
+    """The layouts that keywords name the files of, which may be changed, or moved."""
+    files = [name for name in ("layout", "world") if str(kwargs.get(name)).endswith(".json")]
+    return {name: MazeLayout.from_json(kwargs[name]) for name in files}
 
 
 def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
@@ -201,11 +210,13 @@ def _as_json(value: Any) -> Any:
 
 
 def _name(value: Any) -> Any:
-    """A number of numpy's as Python's, an array as a list, anything else by its class."""
+    """A number of numpy's as Python's, an array as a list, most others by their class."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Enum):
         return value.value
+    if isinstance(value, MazeLayout):
+        return f"{value.name} {value.digest}"
     if isinstance(value, FloatSchedule):  # SB3's, of a number or of a function
         if isinstance(value.value_schedule, ConstantSchedule):
             return value.value_schedule.val

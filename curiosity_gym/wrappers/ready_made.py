@@ -15,11 +15,13 @@ from gymnasium import spaces
 
 from curiosity_gym.core import Float64Array, SimulationError
 from curiosity_gym.extras import import_extra
-from curiosity_gym.validation import check_choice
+from curiosity_gym.validation import check_choice, check_keywords
 from curiosity_gym.wrappers.behavior import BehaviorFunction
 from curiosity_gym.wrappers.sparse import Observation, SparseRewardWrapper, Success
 
 BareEnv = gym.Env[Any, Any]
+OWN = {"disable_env_checker", "env_id", "id", "max_episode_steps", "render_mode"}
+"""Keywords of `gymnasium.make` that the task says itself, or would drop."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,8 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
     Starting State:
         That of the original environment. In the mazes start and goal, which the original draws from
         all cells and often side by side, are in the two cells farthest from each other, somewhere
-        within them; `reset(options={"reset_cell": (i, j), "goal_cell": (i, j)})` sets others, and
-        None instead of a cell draws one.
+        within them, unless `env_kwargs` have a `maze_map`; `reset(options={"reset_cell": (i, j),
+        "goal_cell": (i, j)})` sets others, and None instead of a cell draws one.
 
     Args:
         env_id: The original environment, a key of `TASKS`. The ids give it.
@@ -66,7 +68,8 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         env_kwargs: Keywords of the original environment, given to its `gymnasium.make`; None: none.
 
     Raises:
-        ValueError: If `env_id` is not in the table, or `horizon` is not at least 1.
+        ValueError: If `env_id` is not in the table, `horizon` is not at least 1, or `env_kwargs` is
+            no dictionary, or says how many steps there are or what pictures are.
         gymnasium.error.DependencyNotInstalled: If the extra that the task needs is missing.
 
     Version History:
@@ -85,8 +88,15 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         env_kwargs: dict[str, Any] | None = None,
     ) -> None:
         check_choice(tuple(TASKS), env_id=env_id)
+        check_keywords(env_kwargs=env_kwargs)
+        env_kwargs = env_kwargs or {}
+        if own := sorted(OWN & set(env_kwargs)):
+            raise ValueError(
+                f"`env_kwargs` must not hold {', '.join(own)}: `horizon` and `render_mode` are "
+                "arguments of their own."
+            )
         task = TASKS[env_id]
-        original = task.make(env_id, render_mode=render_mode, **(env_kwargs or {}))
+        original = task.make(env_id, render_mode=render_mode, **env_kwargs)
         self.env = SparseRewardWrapper(
             original,
             task.success,
@@ -101,7 +111,7 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         self.behavior_space = self.env.behavior_space
         self.behavior_names = self.env.behavior_names
         self.render_mode = render_mode
-        self._options = task.options
+        self._options = {} if "maze_map" in env_kwargs else task.options
 
     @property
     def horizon(self) -> int:
@@ -170,6 +180,7 @@ def _make_control(
     env_id: str, *, task_kwargs: dict[str, Any] | None = None, **kwargs: Any
 ) -> BareEnv:
     import_extra("control", "dm_control.suite", "shimmy")
+    check_keywords(**{"env_kwargs['task_kwargs']": task_kwargs})
     task_kwargs = {"time_limit": math.inf, **(task_kwargs or {})}
     return gym.make(env_id, disable_env_checker=True, task_kwargs=task_kwargs, **kwargs).unwrapped
 

@@ -128,8 +128,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         An error of `env`, `success` or `behavior` ends the episode.
 
         Raises:
-            ValueError: If action or behavior is not finite, or of another shape than its space, or
-                the info of `env` is no dictionary.
+            ValueError: If action or behavior is not finite, or of another shape than its space, the
+                info of `env` is no dictionary, or `success` returns no truth value.
             gymnasium.error.ResetNeeded: If no episode is under way.
         """
         action = self._check_action(action)
@@ -140,7 +140,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         observation, reward, terminated, truncated, info = self._played.step(action)
         check_info(info)
         self._t += 1
-        is_success = bool(self._success(self.env, observation, reward, info))
+        is_success = _as_bool(self._success(self.env, observation, reward, info))
         terminated = bool(is_success or terminated)
         truncated = not terminated and bool(truncated or self._t == self.horizon)
         reward = 1.0 - self._t / self.horizon if is_success else 0.0
@@ -165,6 +165,15 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             return observation  # type: ignore[no-any-return]
         flat = spaces.flatten(self.env.observation_space, observation)
         return np.asarray(flat, dtype=np.float32)
+
+
+def _as_bool(success: Any) -> bool:
+    if isinstance(success, bool | np.bool_):
+        return bool(success)
+    array = np.asarray(success)
+    if array.size != 1 or array.dtype.kind not in "biuf" or np.isnan(array).any():
+        raise ValueError(f"`success` must return True or False, got {success!r:.60}.")
+    return bool(array.item())
 
 
 def _check_arguments(env: gym.Env[Any, Any], success: Success, horizon: int) -> None:

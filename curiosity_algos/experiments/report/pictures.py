@@ -13,6 +13,7 @@ import pandas as pd
 
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.experiments.elites import n_elites, qd_score
+from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.measures import (
     Measure,
     Points,
@@ -205,12 +206,11 @@ def _names(runs: Iterable[str]) -> tuple[str, ...]:
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     """The maze of a run; None if it is none, or none that is known here."""
-    is_held = set(described.get("wrappers", {})) <= {"RepeatAction"}
-    if described["env"] not in gym.registry or not is_held:
+    if not set(described.get("wrappers", {})) <= {"RepeatAction"}:
         return None
     try:
-        env = gym.make(described["env"], **described.get("env_kwargs", {})).unwrapped
-    except (gym.error.Error, ImportError, TypeError, ValueError):
+        env = make_env(described, trust=False).unwrapped
+    except (gym.error.Error, ValueError):
         return None
     return env if isinstance(env, MazeEnv) else None
 

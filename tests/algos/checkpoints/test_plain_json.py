@@ -128,6 +128,11 @@ def test_queues_keep_their_length():
     assert (read, read.maxlen) == (deque([{"r": 1.0, "l": 3}]), 7)
 
 
+def test_layouts_stay_equal():
+    layout = gym.make("CuriosityMaze-Hard-v0").unwrapped.layout
+    assert round_trip({"layout": layout}) == {"layout": layout}
+
+
 def test_coverage_grids_stay_equal():
     grid = gym.make("CuriosityMaze-Hard-v0").unwrapped.coverage_grid
     assert round_trip(grid) == grid

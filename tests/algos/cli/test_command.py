@@ -13,7 +13,7 @@ import gymnasium as gym
 import pytest
 
 import curiosity_gym
-from curiosity_algos.cli import app
+from curiosity_algos.cli import app, options
 from curiosity_algos.experiments import film, load_final_states, load_runs
 from curiosity_algos.experiments.labels import label_runs
 
@@ -348,3 +348,8 @@ class TestHelp:
                 assert re.fullmatch(r"[A-Z].* .*\.", text), name
                 # Python's word, and what stands where its noun is missing.
                 assert not re.search(r"None|^Of |^There\b", text), name
+
+
+def test_names_and_numbers_may_have_blanks_between_them():
+    assert options.names("algos", "nses, map_elites") == ["nses", "map_elites"]
+    assert options.numbers("seeds", "0, 1") == [0, 1]

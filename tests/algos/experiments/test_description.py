@@ -24,8 +24,8 @@ from curiosity_algos.experiments.description import (
     settings_of,
 )
 from curiosity_algos.experiments.differences import differences
-from curiosity_algos.experiments.env_spec import decode_spec
-from curiosity_gym import BehaviorWrapper
+from curiosity_algos.experiments.env_spec import decode_spec, make_env
+from curiosity_gym import BehaviorWrapper, MazeLayout
 
 
 class OwnPolicy(MlpPolicy):
@@ -104,6 +104,26 @@ def test_another_environment_is_another_run(other):
     )
     assert not differences(one, dict(one))
     assert differences(one, twin)
+
+
+def test_mazes_of_other_walls_are_other_environments(tmp_path):
+    path = tmp_path / "own.json"
+    there = []
+    for text in ("S.G.\n....", "S..G\n...."):
+        layout = MazeLayout.from_ascii(text)
+        layout.to_json(path)
+        for given in (layout, str(path), path):
+            envs = (
+                gym.make("CuriosityMaze-v0", layout=given),
+                gym.make_vec("CuriosityMaze-v0", 2, "vector_entry_point", layout=given),
+                gym.make("CuriosityLocomotion-Ant-v0", world=given, sparse=True),
+            )
+            there.append([describe_env(TD3ICM._wrap_env(env)) for env in envs])
+    one, *alike, other, _, _ = there
+    assert [one, one] == alike
+    for here, twin in zip(one, other, strict=True):
+        assert differences(here, twin)
+        assert make_env(json.loads(json.dumps(here)), trust=False).spec is not None
 
 
 def test_what_a_function_makes_is_described_by_its_name(make_model):

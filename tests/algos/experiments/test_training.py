@@ -7,8 +7,10 @@ from ribs.emitters import GaussianEmitter
 
 from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.experiments import RunFolder, load_final_states
+from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import is_finished, summary, train
+from curiosity_gym import MazeLayout
 
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
@@ -75,6 +77,20 @@ def test_another_run_is_refused(tmp_path):
         message = f"`folder` must be empty or that of this run: in {tmp_path} {what}."
         with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
             train(other, tmp_path)
+
+
+def test_another_maze_in_the_same_file_is_another_run(tmp_path):
+    path, folder = tmp_path / "own.json", tmp_path / "run"
+    run = RunSpec("nses", "CuriosityMaze-v0", 0, 600, {"layout": str(path), "horizon": 50})
+    one, other = (MazeLayout.from_ascii(text) for text in ("S.G.\n....", "S..G\n...."))
+    one.to_json(path)
+    train(run, folder)
+    other.to_json(path)
+    message = rf'env_kwargs\.layout is "custom {one.digest}", not "custom {other.digest}"'
+    with pytest.raises(ValueError, match=message):
+        train(run, folder)
+    spec = decode_spec(RunFolder(folder).describe()["env_spec"])
+    assert spec.kwargs["layout"] == one  # for who plays it from its folder alone
 
 
 @pytest.mark.parametrize(("n_times", "kept"), [(1, 3), (2, None)])

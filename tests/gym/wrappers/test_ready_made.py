@@ -210,6 +210,25 @@ class TestMazes:
                 _, is_success = play(env, waypoint_controller(env.unwrapped.env.unwrapped.maze), 0)
                 assert is_success
 
+    def test_a_map_of_ones_own_has_its_own_cells(self):
+        for start, goal in [((1, 1), (1, 3)), ((1, 3), (1, 1))]:
+            cells = [[1] * 5, [1, 0, 0, 0, 1], [1] * 5]
+            cells[start[0]][start[1]], cells[goal[0]][goal[1]] = "r", "g"
+            env = gym.make(POINT_MAZES[0], env_kwargs={"maze_map": cells})
+            observation, _ = env.reset(seed=0)
+            maze = env.unwrapped.env.unwrapped.maze
+            places = observation[:2], observation[2:4]
+            assert [tuple(maze.cell_xy_to_rowcol(each)) for each in places] == [start, goal]
+
+    @pytest.mark.parametrize(
+        "wrong",
+        [[1], {"max_episode_steps": 5}, {"render_mode": "human"}, {"env_id": "x"}, {3: 1}],
+        ids=str,
+    )
+    def test_wrong_keywords_are_named(self, wrong):
+        with pytest.raises(ValueError, match="`env_kwargs` must"):
+            gym.make(POINT_MAZES[0], env_kwargs=wrong)
+
     @pytest.mark.parametrize(
         ("name", "value"), [("qvel", math.nan), ("qpos", math.nan), ("qpos", 1e12)]
     )

@@ -1,8 +1,11 @@
+import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
 
+from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import load_final_states, load_progress
+from curiosity_algos.experiments.description import describe_env
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.pictures import (
@@ -15,6 +18,7 @@ from curiosity_algos.experiments.report.pictures import (
     plane_of,
 )
 from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_gym import BehaviorWrapper, MazeLayout
 
 SQUARE = Plane(np.zeros(2), np.ones(2), ("x (m)", "y (m)"))
 
@@ -130,17 +134,32 @@ def test_names_that_no_run_would_have_written_are_one_sentence(write_run):
             plane_of(write_run([[0.1, 0.2]], [1], behavior_names=names))
 
 
+PLANE = gym.spaces.Box(-1.0, 1.0, (2,))
+
+
+def described(env):
+    return describe_env(TD3ICM._wrap_env(env))
+
+
 def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):
-    for env in ("CuriosityMaze-v0", "Unknown-v0", None):
-        assert plane_of(write_run([[0.1, 0.2]], [1], env)).maze is None
-    held = {"env_kwargs": {}, "wrappers": {"RepeatAction": {"num_repeats": 10}}}
-    held = plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **held))
-    assert held.maze is not None  # its positions are the maze's
-    wrapped = {"env_kwargs": {}, "wrappers": {"BehaviorWrapper": None}}
-    assert plane_of(write_run([[0.1, 0.2]], [1], "CuriosityMaze-Hard-v0", **wrapped)).maze is None
+    hard = gym.make("CuriosityMaze-Hard-v0")
+    held = gym.wrappers.RepeatAction(hard, 10)
+    assert plane_of(write_run([[0.1, 0.2]], [1], **described(held))).maze is not None
+    other = BehaviorWrapper(hard, lambda env, observation, info: observation[:2], PLANE)
+    for run in ({"env": "Unknown-v0"}, {"env": None}, described(other)):
+        assert plane_of(write_run([[0.1, 0.2]], [1], **run)).maze is None
     # A folder from a stranger makes no environment, and imports no module, that is not known here.
     monkeypatch.setattr(pictures.gym, "make", lambda *args, **kwargs: pytest.fail("made"))
-    assert plane_of(write_run([[0.1, 0.2]], [1], "my_module:Mine-v0")).maze is None
+    spec = {"id": "Mine-v0", "entry_point": "my_module:Mine", "additional_wrappers": []}
+    assert plane_of(write_run([[0.1, 0.2]], [1], env="Mine-v0", env_spec=spec)).maze is None
+
+
+def test_walls_are_those_that_the_file_had(write_run, tmp_path):
+    drawn, moved = (MazeLayout.from_ascii(text) for text in ("S.G.\n....", "S..G\n...."))
+    drawn.to_json(tmp_path / "own.json")
+    run = described(gym.make("CuriosityMaze-v0", layout=str(tmp_path / "own.json")))
+    moved.to_json(tmp_path / "own.json")
+    assert plane_of(write_run([[0.1, 0.2]], [1], **run)).maze.layout == drawn
 
 
 def test_behaviors_of_fewer_than_two_entries_have_no_plane(write_run):

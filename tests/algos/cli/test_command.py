@@ -13,7 +13,8 @@ import gymnasium as gym
 import pytest
 
 import curiosity_gym
-from curiosity_algos.cli import app, options
+from curiosity_algos.cli import app
+from curiosity_algos.cli.options import names, numbers
 from curiosity_algos.experiments import film, load_final_states, load_runs
 from curiosity_algos.experiments.labels import label_runs
 
@@ -351,5 +352,5 @@ class TestHelp:
 
 
 def test_names_and_numbers_may_have_blanks_between_them():
-    assert options.names("algos", "nses, map_elites") == ["nses", "map_elites"]
-    assert options.numbers("seeds", "0, 1") == [0, 1]
+    assert names("algos", "nses, map_elites") == ["nses", "map_elites"]
+    assert numbers("seeds", "0, 1") == [0, 1]

@@ -80,7 +80,7 @@ def medians(printed):
         ["roofline", "population", "scaling", "python_loop"],
         ["vector"],
         pytest.param(["control"], marks=pytest.mark.extra("control")),
-        pytest.param(["processes"], marks=pytest.mark.extra("locomotion")),
+        pytest.param(["processes", "locomotion"], marks=pytest.mark.extra("locomotion")),
         ["learn"],
         ["td3"],
         ["novelty"],

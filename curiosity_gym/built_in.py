@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -52,11 +53,11 @@ BUILT_IN: Mapping[str, MazeLayout] = MappingProxyType(
 
 
 def resolve_layout(
-    layout: MazeLayout | str | os.PathLike[str],
+    layout: MazeLayout | Mapping[str, Any] | str | os.PathLike[str],
     built_in: Mapping[str, MazeLayout] = BUILT_IN,
     name: str = "layout",
 ) -> MazeLayout:
-    """Return the layout itself, or the one that a built-in name, a .json path or ASCII text means.
+    """Return the layout itself, or what its fields, a built-in name, a .json path or a text mean.
 
     Args:
         layout: Which.
@@ -68,6 +69,8 @@ def resolve_layout(
     """
     if isinstance(layout, MazeLayout):
         return layout
+    if isinstance(layout, Mapping):
+        return MazeLayout.from_dict(layout)
     if isinstance(layout, str):
         if layout in built_in:
             return built_in[layout]

@@ -121,10 +121,15 @@ class MazeLayout:
         ]
         return cls(name, len(rows[0]) * size, len(rows) * size, start, goal, np.array(walls))
 
+    def to_dict(self) -> dict[str, Any]:
+        """All fields, as `from_dict` takes them and JSON can hold them."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return values | {"walls": self.walls.tolist()}
+
     def to_json(self, path: str | os.PathLike[str]) -> None:
         """Write the layout to a JSON file that `from_json` reads back, one wall a line."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        walls = json.dumps(values.pop("walls").tolist()).replace("], [", "],\n    [")
+        values = self.to_dict()
+        walls = json.dumps(values.pop("walls")).replace("], [", "],\n    [")
         lines = [f'  "{key}": {json.dumps(value)}' for key, value in values.items()]
         text = "{\n" + ",\n".join([*lines, f'  "walls": {walls}']) + "\n}\n"
         Path(path).write_text(text, encoding="utf-8")

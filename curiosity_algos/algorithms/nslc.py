@@ -83,7 +83,7 @@ class NSLC(QualityDiversity):
         if self._is_learned:
             self._check_begins_empty()
         if self.emitters is None and getattr(self._own_archive, "k_neighbors", self.k) is None:
-            raise ValueError("`archive` must have `k_neighbors`, which novelty is of, it has none.")
+            raise ValueError("`archive` must be made with `k_neighbors`, as it is to tell novelty.")
 
     @property
     def _is_learned(self) -> bool:

@@ -11,7 +11,7 @@ from types import FrameType
 
 
 class HeldInterrupt(KeyboardInterrupt):
-    """Ctrl-C that was held back: what it came into has been done whole."""
+    """Ctrl-C that was held back until what was under way had ended."""
 
 
 @contextmanager

@@ -141,8 +141,7 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
         return None
     wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
     kwargs = {name: value for name, value in spec.kwargs.items() if name not in VECTOR_KEYWORDS}
-    if "curiosity_gym." in _entry_text(spec.entry_point):
-        kwargs |= _layouts(kwargs)
+    kwargs |= _layouts(env, kwargs)
     limit = spec.max_episode_steps
     # A vector environment has it among its keywords, a single one not.
     if isinstance(env, GymnasiumView) or "num_envs" in spec.kwargs:
@@ -153,10 +152,11 @@ def spec_of(env: VecEnv | None) -> EnvSpec | None:
     return made_by
 
 
-def _layouts(kwargs: Mapping[str, Any]) -> dict[str, MazeLayout]:
-    """The layouts that keywords name the files of, which may be changed, or moved."""
+def _layouts(env: VecEnv | None, kwargs: Mapping[str, Any]) -> dict[str, MazeLayout]:
+    """The layout that an environment has of a keyword's file, which may be changed, or moved."""
     files = [name for name in ("layout", "world") if str(kwargs.get(name)).endswith(".json")]
-    return {name: MazeLayout.from_json(kwargs[name]) for name in files}
+    layout = env_attribute(env, "layout") if files and env is not None else None
+    return dict.fromkeys(files, layout) if isinstance(layout, MazeLayout) else {}
 
 
 def settings_of(model: BaseAlgorithm) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
     found: dict[Path, Path] = {}
     for folder in folders:
         # Which passes over folders that vanish, as checkpoints do while a run goes on.
-        runs = sorted(Path(path) for path, _, files in os.walk(folder) if "run.json" in files)
+        runs = sorted(Path(path) for path, _, files in os.walk(Path(folder)) if "run.json" in files)
         if not runs:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:

@@ -47,8 +47,8 @@ def train(
     """Train until the budget is spent, from where the run in the folder stands.
 
     Stable-Baselines3's own algorithms train on one of torch's threads, as those of this package
-    do. After Ctrl-C they go on from the last checkpoint, and others from a new one, unless it was
-    pressed twice.
+    do. After Ctrl-C they go on from the last checkpoint; others from a new one, if it was held back
+    until a generation or a step had ended.
 
     Args:
         run: Run to train.

@@ -404,7 +404,7 @@ def _check_venv(venv: object) -> None:
         # There the replay buffers of off-policy algorithms look for rewards, past the bonus.
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
     if unwrap_vec_wrapper(venv, BonusVecEnvWrapper) is not None:
-        raise ValueError("`venv` must hold no other BonusVecEnvWrapper: one bonus is saved.")
+        raise ValueError("`venv` must hold no other BonusVecEnvWrapper: a file keeps one bonus.")
 
 
 def _check_infos(infos: list[dict[str, Any]], dones: Array) -> None:

@@ -92,8 +92,8 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         env_kwargs = env_kwargs or {}
         if own := sorted(OWN & set(env_kwargs)):
             raise ValueError(
-                f"`env_kwargs` must not hold {', '.join(own)}: `horizon` and `render_mode` are "
-                "arguments of their own."
+                f"`env_kwargs` must not hold {', '.join(own)}, which is said elsewhere: `horizon` "
+                "and `render_mode` are arguments of the environment itself."
             )
         task = TASKS[env_id]
         original = task.make(env_id, render_mode=render_mode, **env_kwargs)

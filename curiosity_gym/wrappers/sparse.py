@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, SupportsFloat, TypeGuard
 
 import gymnasium as gym
@@ -168,12 +169,10 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
 
 
 def _as_bool(success: Any) -> bool:
-    if isinstance(success, bool | np.bool_):
-        return bool(success)
-    array = np.asarray(success)
-    if array.size != 1 or array.dtype.kind not in "biuf" or np.isnan(array).any():
-        raise ValueError(f"`success` must return True or False, got {success!r:.60}.")
-    return bool(array.item())
+    with suppress(ValueError):  # of several at once
+        if success == success:  # NaN, which would be true, is not
+            return bool(success)
+    raise ValueError(f"`success` must return True or False, got {success!r:.60}.")
 
 
 def _check_arguments(env: gym.Env[Any, Any], success: Success, horizon: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,6 +21,7 @@ from curiosity_algos.experiments.description import versions
 from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
 from curiosity_gym import __version__
 from curiosity_gym.extras import import_extra
+from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 N_POLICIES = 1000
@@ -154,9 +156,15 @@ def _describe(run: PopulationRun, policies: str, n: int) -> dict[str, Any]:
 def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
     """A spec that Minari can keep, or None."""
     try:
-        return None if spec is None else EnvSpec.from_json(spec.to_json())
+        return None if spec is None else EnvSpec.from_json(_without_layouts(spec).to_json())
     except (TypeError, ValueError, gym.error.Error):  # of a class, or an array
         return None
+
+
+def _without_layouts(spec: EnvSpec) -> EnvSpec:
+    kwargs = spec.kwargs.items()
+    plain = {k: each.to_dict() if isinstance(each, MazeLayout) else each for k, each in kwargs}
+    return replace(spec, kwargs=plain)
 
 
 def _episode(env: gym.Env[Any, Any], mlp: Mlp, parameters: Float32Array, seed: int) -> Any:

@@ -24,6 +24,7 @@ NOTHING = "\N{EN DASH}"
 AHEAD, BEHIND = "\N{BLACK UP-POINTING TRIANGLE}", "\N{BLACK DOWN-POINTING TRIANGLE}"
 """Mark a pair whose interval is above one half, and one whose interval is below."""
 MARK = '\N{NO-BREAK SPACE}<span role="img" aria-label="the {} is ahead">{}</span>'
+FIRST = "First success"
 ABOUT = "How likely a run of one algorithm is ahead of a run of another, with 95 % intervals"
 
 
@@ -112,25 +113,26 @@ def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
     scores = _scores(runs).groupby(runs["label"])
     known = {str(label): here for label, here in scores if len(here) >= LEAST_RUNS}
     names = {label: f"{swatch(colors[label])}{escape(label)}" for label in known}
-    rows = {
-        f"{names[one]}<br>over {names[other]}": {
-            title: _cell(known[one][title], known[other][title]) for title in known[one]
-        }
-        for one, other in combinations(known, 2)
-    }
+    budgets, rows = runs.groupby("label")["timesteps"].min(), {}
+    for one, other in combinations(known, 2):
+        # Of a success after the shortest run nobody knows whether that would have been earlier.
+        last = -1.0 - min(budgets[one], budgets[other])
+        pair = [
+            known[each].assign(**{FIRST: known[each][FIRST].clip(last)}) for each in (one, other)
+        ]
+        cells = {title: _cell(*(each[title] for each in pair)) for title in known[one]}
+        rows[f"{names[one]}<br>over {names[other]}"] = cells
     return scrolling(rows, ABOUT, kind="pairs") if rows else ""
 
 
 def _scores(runs: pd.DataFrame) -> pd.DataFrame:
     """What is compared of each run, the higher the better; NaN where it is not known."""
-    first, budget = runs["first_success_timesteps"], runs["timesteps"].min()
-    # Of what came later nobody knows in the shortest run; runs without one share the last rank.
-    earliness = -first.where(first <= budget, budget + 1.0)
+    earliness = -runs["first_success_timesteps"].fillna(np.inf)
     return pd.DataFrame(
         {
             "Best return": runs["best_return"],
             "Coverage": _coverage(runs),
-            "First success": earliness if reports_success(runs) else np.nan,
+            FIRST: earliness if reports_success(runs) else np.nan,
         },
         index=runs.index,
     )

@@ -145,7 +145,7 @@ def test_learned_behaviors_begin_with_an_empty_archive(make_model, make_easy_maz
 def test_an_archive_tells_novelty(make_model, make_easy_maze):
     keywords = {"solution_dim": make_model(NSLC, make_easy_maze()).policy.mlp.n_parameters}
     own = UnstructuredArchive(**keywords, measure_dim=4, target_size=9, k_neighbors=None)
-    with pytest.raises(ValueError, match="`archive` must have `k_neighbors`"):
+    with pytest.raises(ValueError, match="`archive` must be made with `k_neighbors`"):
         make_model(NSLC, make_easy_maze(), **FINAL, archive=own)
 
 

@@ -246,15 +246,15 @@ class TestArguments:
         with pytest.raises(ValueError, match="`success`"):
             SparseRewardWrapper(Walk(), "goal")
 
-    @pytest.mark.parametrize("said", [np.nan, np.array([True, False]), "yes", None])
+    @pytest.mark.parametrize("said", [np.nan, np.array([np.nan]), np.array([True, False])])
     def test_success_is_a_truth_value(self, said):
         env = SparseRewardWrapper(Walk(), lambda *arguments: said)
         env.reset()
         with pytest.raises(ValueError, match="`success` must return True or False"):
             env.step(RIGHT)
 
-    @pytest.mark.parametrize("said", [True, np.True_, 1, 1.0, np.array([True])])
-    def test_a_truth_value_may_be_a_number(self, said):
+    @pytest.mark.parametrize("said", [True, np.True_, 1, 1.0, np.array([True]), "yes"])
+    def test_what_is_true_will_do(self, said):
         env = SparseRewardWrapper(Walk(), lambda *arguments: said)
         env.reset()
         assert env.step(RIGHT)[4]["is_success"] is True

@@ -21,6 +21,7 @@ from curiosity_algos import NSLC, TD3ICM, CanonicalES, MAPElites
 from curiosity_algos.evaluation.flat_spaces import numeric
 from curiosity_algos.experiments import RunFolder, SaveRun
 from curiosity_algos.experiments.export import export_minari, minari_dataset
+from curiosity_gym import MazeLayout
 
 minari = pytest.importorskip("minari")
 pytestmark = pytest.mark.extra("minari")
@@ -28,8 +29,10 @@ ID = "curiosity/test-v0"
 
 
 make_maze = partial(gym.make, "CuriosityMaze-US-v0", horizon=60, goal_radius=91.5)
+OWN = MazeLayout.from_ascii("S.G.\n....")
 ENVS = {
     "maze": make_maze,
+    "own maze": partial(gym.make, "CuriosityMaze-v0", horizon=40, layout=OWN),
     "limited maze": partial(gym.make, "CuriosityMaze-US-v0", max_episode_steps=25),
     "wrapped maze": lambda: gym.wrappers.ClipReward(make_maze(), 0.0, 0.01),
     "cart pole": partial(gym.make, "CartPole-v1", max_episode_steps=30),

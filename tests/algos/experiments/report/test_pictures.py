@@ -157,9 +157,9 @@ def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkey
 def test_walls_are_those_that_the_file_had(write_run, tmp_path):
     drawn, moved = (MazeLayout.from_ascii(text) for text in ("S.G.\n....", "S..G\n...."))
     drawn.to_json(tmp_path / "own.json")
-    run = described(gym.make("CuriosityMaze-v0", layout=str(tmp_path / "own.json")))
+    env = gym.make("CuriosityMaze-v0", layout=str(tmp_path / "own.json"))
     moved.to_json(tmp_path / "own.json")
-    assert plane_of(write_run([[0.1, 0.2]], [1], **run)).maze.layout == drawn
+    assert plane_of(write_run([[0.1, 0.2]], [1], **described(env))).maze.layout == drawn
 
 
 def test_behaviors_of_fewer_than_two_entries_have_no_plane(write_run):

@@ -117,6 +117,8 @@ def test_what_came_after_the_shortest_run_is_of_no_account():
     assert pairs_of(runs)["A", "B"][-1].startswith("0.33")
     runs.loc[runs["label"] == "A", "timesteps"] = 100
     assert pairs_of(runs)["A", "B"][-1].startswith("0.50")
+    runs = pd.concat([make_runs(A=early, B=late), runs.tail(1).assign(label="C", timesteps=1)])
+    assert pairs_of(runs.reset_index())["A", "B"][-1].startswith("0.00")  # C is none of them
 
 
 def test_what_is_not_known_of_a_pair_is_a_dash():

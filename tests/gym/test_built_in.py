@@ -27,8 +27,13 @@ class TestResolve:
     def test_ascii_text(self):
         assert resolve_layout(ASCII) == MazeLayout.from_ascii(ASCII)
 
+    def test_fields(self):
+        assert resolve_layout(ROOM.to_dict()) == ROOM
+        with pytest.raises(ValueError, match="layout must have exactly the keys"):
+            resolve_layout({})
+
     def test_anything_else_is_refused(self):
-        for layout in ["maze", "", "S.G", Path("maze.txt"), None, 3, {}]:
+        for layout in ["maze", "", "S.G", Path("maze.txt"), None, 3]:
             with pytest.raises(
                 ValueError, match=r"^`layout` must be .*snake, us, hard, labyrinth.*json"
             ):

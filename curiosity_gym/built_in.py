@@ -79,6 +79,6 @@ def resolve_layout(
     if isinstance(layout, str | os.PathLike) and str(layout).endswith(".json"):
         return MazeLayout.from_json(layout)
     raise ValueError(
-        f"`{name}` must be a MazeLayout or its fields, a built-in name ({', '.join(built_in)}), a path ending in "
-        f".json, or ASCII text with a line break, got {layout!r:.60}."
+        f"`{name}` must be a MazeLayout or its fields, a built-in name ({', '.join(built_in)}), a "
+        f"path ending in .json, or ASCII text with a line break, got {layout!r:.60}."
     )

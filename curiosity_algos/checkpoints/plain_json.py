@@ -97,6 +97,10 @@ def _describe_tensor(tensor: th.Tensor) -> dict[str, Any]:
         ) from error
 
 
+def _describe_fields(instance: CoverageGrid | MazeLayout) -> dict[str, Any]:
+    return {field.name: getattr(instance, field.name) for field in fields(instance)}
+
+
 def _box(low: Array, high: Array) -> spaces.Box[Any]:
     return spaces.Box(low, high, dtype=low.dtype.type)
 
@@ -149,15 +153,7 @@ _KINDS: dict[str, tuple[type, Callable[[Any], dict[str, Any]], Callable[..., Any
     ":path:": (type(Path()), lambda path: {"path": str(path)}, lambda path: Path(path)),
     ":deque:": (deque, lambda items: {"iterable": list(items), "maxlen": items.maxlen}, deque),
     ":generator:": (np.random.Generator, _describe_generator, _generator),
-    ":coverage_grid:": (
-        CoverageGrid,
-        lambda grid: {field.name: getattr(grid, field.name) for field in fields(grid)},
-        CoverageGrid,
-    ),
-    ":maze_layout:": (
-        MazeLayout,
-        lambda layout: {field.name: getattr(layout, field.name) for field in fields(layout)},
-        MazeLayout,
-    ),
+    ":coverage_grid:": (CoverageGrid, _describe_fields, CoverageGrid),
+    ":maze_layout:": (MazeLayout, _describe_fields, MazeLayout),
 }
 """Key: what it stands for, the keywords that describe one, and what makes one of them."""

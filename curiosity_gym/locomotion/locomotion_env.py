@@ -111,9 +111,8 @@ class LocomotionEnv(EpisodicEnv):
         check_at_least_one(horizon=horizon, width=width, height=height)
         assert env_id is not None
         simulation = make_simulation(env_id, behavior, world, env_kwargs)
-        made = simulation.task.world
-        self.layout = None if made is None else made.layout
         self.task = simulation.task
+        self.layout = None if self.task.world is None else self.task.world.layout
         size = {"width": int(width), "height": int(height)}
         super().__init__(
             simulation,

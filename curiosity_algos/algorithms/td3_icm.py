@@ -153,9 +153,8 @@ class TD3ICM(ResumableTD3):
         )
 
     def _see_rollout(self, n_steps: int) -> None:
-        observations, actions, next_observations = self.replay_buffer.newest(n_steps)
-        curiosity = self.weight * self._bonus.score(observations, actions, next_observations)
-        self._bonus.observe(th.from_numpy(observations))
+        curiosity = self.weight * self._bonus.score(*self.replay_buffer.newest(n_steps))
+        self._bonus.observe(self.replay_buffer.newest_visited(n_steps))
         record_bonus(self.logger, curiosity)
 
     def _train_parts(self, batch_size: int) -> None:

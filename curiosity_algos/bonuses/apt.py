@@ -44,9 +44,7 @@ class APT(NetworkBonus):
     features. What foretells nothing, such as noise, is left out. The bonus of a transition is the
     mean distance of the state that it leads to from the nearest of those in a memory, a uniform
     sample of all states that were observed; the paper takes the logarithm of that mean. The memory
-    keeps observations, not features, as the encoder learns on. Algorithms and the wrapper let it
-    observe the states that steps begin in: the last one of an episode stays as new as those are far
-    from it.
+    keeps observations, not features, as the encoder learns on.
 
     Further keywords are those of every bonus of networks, see `NetworkBonus`.
 

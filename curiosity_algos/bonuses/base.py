@@ -14,7 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.common.arrays import Array, Float32Array
+from curiosity_algos.common.arrays import Array, Float32Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
@@ -42,7 +42,7 @@ class Bonus(Protocol):
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, ...) that entered the buffer into the running statistics."""
+        """Take observations (n, ...), `visited` of the transitions that came, into statistics."""
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
@@ -227,6 +227,20 @@ def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int,
         raise RuntimeError("The state is of other networks.")
     if not all(bool(th.isfinite(tensor).all()) for tensor in saved.values()):
         raise RuntimeError("The state holds NaN or infinity.")
+
+
+def visited(before: Array, after: Array, terminated: Mask) -> th.Tensor:
+    """The states for `Bonus.observe`: those that steps began in, and those that will begin none.
+
+    Where the task ended an episode, the last state may be like no other: unless it is observed, it
+    is new whenever it comes again.
+
+    Args:
+        before: (n, ...).
+        after: (m, ...), what steps led to, of ended episodes the true last state.
+        terminated: (m,), whether the task ended an episode there, no limit of time.
+    """
+    return th.from_numpy(np.concatenate([before, after[terminated]]))
 
 
 def check_rewards(rewards: Array) -> None:

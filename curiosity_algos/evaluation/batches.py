@@ -7,7 +7,7 @@ an episode after its end is undefined. Observations come as vectors; actions are
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,7 @@ class Step:
         observations: (n, O).
         rewards: (n,).
         ended: (n,), whether an episode ended in this step.
+        terminated: (n,), whether the task ended it, no limit of time.
         infos: Of the episodes that ended.
         behaviors: `info["behavior"]` of the active episodes that go on, where they have one.
     """
@@ -40,6 +41,7 @@ class Step:
     observations: Array
     rewards: Float64Array
     ended: Mask
+    terminated: Mask
     infos: dict[int, dict[str, Any]]
     behaviors: list[Any]
 
@@ -64,18 +66,19 @@ class SingleEnvBatch:
 
     def step(self, actions: Actions, active: Mask) -> Step:
         """Step the `active` (n,) episodes, those that have not ended, by actions (n, ...)."""
-        rewards, ended = np.zeros(self.n), np.zeros(self.n, dtype=np.bool_)
+        rewards = np.zeros(self.n)
+        ended, at_end = np.zeros(self.n, dtype=np.bool_), np.zeros(self.n, dtype=np.bool_)
         infos, behaviors = {}, []
         for i in np.flatnonzero(active).tolist():
             observation, reward, terminated, truncated, info = self.envs[i].step(actions[i])
             self._keep(i, observation)
             rewards[i] = reward if isinstance(reward, float) else _as_number(reward)
-            ended[i] = terminated or truncated
+            at_end[i], ended[i] = terminated, terminated or truncated
             if ended[i]:
                 infos[i] = _checked(info)
             elif isinstance(info, dict) and "behavior" in info:
                 behaviors.append(info["behavior"])
-        return Step(self._observations.copy(), rewards, ended, infos, behaviors)
+        return Step(self._observations.copy(), rewards, ended, at_end, infos, behaviors)
 
     def _keep(self, i: int, observation: Any) -> None:
         observation = self._seen.one(observation)
@@ -140,7 +143,8 @@ class GymnasiumBatch:
         gone = np.flatnonzero(ended & active).tolist()
         rows = info_rows(infos, self.n) if gone else []
         last = {i: rows[i] for i in gone}
-        return Step(observations, np.asarray(rewards, dtype=np.float64), ended, last, behaviors)
+        rewards = np.asarray(rewards, dtype=np.float64)
+        return Step(observations, rewards, ended, np.asarray(terminated), last, behaviors)
 
 
 class Sb3Batch:
@@ -165,11 +169,19 @@ class Sb3Batch:
             observations[i] = self._seen.one(info["terminal_observation"])
         going = [infos[i] for i in np.flatnonzero(active & ~ended).tolist()]
         behaviors = [info["behavior"] for info in going if "behavior" in info]
-        return Step(observations, rewards.astype(np.float64), ended, last, behaviors)
+        rewards = rewards.astype(np.float64)
+        return Step(observations, rewards, ended, terminations(ended, infos), last, behaviors)
 
 
 Batch = SingleEnvBatch | GymnasiumBatch | Sb3Batch
 """n episodes side by side."""
+
+
+def terminations(ended: Mask, infos: Sequence[Mapping[str, Any]]) -> Mask:
+    """Which of the steps (n,) of a VecEnv the task ended, no limit of time."""
+    was_cut = [bool(info.get("TimeLimit.truncated", False)) for info in infos]
+    terminated: Mask = ended & ~np.array(was_cut)
+    return terminated
 
 
 def has_generators(env: VectorEnv[Any, Any, Any]) -> bool:

@@ -113,6 +113,7 @@ class MazeEvaluator:
             returns=sparse_returns(self.horizon, lengths, success),
             lengths=lengths,
             success=success,
+            terminated=success,
             behaviors=states,
             final_observations=observations[np.arange(n), lengths],
             observations=observations,

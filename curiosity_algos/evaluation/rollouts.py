@@ -85,6 +85,7 @@ class Rollouts:
         returns: (P,) float64, sum of rewards.
         lengths: (P,) int64, environment steps.
         success: (P,) bool, `info["is_success"]` at the end; False where the env has none.
+        terminated: (P,) bool, whether the task ended the episode, no limit of time.
         behaviors: (P, B) float64, `info["behavior"]` at the end; B = 0 where the env has none.
         final_observations: (P, O) float32, the true last observation, never a reset one.
         observations: (P, T + 1, O) float32; entries after an episode's end are undefined.
@@ -101,6 +102,7 @@ class Rollouts:
     returns: Float64Array
     lengths: Int64Array
     success: Mask
+    terminated: Mask
     behaviors: Float64Array
     final_observations: Float32Array
     observations: Float32Array | None = None
@@ -160,7 +162,7 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
     if len(parts) == 1:
         return parts[0]
     longest = max(part.lengths.max() for part in parts)
-    names = ("returns", "lengths", "success", "final_observations")
+    names = ("returns", "lengths", "success", "terminated", "final_observations")
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in names
     }

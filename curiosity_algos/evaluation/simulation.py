@@ -93,7 +93,7 @@ class SimulationEvaluator:
         observations = np.empty((n, n_steps + 1, self.task.n_observations), dtype=np.float32)
         actions = np.empty((n, n_steps, self.task.n_actions), dtype=np.float32)
         returns, lengths = np.zeros(n), np.full(n, n_steps)
-        success = np.zeros(n, dtype=np.bool_)
+        success, terminated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
         visited = VisitedCells(self.task.coverage_grid)
         active = np.arange(n)
         memory = scratch(self.mlp, 1)[0]
@@ -112,6 +112,7 @@ class SimulationEvaluator:
             if ended.any():
                 gone = active[ended]
                 lengths[gone], success[gone] = t + 1, simulation.success[gone]
+                terminated[gone] = True
                 active, parameters, chosen = active[~ended], parameters[~ended], chosen[~ended]
             if not len(active):
                 break
@@ -123,6 +124,7 @@ class SimulationEvaluator:
             returns=returns,
             lengths=lengths,
             success=success,
+            terminated=terminated,
             behaviors=simulation.behaviors[:n],
             final_observations=observations[np.arange(n), lengths],
             observations=observations[:, : longest + 1],

@@ -136,6 +136,7 @@ class VectorEvaluator:
         observations = [self._as_inputs(batch.reset(seed))]
         actions: list[Array] = []
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
+        terminated = np.zeros(n, dtype=np.bool_)
         infos: dict[int, dict[str, Any]] = {}
         visited = VisitedCells(self._grid)
         while active.any():
@@ -145,6 +146,7 @@ class VectorEvaluator:
             observations.append(self._as_inputs(step.observations))
             returns[active] += step.rewards[active]
             lengths += active
+            terminated |= active & step.terminated
             infos |= step.infos
             visited.add_each(step.behaviors)
             active &= ~step.ended
@@ -161,6 +163,7 @@ class VectorEvaluator:
             returns=returns[:n_policies],
             lengths=lengths[:n_policies],
             success=np.array([bool(info.get("is_success", False)) for info in last]),
+            terminated=terminated[:n_policies],
             behaviors=behaviors,
             final_observations=final_observations,
             observations=stacked,

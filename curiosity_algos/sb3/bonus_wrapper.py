@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import (
 )
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, train
+from curiosity_algos.bonuses.base import Bonus, check_rewards, train, visited
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
@@ -28,8 +28,9 @@ from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, mak
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import fitting, plain
-from curiosity_algos.common.arrays import Array, Float64Array
+from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
+from curiosity_algos.evaluation.batches import terminations
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.scale import BonusScale, check_discount
@@ -208,7 +209,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         infos = [dict(info) for info in infos]  # a VecEnv may give one for all
         before, after = self._observations, self._stored(observations)
         self._observations = after
-        bonus = self._visit(before, self._last_observations(after, dones, infos))
+        terminated = terminations(dones, infos)
+        bonus = self._visit(before, self._last_observations(after, dones, infos), terminated)
         self._recent.end(dones | (not self.training))  # steps that are not learned from are gaps
         if self._episodes is not None:
             self._episodes.end(dones)
@@ -247,7 +249,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_observations(led_to)
         return led_to
 
-    def _visit(self, before: Array, after: Array) -> Float64Array:
+    def _visit(self, before: Array, after: Array, terminated: Mask) -> Float64Array:
         """Score the transitions, then learn from them; the scaled bonus of each environment."""
         with single_torch_thread():
             bonus = np.zeros(len(before))
@@ -260,13 +262,13 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             if self._has_trained:
                 bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
             if self.training:
-                self._learn(before, after)
+                self._learn(before, after, terminated)
         return bonus
 
-    def _learn(self, before: Array, after: Array) -> None:
+    def _learn(self, before: Array, after: Array, terminated: Mask) -> None:
         self._recent.add(before, self._actions)
         observations, actions = map(th.from_numpy, self._recent.draw())
-        self.bonus.observe(th.from_numpy(before))
+        self.bonus.observe(visited(before, after, terminated))
         self.buffer.add(observations, actions, th.from_numpy(after))
         self._n_untrained += len(before)
         if self._n_untrained >= self.train_interval:

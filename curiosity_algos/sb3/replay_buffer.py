@@ -14,14 +14,14 @@ from gymnasium import spaces
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, train
+from curiosity_algos.bonuses.base import Bonus, check_rewards, train, visited
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
 from curiosity_algos.bonuses.spans import draw_steps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
-from curiosity_algos.common.arrays import Array, Int64Array
+from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.held_observations import check_sb3_takes
@@ -209,8 +209,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         with single_torch_thread():
             rows, envs = self._newest(n)
             for some in self._parts(len(rows)):
-                seen = self._seen(self.observations[rows[some], envs[some]])
-                self.bonus.observe(th.from_numpy(seen))
+                self.bonus.observe(self._visited(rows[some], envs[some]))
             draw = self.sample_transitions
             losses = train(self.bonus, draw, n_updates=self.n_updates, batch_size=self.batch_size)
             bonus = self._score(rows, envs)
@@ -230,14 +229,13 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         rewards = self.weight * bonus
         if self.extrinsic:
             rewards = rewards + self._normalize_reward(self.rewards[rows, envs], env)
-        ended = self.dones[rows, envs] * (1.0 - self.timeouts[rows, envs])
         is_dict = isinstance(self.observation_space, spaces.Dict)
         samples: Any = DictReplayBufferSamples if is_dict else ReplayBufferSamples
         return samples(  # type: ignore[no-any-return]
             self._sampled(self.observations[rows, envs], env),
             self.to_torch(self.actions[rows, envs]),
             self._sampled(self._next_observations(rows, envs), env),
-            self.to_torch(ended[:, None]),
+            self.to_torch(self._terminated(rows, envs)[:, None].astype(np.float32)),
             self.to_torch(rewards.astype(np.float32)[:, None]),
         )
 
@@ -341,6 +339,10 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         """
         return self._transitions(*self._newest(n))
 
+    def newest_visited(self, n: int) -> th.Tensor:
+        """What the bonus is to observe of them."""
+        return self._visited(*self._newest(n))
+
     def _transitions(self, rows: Int64Array, envs: Int64Array) -> tuple[Array, ...]:
         """Observations, actions and next observations, as a bonus takes them."""
         return (
@@ -348,6 +350,15 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             self._taken(self.actions[rows, envs]),
             self._seen(self._next_observations(rows, envs)),
         )
+
+    def _visited(self, rows: Int64Array, envs: Int64Array) -> th.Tensor:
+        before, _, after = self._transitions(rows, envs)
+        return visited(before, after, self._terminated(rows, envs))
+
+    def _terminated(self, rows: Int64Array, envs: Int64Array) -> Mask:
+        """Where the task ended an episode, no limit of time."""
+        terminated: Mask = (self.dones[rows, envs] > 0) & (self.timeouts[rows, envs] == 0)
+        return terminated
 
     def _seen(self, held: Array) -> Array:
         """Observations as the bonus sees them."""

@@ -23,6 +23,7 @@ def make_rollouts(is_discrete=False, seed=0):
         returns=np.zeros(n),
         lengths=LENGTHS,
         success=np.zeros(n, dtype=bool),
+        terminated=LENGTHS < HORIZON,
         behaviors=np.zeros((n, 0)),
         final_observations=observations[np.arange(n), LENGTHS],
         observations=observations,

@@ -92,6 +92,7 @@ def walks(rng, n=20, n_steps=100):
         returns=np.zeros(n),
         lengths=np.full(n, n_steps),
         success=np.zeros(n, dtype=bool),
+        terminated=np.zeros(n, dtype=bool),
         behaviors=np.zeros((n, 0)),
         final_observations=observations[:, -1],
         observations=observations,

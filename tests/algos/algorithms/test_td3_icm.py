@@ -97,6 +97,20 @@ class TestTraining:
         assert model._bonus.normalizer.count == len(seen) == 200
         np.testing.assert_allclose(model._bonus.normalizer.mean, seen.mean(axis=0), atol=1e-5)
 
+    def test_the_bonus_observes_where_the_task_ended_an_episode(self, make, make_easy_maze):
+        model = make(make_easy_maze(), buffer_size=1000)
+        observed, observe = [], model._bonus.observe
+        model._bonus.observe = lambda states: observed.append(states.numpy()) or observe(states)
+        model.learn(300)
+        n = model.replay_buffer.size()
+        before, _, after = model.replay_buffer.newest(n)
+        has_ended = model.replay_buffer.dones[:n, 0] > model.replay_buffer.timeouts[:n, 0]
+        assert 0 < has_ended.sum() < n
+        expected = np.concatenate([before, after[has_ended]])
+        np.testing.assert_array_equal(
+            *(np.sort(each, axis=0) for each in (np.concatenate(observed), expected))
+        )
+
     def test_a_bonus_of_ones_own_is_taken_as_it_is(self, make, make_maze):
         env = make_maze()
         bonus = ICM(env.observation_space, env.action_space, seed=0, device="cpu")

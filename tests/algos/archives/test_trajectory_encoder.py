@@ -27,6 +27,7 @@ def make_rollouts(lengths, *, n_padding=0, n_observations=2):
         returns=np.zeros(n),
         lengths=lengths,
         success=np.zeros(n, dtype=bool),
+        terminated=np.zeros(n, dtype=bool),
         behaviors=np.zeros((n, 0)),
         final_observations=observations[np.arange(n), lengths],
         observations=observations,

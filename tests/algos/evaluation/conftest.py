@@ -24,6 +24,7 @@ def play(env, mlp, parameters, seed=None):
             if grid is not None:
                 cells.add(grid.cells(np.array(info["behavior"])[None]).item())
             is_over = terminated or truncated
+        info = {**info, "terminated": terminated}
         episodes.append((np.array(observations), np.array(actions), total, info, cells))
     return episodes
 
@@ -46,6 +47,7 @@ def assert_equal_episodes(rollouts, episodes):
         assert rollouts.lengths[i] == length
         assert rollouts.returns[i] == total
         assert rollouts.success[i] == info.get("is_success", False)
+        assert rollouts.terminated[i] == info["terminated"]
         np.testing.assert_array_equal(rollouts.behaviors[i], info.get("behavior", ()))
         np.testing.assert_array_equal(rollouts.observations[i, : length + 1], observations)
         np.testing.assert_array_equal(rollouts.actions[i, :length], actions)
@@ -54,8 +56,8 @@ def assert_equal_episodes(rollouts, episodes):
 
 def assert_same_rollouts(one, other):
     """Two rollouts are the same, in every bit that is defined."""
-    same = ("returns", "lengths", "success", "behaviors", "final_observations", "visited")
-    for name in same:
+    same = ("returns", "lengths", "success", "terminated", "behaviors", "final_observations")
+    for name in (*same, "visited"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     for i, length in enumerate(one.lengths):
         np.testing.assert_array_equal(

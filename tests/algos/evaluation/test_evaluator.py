@@ -248,6 +248,7 @@ class TargetEvaluator:
             returns=-np.abs(actions[:, 0].astype(np.float64) - 0.5),
             lengths=np.ones(n, dtype=np.int64),
             success=np.zeros(n, dtype=np.bool_),
+            terminated=np.zeros(n, dtype=np.bool_),
             behaviors=np.empty((n, 0)),
             final_observations=np.zeros((n, 1), dtype=np.float32),
         )

@@ -102,7 +102,8 @@ def make_population(evaluator, n=POPULATION):
 
 
 def assert_equal(one, other):
-    for name in ("returns", "lengths", "success", "behaviors", "final_observations", "visited"):
+    same = ("returns", "lengths", "success", "terminated", "behaviors", "final_observations")
+    for name in (*same, "visited"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 

@@ -10,6 +10,7 @@ RECORD = {
     "returns": np.zeros(3),
     "lengths": np.array([4, 1, 7]),
     "success": np.zeros(3, dtype=bool),
+    "terminated": np.zeros(3, dtype=bool),
     "behaviors": np.zeros((3, 0)),
     "final_observations": np.zeros((3, 2), dtype=np.float32),
 }

@@ -700,6 +700,7 @@ def test_each_individual_ends_an_episode_as_a_monitor_says():
         returns=np.array([np.float32(0.66), 0.0]),
         lengths=np.array([3, 5]),
         success=np.array([True, False]),
+        terminated=np.array([True, False]),
         behaviors=np.array([[0.1, 0.2], [0.3, 0.4]]),
         final_observations=np.arange(4, dtype=np.float32).reshape(2, 2),
     )

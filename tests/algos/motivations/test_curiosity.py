@@ -168,11 +168,14 @@ class TestUpdate:
             # 40 uniform draws of so few miss a tenth of them at most.
             assert len(np.unique(rows[i], axis=0)) >= 0.9 * length
 
-    def test_statistics_see_what_enters_the_buffer(self):
-        motivation = make_motivation(Recorder())
-        motivation.update(make_rollouts())
+    def test_the_bonus_observes_what_enters_the_buffer_and_where_episodes_terminated(self):
+        motivation, rollouts = make_motivation(Recorder()), make_rollouts()
+        motivation.update(rollouts)
         held = motivation.buffer.state_dict()
-        assert th.equal(motivation.bonus.observed[0], held["observations"])
+        ends = rollouts.final_observations[rollouts.terminated]
+        assert len(ends) == 4
+        expected = np.concatenate([held["observations"], ends])
+        np.testing.assert_array_equal(motivation.bonus.observed[0], expected)
 
     def test_trains_p_times_on_batches_and_reports_mean_losses(self):
         motivation = make_motivation(Recorder(), n_updates=3, batch_size=8)

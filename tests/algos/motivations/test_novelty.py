@@ -15,6 +15,7 @@ def make_rollouts(behaviors, final_observations=None):
         returns=np.zeros(n),
         lengths=np.ones(n, dtype=np.int64),
         success=np.zeros(n, dtype=bool),
+        terminated=np.zeros(n, dtype=bool),
         behaviors=np.asarray(behaviors, dtype=np.float64),
         final_observations=np.asarray(finals, dtype=np.float32),
     )

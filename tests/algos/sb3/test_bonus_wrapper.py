@@ -169,6 +169,12 @@ class TestRewards:
         seen = [observations[0, 0] for observations, *_ in steps]
         assert seen == [1, 2, 3, 0, 1, 2, 3, 0, 1]
 
+    def test_it_observes_where_steps_begin_and_where_the_task_ends_episodes(self):
+        venv = DummyVecEnv([Count, lambda: gym.wrappers.TimeLimit(Count(), 3)])
+        play(wrap(venv, bonus=(bonus := Recorder())), 4)
+        observed = [each.ravel().tolist() for each in bonus.observed]
+        assert observed == [[0, 0], [1, 1], [2, 2], [3, 0, 4]]
+
     def test_a_memory_of_each_episode_ends_with_it_and_with_a_reset(self):
         venv = DummyVecEnv([Count, lambda: gym.wrappers.TimeLimit(Count(), 3)])
         wrapper = wrap(venv, bonus=(bonus := Episodic()))
@@ -708,6 +714,20 @@ class TestFiles:
             path.write_bytes(damaged)
             with pytest.raises(ValueError, match="`path` must be a saved BonusVecEnvWrapper"):
                 BonusVecEnvWrapper.load(path, make_venv())
+
+
+def test_where_episodes_end_is_no_news_for_ever():
+    class Cliff(Count):
+        """The last step leads far away, where every episode ends."""
+
+        def step(self, action):
+            observation, *others = super().step(action)
+            return observation * (10 if self.n == 4 else 1), *others
+
+    wrapper = wrap(make_venv(env=Cliff), bonus="apt", bonus_kwargs={"n_neighbors": 1})
+    play(wrapper, 40)
+    before, after = np.array([[3.0]], np.float32), np.array([[40.0]], np.float32)
+    assert wrapper.bonus.score(before, np.zeros((1, 1), np.float32), after) < 1e-3
 
 
 def test_an_icm_learns_slower_than_a_populations_unless_told():

@@ -398,6 +398,17 @@ class TestTraining:
         assert len(buffer.bonus.trained) == 4
         assert len(buffer.bonus.seen) == 24
 
+    def test_the_bonus_observes_where_steps_begin_and_where_the_task_ends_episodes(self):
+        buffer = make_buffer(train_interval=4)
+        for x, how in [
+            (0, {}),
+            (1, {"done": True}),
+            (5, {"done": True, "truncated": True}),
+            (7, {}),
+        ]:
+            add(buffer, x, **how)
+        assert buffer.bonus.seen == [0, 1, 5, 7, 2]
+
     def test_before_it_the_bonus_is_nothing(self):
         buffer = make_buffer(60, train_interval=4, extrinsic=False)
         walk(buffer, 3)

@@ -47,6 +47,7 @@ def make_rollouts(lengths=(7, 2, 9), seed=0):
         zeros,
         lengths,
         zeros > 0,
+        zeros > 0,
         np.zeros((n, 0)),
         final_observations=seen[:, 0],
         observations=seen,
@@ -95,7 +96,10 @@ def test_parts_of_a_population_have_the_moments_of_the_whole():
     rollouts = make_rollouts()
     whole = moments(rollouts, slice(0, 3))
     part = Rollouts(
-        *(getattr(rollouts, name)[1:] for name in ("returns", "lengths", "success", "behaviors")),
+        *(
+            getattr(rollouts, name)[1:]
+            for name in ("returns", "lengths", "success", "terminated", "behaviors")
+        ),
         final_observations=rollouts.final_observations[1:],
         observations=rollouts.observations[1:],
         actions=rollouts.actions[1:],

@@ -57,6 +57,7 @@ def test_the_first_state_stands_before_a_short_episode():
         returns=np.zeros(2),
         lengths=np.array([2, 5]),
         success=np.ones(2, dtype=bool),
+        terminated=np.ones(2, dtype=bool),
         behaviors=np.empty((2, 0)),
         final_observations=observations[:, -1],
         observations=observations,

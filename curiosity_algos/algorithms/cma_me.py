@@ -55,7 +55,7 @@ class CMAME(MAPElites):
         super()._check_settings()
         check_at_least_one(restart_interval=self.restart_interval)
         check_choice(STRATEGIES, es=self.es)
-        if self.population_size < 2:
+        if self.emitters is None and self.population_size < 2:
             raise ValueError("`population_size` must be at least 2, got 1: CMA-ES compares.")
 
     def _step_size(self) -> float:

@@ -27,7 +27,12 @@ from curiosity_algos.loops.quality_diversity import (
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_algos.motivations.novelty import BEHAVIORS, behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
-from curiosity_gym.validation import check_at_least_one, check_choice, check_whole
+from curiosity_gym.validation import (
+    LARGEST_COUNT,
+    check_at_least_one,
+    check_choice,
+    check_whole,
+)
 
 LEARNED = "learned"
 FINAL = "final_observation"
@@ -79,7 +84,9 @@ class NSLC(QualityDiversity):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(k=self.k, archive_size=self.archive_size)
-        check_whole(1, self.population_size, n_parents=self.n_parents)
+        # Emitters of one's own choose parents themselves, and say how large a population is.
+        n_most = self.population_size if self.emitters is None else LARGEST_COUNT
+        check_whole(1, n_most, n_parents=self.n_parents)
         if self._is_learned:
             self._check_begins_empty()
         if self.emitters is None and getattr(self._own_archive, "k_neighbors", self.k) is None:

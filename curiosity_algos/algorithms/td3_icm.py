@@ -154,7 +154,7 @@ class TD3ICM(ResumableTD3):
 
     def _see_rollout(self, n_steps: int) -> None:
         curiosity = self.weight * self._bonus.score(*self.replay_buffer.newest(n_steps))
-        self._bonus.observe(self.replay_buffer.newest_visited(n_steps))
+        self.replay_buffer.show_newest(n_steps)
         record_bonus(self.logger, curiosity)
 
     def _train_parts(self, batch_size: int) -> None:

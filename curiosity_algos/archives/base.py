@@ -268,7 +268,7 @@ class EliteArchive(ArchiveBase):
         if self.empty:
             self._description = common | fields
             self._begin()
-        self.net_arch = list(net_arch)
+        self.net_arch = check_widths(net_arch)
         self._rng = np.random.default_rng(seed)
 
     def unchanged_on_error(self) -> AbstractContextManager[None]:

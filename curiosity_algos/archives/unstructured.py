@@ -60,9 +60,9 @@ class UnstructuredArchive(EliteArchive):
         if k_neighbors is not None:
             check_at_least_one(k_neighbors=k_neighbors)
         check_not_negative(threshold=threshold)
-        self.target_size = target_size
-        self.k_neighbors = k_neighbors
-        self.threshold = threshold
+        self.target_size = int(target_size)
+        self.k_neighbors = None if k_neighbors is None else int(k_neighbors)
+        self.threshold = float(threshold)
         super().__init__(measure_dim=measure_dim, **kwargs)
 
     @property

@@ -42,7 +42,7 @@ class Bonus(Protocol):
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, ...), `visited` of the transitions that came, into statistics."""
+        """Take observations (n, ...), which `show` chooses of what came, into statistics."""
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
@@ -229,18 +229,21 @@ def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int,
         raise RuntimeError("The state holds NaN or infinity.")
 
 
-def visited(before: Array, after: Array, terminated: Mask) -> th.Tensor:
-    """The states for `Bonus.observe`: those that steps began in, and those that will begin none.
+def show(bonus: Bonus, before: Array, after: Array, terminated: Mask) -> None:
+    """Let a bonus observe the states that steps began in, and those that will begin none.
 
     Where the task ended an episode, the last state may be like no other: unless it is observed, it
-    is new whenever it comes again.
+    is new whenever it comes again. A bonus whose `observes_ends` is False is spared them.
 
     Args:
+        bonus: The bonus.
         before: (n, ...).
         after: (m, ...), what steps led to, of ended episodes the true last state.
         terminated: (m,), whether the task ended an episode there, no limit of time.
     """
-    return th.from_numpy(np.concatenate([before, after[terminated]]))
+    if getattr(bonus, "observes_ends", True):
+        before = np.concatenate([before, after[terminated.astype(np.bool_)]])
+    bonus.observe(th.from_numpy(before))
 
 
 def check_rewards(rewards: Array) -> None:

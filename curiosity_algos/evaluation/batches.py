@@ -138,13 +138,13 @@ class GymnasiumBatch:
             for i in np.flatnonzero(ended).tolist():
                 observations[i] = self._seen.one(final[i])
             infos = infos.get("final_info", {})
-        elif self._mode == AutoresetMode.DISABLED and ended.any():
-            self._env.reset(options={"reset_mask": ended})
         gone = np.flatnonzero(ended & active).tolist()
         rows = info_rows(infos, self.n) if gone else []
         last = {i: rows[i] for i in gone}
-        rewards = np.asarray(rewards, dtype=np.float64)
-        return Step(observations, rewards, ended, np.asarray(terminated), last, behaviors)
+        rewards, terminated = np.array(rewards, dtype=np.float64), np.array(terminated)
+        if self._mode == AutoresetMode.DISABLED and ended.any():
+            self._env.reset(options={"reset_mask": ended})  # which may write into the same arrays
+        return Step(observations, rewards, ended, terminated, last, behaviors)
 
 
 class Sb3Batch:

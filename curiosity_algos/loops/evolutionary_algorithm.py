@@ -427,8 +427,9 @@ class EvolutionaryAlgorithm(PopulationModel):
         # A success in the last step pays nothing, and is found all the same.
         is_found = bool(rollouts.success[best]) and not self._has_reward
         self._has_reward |= is_found or bool(np.any(rollouts.returns))
-        if rollouts.returns[best] > self._best_return or is_found:
-            self._best_return = float(rollouts.returns[best])
+        best_return = float(rollouts.returns[best])
+        if best_return > self._best_return or (is_found and best_return == self._best_return):
+            self._best_return = best_return
             self._best_parameters = parameters[best].copy()
             self._best_seed = self._episodes.current
         self._show_best()

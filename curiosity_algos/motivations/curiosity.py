@@ -12,7 +12,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from curiosity_algos.bonuses.base import Bonus, NetworkBonus, train, visited
+from curiosity_algos.bonuses.base import Bonus, NetworkBonus, show, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.episodes import EpisodicBonus
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
@@ -231,7 +231,7 @@ class CuriosityMotivation:
     def _remember(self, rollouts: Rollouts) -> None:
         summary = rollouts.summary(self._learned, self.learning)
         seen, actions, next_seen = (flat(each) for each in summary)
-        self.bonus.observe(visited(seen, rollouts.final_observations, rollouts.terminated))
+        show(self.bonus, seen, rollouts.final_observations, rollouts.terminated)
         self.buffer.add(*map(th.from_numpy, (seen, actions, next_seen)))
 
     def state_dict(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import (
 )
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, train, visited
+from curiosity_algos.bonuses.base import Bonus, check_rewards, show, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
@@ -203,6 +203,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             ValueError: If observations or rewards are not finite, or an info is no dictionary.
         """
         observations, rewards, dones, infos = self.venv.step_wait()
+        dones = np.asarray(dones, dtype=np.bool_)
         self.is_new = False
         check_rewards(rewards)
         _check_infos(infos, dones)
@@ -268,7 +269,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def _learn(self, before: Array, after: Array, terminated: Mask) -> None:
         self._recent.add(before, self._actions)
         observations, actions = map(th.from_numpy, self._recent.draw())
-        self.bonus.observe(visited(before, after, terminated))
+        show(self.bonus, before, after, terminated)
         self.buffer.add(observations, actions, th.from_numpy(after))
         self._n_untrained += len(before)
         if self._n_untrained >= self.train_interval:

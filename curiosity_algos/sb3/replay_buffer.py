@@ -14,7 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, train, visited
+from curiosity_algos.bonuses.base import Bonus, check_rewards, show, train
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
@@ -209,7 +209,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         with single_torch_thread():
             rows, envs = self._newest(n)
             for some in self._parts(len(rows)):
-                self.bonus.observe(self._visited(rows[some], envs[some]))
+                self._show(rows[some], envs[some])
             draw = self.sample_transitions
             losses = train(self.bonus, draw, n_updates=self.n_updates, batch_size=self.batch_size)
             bonus = self._score(rows, envs)
@@ -339,9 +339,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         """
         return self._transitions(*self._newest(n))
 
-    def newest_visited(self, n: int) -> th.Tensor:
-        """What the bonus is to observe of them."""
-        return self._visited(*self._newest(n))
+    def show_newest(self, n: int) -> None:
+        """Let the bonus observe them."""
+        self._show(*self._newest(n))
 
     def _transitions(self, rows: Int64Array, envs: Int64Array) -> tuple[Array, ...]:
         """Observations, actions and next observations, as a bonus takes them."""
@@ -351,9 +351,11 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             self._seen(self._next_observations(rows, envs)),
         )
 
-    def _visited(self, rows: Int64Array, envs: Int64Array) -> th.Tensor:
+    def _show(self, rows: Int64Array, envs: Int64Array) -> None:
         before, _, after = self._transitions(rows, envs)
-        return visited(before, after, self._terminated(rows, envs))
+        # Without memory of limits of time no end is known to be the task's, or no end is held.
+        terminated = self._terminated(rows, envs) & self.handle_timeout_termination
+        show(self.bonus, before, after, terminated)
 
     def _terminated(self, rows: Int64Array, envs: Int64Array) -> Mask:
         """Where the task ended an episode, no limit of time."""

@@ -387,6 +387,15 @@ class TestRemeasure:
 
 
 class TestFiles:
+    def test_settings_may_be_numpys_numbers(self, tmp_path):
+        settings = {"target_size": np.int64(17), "k_neighbors": np.int8(4)}
+        archive = make_full(
+            n_batches=1, **settings, threshold=np.float32(0.5), net_arch=[np.int64(3)]
+        )
+        archive.save(tmp_path / "elites")
+        loaded = UnstructuredArchive.load(tmp_path / "elites")
+        assert (loaded.target_size, loaded.k_neighbors, loaded.threshold) == (17, 4, 0.5)
+
     @pytest.mark.parametrize("n_batches", [0, 1, 2, 6])
     def test_elites_and_settings_come_back(self, tmp_path, n_batches):
         archive = make_full(n_batches=n_batches, target_size=17, k_neighbors=4, net_arch=[3])

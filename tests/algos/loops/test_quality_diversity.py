@@ -287,6 +287,16 @@ class TestEmitters:
         assert elites <= emitted
         assert model.archive.verify(make_easy_maze()).share == 1.0
 
+    @pytest.mark.parametrize("few", [NSLC, CMAME])
+    def test_they_may_be_fewer_than_the_algorithms_own(self, few, make_easy_maze, tmp_path):
+        def one(archive, x0, seed):
+            return [GaussianEmitter(archive, sigma=0.2, x0=x0, batch_size=1, seed=seed)]
+
+        model = few(make_easy_maze(), emitters=one, seed=0, device="cpu").learn(200)
+        model.save(tmp_path / "few")
+        loaded = few.load(tmp_path / "few", env=make_easy_maze(), emitters=one)
+        assert loaded.population_size == 1
+
     def test_no_step_size_is_logged_for_them(self, make_model, make_maze):
         for emitters, keys in [(None, {"search/sigma"}), (iso_line, set())]:
             model = make_model(MAPElites, make_maze(), emitters=emitters, population_size=56)

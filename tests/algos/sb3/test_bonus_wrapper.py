@@ -9,7 +9,13 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3, HerReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.envs import BitFlippingEnv
-from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import (
+    DummyVecEnv,
+    VecEnvWrapper,
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+)
 from torch_threads import heavy_threads
 
 import curiosity_algos
@@ -728,6 +734,31 @@ def test_where_episodes_end_is_no_news_for_ever():
     play(wrapper, 40)
     before, after = np.array([[3.0]], np.float32), np.array([[40.0]], np.float32)
     assert wrapper.bonus.score(before, np.zeros((1, 1), np.float32), after) < 1e-3
+
+
+def test_running_to_where_episodes_end_is_not_running_away():
+    bonus_kwargs = {"n_newest": 64}
+    wrapper = wrap(bonus="ramp", bonus_kwargs=bonus_kwargs, train_interval=64, n_updates=64)
+    play(wrapper, 200)
+    assert abs(wrapper.metrics["ramp/distance"]) < 0.1
+
+
+def test_dones_may_be_numbers():
+    class Numbers(VecEnvWrapper):
+        def reset(self):
+            return self.venv.reset()
+
+        def step_wait(self):
+            observations, rewards, dones, infos = self.venv.step_wait()
+            return observations, rewards, dones.astype(np.int64), infos
+
+    play(wrap(Numbers(make_venv()), bonus=(bonus := Recorder())), 4)
+    assert [each.ravel().tolist() for each in bonus.observed] == [
+        [0, 0],
+        [1, 1],
+        [2, 2],
+        [3, 3, 4, 4],
+    ]
 
 
 def test_an_icm_learns_slower_than_a_populations_unless_told():

@@ -409,6 +409,12 @@ class TestTraining:
             add(buffer, x, **how)
         assert buffer.bonus.seen == [0, 1, 5, 7, 2]
 
+    def test_where_ends_are_not_held_the_bonus_observes_none(self):
+        buffer = make_buffer(train_interval=4, optimize_memory_usage=True)
+        for x in (0, 1, 5, 7):
+            add(buffer, x, done=True)
+        assert buffer.bonus.seen == [0, 1, 5, 7]
+
     def test_before_it_the_bonus_is_nothing(self):
         buffer = make_buffer(60, train_interval=4, extrinsic=False)
         walk(buffer, 3)

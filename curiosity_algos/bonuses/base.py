@@ -14,7 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.common.arrays import Array, Float32Array, Mask
+from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
@@ -229,7 +229,7 @@ def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int,
         raise RuntimeError("The state holds NaN or infinity.")
 
 
-def show(bonus: Bonus, before: Array, after: Array, terminated: Mask) -> None:
+def show(bonus: Bonus, before: Array, ends: Array) -> None:
     """Let a bonus observe the states that steps began in, and those that will begin none.
 
     Where the task ended an episode, the last state may be like no other: unless it is observed, it
@@ -238,11 +238,10 @@ def show(bonus: Bonus, before: Array, after: Array, terminated: Mask) -> None:
     Args:
         bonus: The bonus.
         before: (n, ...).
-        after: (m, ...), what steps led to, of ended episodes the true last state.
-        terminated: (m,), whether the task ended an episode there, no limit of time.
+        ends: (m, ...), the last states of episodes that the task ended, no limit of time.
     """
     if getattr(bonus, "observes_ends", True):
-        before = np.concatenate([before, after[terminated.astype(np.bool_)]])
+        before = np.concatenate([before, ends])
     bonus.observe(th.from_numpy(before))
 
 

@@ -231,7 +231,8 @@ class CuriosityMotivation:
     def _remember(self, rollouts: Rollouts) -> None:
         summary = rollouts.summary(self._learned, self.learning)
         seen, actions, next_seen = (flat(each) for each in summary)
-        show(self.bonus, seen, rollouts.final_observations, rollouts.terminated)
+        ends = rollouts.final_observations[rollouts.terminated.astype(np.bool_)]
+        show(self.bonus, seen, ends)
         self.buffer.add(*map(th.from_numpy, (seen, actions, next_seen)))
 
     def state_dict(self) -> dict[str, Any]:

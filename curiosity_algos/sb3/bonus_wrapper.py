@@ -269,7 +269,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     def _learn(self, before: Array, after: Array, terminated: Mask) -> None:
         self._recent.add(before, self._actions)
         observations, actions = map(th.from_numpy, self._recent.draw())
-        show(self.bonus, before, after, terminated)
+        show(self.bonus, before, after[terminated])
         self.buffer.add(observations, actions, th.from_numpy(after))
         self._n_untrained += len(before)
         if self._n_untrained >= self.train_interval:

@@ -352,10 +352,11 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         )
 
     def _show(self, rows: Int64Array, envs: Int64Array) -> None:
-        before, _, after = self._transitions(rows, envs)
+        before = self._seen(self.observations[rows, envs])
         # Without memory of limits of time no end is known to be the task's, or no end is held.
         terminated = self._terminated(rows, envs) & self.handle_timeout_termination
-        show(self.bonus, before, after, terminated)
+        ends = self._next_observations(rows[terminated], envs[terminated])
+        show(self.bonus, before, self._seen(ends))
 
     def _terminated(self, rows: Int64Array, envs: Int64Array) -> Mask:
         """Where the task ended an episode, no limit of time."""

@@ -135,7 +135,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         Raises:
             ValueError: If seeds are not as many as envs, or an option is not what it may be.
         """
-        if isinstance(seed, Sequence) and len(seed) != self.num_envs:
+        if isinstance(seed, Sequence | np.ndarray) and len(seed) != self.num_envs:
             raise ValueError(
                 f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seed)}."
             )

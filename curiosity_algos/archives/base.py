@@ -165,7 +165,7 @@ class EliteArchive(ArchiveBase):
     def best_elite(self) -> dict[str, Any] | None:
         """The elite of the highest objective; None where there is none.
 
-        Of equals it is the first that came, and after `load` the first in `data`.
+        Of equals it is of the batch that came first, and after `load` the first in `data`.
         """
         return None if self.empty else self._elite(self._elites.best_slot)
 
@@ -209,7 +209,7 @@ class EliteArchive(ArchiveBase):
     def data(
         self, fields: str | Collection[str] | None = None, return_type: str | None = None
     ) -> Any:
-        """The elites, in the order in which their places were first taken.
+        """The elites, in the order in which their places were first taken; in one batch, of cells.
 
         Args:
             fields: A name: that array; several, or None for all: a dictionary of arrays.

@@ -170,7 +170,7 @@ def behaviors_of(archive: Any) -> Float64Array:
 def check_keeps(is_kept: bool, fields: Description) -> None:
     """Raise ValueError unless an archive keeps, or can be given, the extra fields of a search."""
     if not is_kept:
-        described = ", ".join(f"{name} {shape}" for name, (shape, _) in fields.items())
+        described = ", ".join(f"{name} {dtype} {shape}" for name, (shape, dtype) in fields.items())
         raise ValueError(
             f"`archive` must keep the extra fields {described} of each elite; an empty one without "
             "extra fields is given them."

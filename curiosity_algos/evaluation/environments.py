@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import AsyncVectorEnv, VectorEnv
+from gymnasium.vector import AsyncVectorEnv, VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -73,18 +73,18 @@ class GymnasiumView(SingleVecEnv):
 
 def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
     """A function that makes one env like those of `env`."""
-    inner = env.unwrapped
-    makers = getattr(inner, "env_fns", None)
+    is_wrapped = isinstance(env, VectorWrapper)
+    makers = None if is_wrapped else getattr(env, "env_fns", None)
     if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator
         maker: MakeEnv = makers[0]
         return maker
-    if isinstance(inner, EpisodicVectorEnv):
-        return inner.make_single_env
-    spec = inner.spec
-    if spec is None:
+    if isinstance(env, EpisodicVectorEnv):
+        return env.make_single_env
+    spec = env.spec
+    if spec is None or is_wrapped:
         raise ValueError(
-            "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, so "
-            "that a single env like its own can be made."
+            "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, in "
+            "no wrapper of all its envs, so that a single env like its own can be made."
         )
     kwargs = {key: value for key, value in spec.kwargs.items() if key not in VECTOR_KEYWORDS}
     return lambda: gym.make(spec.id, **kwargs)

@@ -247,7 +247,7 @@ def test_it_must_fit(make_model, make_easy_maze, n):
         ("hold policies of", grid(n + 1)),
         ("hold policies of", grid((2, 3))),
         ("have a `measure_dim` of 4", grid(n, dims=[2], ranges=[(0, 1)])),
-        (r"keep the extra fields seed \(\)", grid(n, extra_fields={"note": ((), float)})),
+        (r"keep the extra fields seed int64 \(\)", grid(n, extra_fields={"note": ((), float)})),
     ]:
         fields = archive.field_list
         with pytest.raises(ValueError, match=f"^`archive` must {message}"):

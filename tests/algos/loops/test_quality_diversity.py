@@ -566,13 +566,16 @@ class TestArchive:
         for message, changes in [
             ("hold policies of", {"solution_dim": n + 1, **four}),
             ("have a `measure_dim` of 4", {"dims": [2], "ranges": [(0, 1)]}),
-            ("keep the extra fields seed ()", {**four, "extra_fields": {"note": ((), float)}}),
+            (
+                "keep the extra fields seed int64 ()",
+                {**four, "extra_fields": {"note": ((), float)}},
+            ),
         ]:
             own = SparseGridArchive(**({"solution_dim": n} | changes))
             self.refuse(message, make_model, make_maze, own)
         full = SparseGridArchive(solution_dim=n, **four)
         full.add_single(np.zeros(n), 1.0, np.zeros(4))
-        self.refuse("keep the extra fields seed ()", make_model, make_maze, full)
+        self.refuse("keep the extra fields seed int64 ()", make_model, make_maze, full)
 
     def test_hidden_layers_must_fit(self, make_model, make_maze):
         n = make_model(MAPElites, make_maze()).policy.mlp.n_parameters

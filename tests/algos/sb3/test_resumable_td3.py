@@ -11,6 +11,7 @@ from gymnasium import spaces
 from gymnasium.envs.classic_control import PendulumEnv
 from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
+from gymnasium.wrappers.vector import TransformReward
 from logs import read_log
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
@@ -320,6 +321,10 @@ class TestEnvironments:
         with pytest.raises(ValueError, match="`env` must be one environment, got 2"):
             model.set_env(make_env([make_maze] * 2))
         assert model.get_env() is env
+
+    def test_a_wrapper_of_the_whole_batch_is_refused(self, make, make_maze):
+        with pytest.raises(ValueError, match=r"`env` must be a VectorEnv .* in no wrapper"):
+            make(TransformReward(SyncVectorEnv([make_maze]), lambda reward: 2 * reward))
 
     @pytest.mark.parametrize("env_id", ["CartPole-v1", "FrozenLake-v1"])
     def test_actions_must_be_a_box(self, make, env_id):

@@ -187,8 +187,9 @@ class TestReset:
 
     def test_takes_a_seed_for_each_env(self):
         assert make_native().reset(seed=list(range(N_ENVS)))[0].shape[0] == N_ENVS
-        with pytest.raises(ValueError, match="seed"):
-            make_native().reset(seed=[1, 2])
+        for seeds in ([1, 2], np.array([1, 2])):
+            with pytest.raises(ValueError, match=f"`seed` must hold {N_ENVS} seeds"):
+                make_native().reset(seed=seeds)
 
 
 class TestStep:

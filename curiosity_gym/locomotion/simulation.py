@@ -184,6 +184,7 @@ class LocomotionSimulation(MujocoSimulation):
     def write_data(self, simulation: int, data: Any) -> None:
         """See `MujocoSimulation`."""
         self._mujoco.mj_copyData(data, self.task.model, self.data[simulation])
+        self._mujoco.mj_forward(self.task.model, data)  # to where the step has led
 
 
 def _by_axis(velocity: Float64Array) -> Values:

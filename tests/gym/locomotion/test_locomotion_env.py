@@ -195,6 +195,8 @@ def test_is_drawn_where_it_is():
     later = env.render()
     assert first.shape == later.shape == (48, 64, 3)
     assert (first != later).any()
+    env.unwrapped.load_state_dict(env.unwrapped.state_dict())
+    np.testing.assert_array_equal(env.render(), later)
     kind = {"num_envs": 2, "vectorization_mode": "vector_entry_point"}
     keywords = {"render_mode": "rgb_array", "width": 64, "height": 48}
     envs = gym.make_vec("CuriosityLocomotion-Hopper-v0", **kind, **keywords)

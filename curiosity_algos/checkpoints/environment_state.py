@@ -12,12 +12,13 @@ from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, VecTransposeImage
 
+from curiosity_algos.checkpoints.plain_json import encode
 from curiosity_gym import BehaviorWrapper
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 _HOLDS = vars(gym.wrappers).get("RepeatAction")  # since gymnasium 1.3
 STATELESS = (OrderEnforcing, PassiveEnvChecker, BehaviorWrapper, *([_HOLDS] if _HOLDS else []))
-"""Wrappers whose only state is that an episode has begun."""
+"""Wrappers whose state is that an episode has begun, and what a `BehaviorAccumulator` gathered."""
 
 State = dict[str, Any]
 
@@ -27,7 +28,8 @@ def environment_states(venv: VecEnv) -> list[State] | None:
 
     An environment can if it is in this process and was reset, has `state_dict` and
     `load_state_dict`, as those of `curiosity_gym` have, and is wrapped in nothing but Monitor,
-    VecMonitor and `STATELESS`; so can those that a vector environment of `curiosity_gym` steps.
+    VecMonitor and `STATELESS`, of which a `BehaviorAccumulator` has gathered nothing but what
+    `encode` describes; so can those that a vector environment of `curiosity_gym` steps.
     """
     inner, monitors = _within(venv)
     batched = _batched(inner)
@@ -83,15 +85,14 @@ def _rows(env: EpisodicVectorEnv) -> list[State | None]:
         every = env.state_dict()
     except ResetNeeded:
         return []
-    return [
-        {"env": {name: rows[i : i + 1] for name, rows in every.items()}, "rewards": []}
-        for i in range(env.num_envs)
-    ]
+    each = [{name: rows[i : i + 1] for name, rows in every.items()} for i in range(env.num_envs)]
+    return [{"env": own, "rewards": [], "gathered": []} for own in each]
 
 
 def _load_rows(env: EpisodicVectorEnv, states: Sequence[State]) -> None:
     names = env.state_dict().keys()
-    if any(state["env"].keys() != names or state["rewards"] for state in states):
+    is_wrapped = any(state["rewards"] or state["gathered"] for state in states)
+    if is_wrapped or any(state["env"].keys() != names for state in states):
         raise ValueError("`venv` must step its environments at once, as when its state was taken.")
     each = {name: [state["env"][name] for state in states] for name in names}
     env.load_state_dict({name: np.concatenate(rows) for name, rows in each.items()})
@@ -109,9 +110,12 @@ def _state(env: gym.Env[Any, Any]) -> State | None:
         return None
     rewards = [list(each.rewards) for each in wrappers if isinstance(each, Monitor)]
     try:
-        return {"env": env.unwrapped.state_dict(), "rewards": rewards}  # type: ignore[attr-defined]
-    except ResetNeeded:
+        gathered = [each.gathered for each in wrappers if isinstance(each, BehaviorWrapper)]
+        encode(gathered)
+        own = env.unwrapped.state_dict()  # type: ignore[attr-defined]
+    except (ResetNeeded, TypeError):
         return None
+    return {"env": own, "rewards": rewards, "gathered": gathered}
 
 
 def _gives_state(env: gym.Env[Any, Any]) -> bool:
@@ -120,9 +124,13 @@ def _gives_state(env: gym.Env[Any, Any]) -> bool:
 
 def _load_state(env: gym.Env[Any, Any], state: State) -> None:
     monitors = [each for each in _wrappers(env) if isinstance(each, Monitor)]
-    if len(monitors) != len(state["rewards"]) or not _gives_state(env):
+    behaviors = [each for each in _wrappers(env) if isinstance(each, BehaviorWrapper)]
+    lengths = [len(state["rewards"]), len(state["gathered"])]
+    if [len(monitors), len(behaviors)] != lengths or not _gives_state(env):
         raise ValueError("`env` must be wrapped as the environment whose state was taken.")
     env.unwrapped.load_state_dict(state["env"])  # type: ignore[attr-defined]
+    for behavior, gathered in zip(behaviors, state["gathered"], strict=True):
+        behavior.gathered = gathered
     for monitor, rewards in zip(monitors, state["rewards"], strict=True):
         monitor.rewards = list(rewards)
 

@@ -65,7 +65,8 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         device: Where samples go, and the networks of a bonus that is named.
         n_envs: Environments side by side.
         optimize_memory_usage: As in SB3.
-        handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`.
+        handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`. Without it no
+            end of an episode is known to be the task's, and the bonus observes none.
         bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the spaces, which
             this then trains.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.

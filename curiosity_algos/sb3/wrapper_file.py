@@ -71,10 +71,16 @@ def read_wrapper(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _is_state(state: dict[str, Any]) -> bool:
-    """Whether an environment's state has lists of finite rewards, one of each Monitor."""
+    """Whether a state has finite rewards of each Monitor, and attributes of each behavior."""
     rewards = state["rewards"]
-    is_list = isinstance(rewards, list) and all(isinstance(each, list) for each in rewards)
-    return is_list and "env" in state and all(isfinite(one) for each in rewards for one in each)
+    has_parts = (
+        "env" in state and _is_list_of(list, rewards) and _is_list_of(dict, state["gathered"])
+    )
+    return has_parts and all(isfinite(one) for each in rewards for one in each)
+
+
+def _is_list_of(cls: type, value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(each, cls) for each in value)
 
 
 def check_fits(

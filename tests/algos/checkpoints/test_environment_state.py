@@ -154,6 +154,69 @@ def test_wrappers_that_know_nothing_are_seen_through():
     assert state["rewards"] == []
 
 
+class MeanPosition:
+    """The mean of all positions of an episode, in x."""
+
+    def reset(self, env, observation, info):
+        self.seen = [info["behavior"][0]]
+
+    def step(self, env, observation, info):
+        self.seen.append(info["behavior"][0])
+
+    def result(self):
+        return [np.mean(self.seen)]
+
+
+class Slotted:
+    """The first position alone."""
+
+    __slots__ = ("first",)
+
+    def reset(self, env, observation, info):
+        self.first = info["behavior"][:1]
+
+    def step(self, env, observation, info):
+        pass
+
+    def result(self):
+        return self.first
+
+
+class Opaque(MeanPosition):
+    def reset(self, env, observation, info):
+        super().reset(env, observation, info)
+        self.env = env
+
+
+def make_accumulating(accumulator=MeanPosition):
+    space = gym.spaces.Box(0, 1, (1,))
+    make = lambda: BehaviorWrapper(gym.make(MAZE, horizon=50), accumulator(), space)  # noqa: E731
+    return DummyVecEnv([make, make])
+
+
+def test_what_a_behavior_has_gathered_goes_on():
+    one, other = make_accumulating(), make_accumulating()
+    one.reset()
+    step_n(one, 30, seed=0)
+    states = decode(encode(environment_states(one)))
+    other.reset()
+    step_n(other, 7, seed=2)
+    load_environment_states(other, states)
+    ends = [[info["behavior"] for info in step_n(venv, 20, seed=1)[3]] for venv in (one, other)]
+    np.testing.assert_array_equal(*ends)
+    batched = make_batched()
+    batched.reset()
+    with pytest.raises(ValueError, match="`venv` must"):
+        load_environment_states(batched, states)
+
+
+@pytest.mark.parametrize("accumulator", [Opaque, Slotted])
+def test_what_no_file_can_hold_of_a_behavior_is_no_state(accumulator):
+    venv = make_accumulating(accumulator)
+    venv.reset()
+    assert environment_states(venv) is None
+
+
 class TestOtherEnvironments:
     @pytest.fixture
     def states(self):

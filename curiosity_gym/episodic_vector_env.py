@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
@@ -97,13 +96,10 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         self.metadata = {**single.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.copy = copy
-        self._steps = self._no_episodes()
+        self._steps = np.full(num_envs, -1)  # no episodes yet
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         draws = self.simulation.draws
         self._rngs = [seeding.np_random()[0] for _ in range(num_envs)] if draws else []
-
-    def _no_episodes(self) -> npt.NDArray[np.int64]:
-        return np.full(self.num_envs, -1)
 
     @property
     def _is_ready(self) -> bool:
@@ -199,7 +195,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         if not self._is_ready or (is_disabled and self._ended.any()):
             raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
         resets, steps = self._ended, self._steps
-        self._steps = self._no_episodes()  # all need a reset, should the physics fail midway
+        self._steps = np.full(self.num_envs, -1)  # all need a reset, should the physics fail midway
         terminated = self.simulation.advance(actions, resets, self._rngs)
         self._steps = np.where(resets, 0, steps + 1)
         truncated = self._truncated(terminated)

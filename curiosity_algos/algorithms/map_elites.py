@@ -62,7 +62,8 @@ class MAPElites(QualityDiversity):
         super().__init__(env, policy, **kwargs)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
-        if space is None or not (_is_bounded(space) or self._own_archive is not None):
+        is_bounded = space is not None and space.is_bounded() and (space.low < space.high).all()
+        if space is None or not (is_bounded or self._own_archive is not None):
             raise ValueError(
                 "`env` must have a bounded `behavior_space`, for the grid to span: wrap it in "
                 "curiosity_gym.BehaviorWrapper."
@@ -89,7 +90,3 @@ class MAPElites(QualityDiversity):
             ranges=list(zip(low, high, strict=True)),
             **self._archive_kwargs(seed),
         )
-
-
-def _is_bounded(space: spaces.Box[Any]) -> bool:
-    return space.is_bounded() and bool((space.low < space.high).all())

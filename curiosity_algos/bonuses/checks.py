@@ -145,19 +145,14 @@ def check_episodes(make_bonus: MakeBonus, seed: int = 0) -> None:
     actions = rng.integers(0, N_ACTIONS, (N_EPISODES, N_STEPS))
     bonus = make_bonus(spaces.Box(-np.inf, np.inf, (N_ENTRIES,)), spaces.Discrete(N_ACTIONS))
     assert isinstance(bonus, EpisodicBonus)
-    seen, taken, reached = (
-        th.from_numpy(each.reshape(N_EPISODES * N_STEPS, -1))
-        for each in (observations[:, :-1], actions, observations[:, 1:])
-    )
+    parts = observations[:, :-1], actions, observations[:, 1:]
+    seen, taken, reached = (th.from_numpy(each.reshape(N_EPISODES * N_STEPS, -1)) for each in parts)
     bonus.observe(seen)
     bonus.update(seen, taken, reached)  # what is new in training may count, too
     alone = [bonus.score_trajectory(*each) for each in zip(observations, actions, strict=True)]
     episodes = bonus.episodes(N_EPISODES)
     for when in ("beside others", "after another"):
-        steps = zip(
-            *(each.swapaxes(0, 1) for each in (observations[:, :-1], actions, observations[:, 1:])),
-            strict=True,
-        )
+        steps = zip(*(each.swapaxes(0, 1) for each in parts), strict=True)
         together = np.stack([episodes.score(*step) for step in steps], axis=1)
         if not np.allclose(together, alone, rtol=1e-4, atol=1e-6):
             raise AssertionError(

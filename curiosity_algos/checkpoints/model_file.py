@@ -77,7 +77,9 @@ def save_model(
     of a part could not be read back.
     """
     include = set(include or ())
-    parameters = _parameters(model)
+    parameters = model.get_parameters()
+    for name, state in parameters.items():
+        check_plain(state, _owner(model, name, state))
     if exclude & TRANSITIONS and _drop_transitions(parameters):
         extra["_lacks_transitions"] = True
     parts = {name.partition(".")[0] for name in parameters}
@@ -92,14 +94,6 @@ def save_model(
         return
     with atomic_file(checkpoint_path(path)) as file:
         save_to_zip_file(file, data=data, params=parameters)
-
-
-def _parameters(model: BaseAlgorithm) -> dict[str, Any]:
-    """The states of the model's parts, as the file holds them."""
-    parameters = model.get_parameters()
-    for name, state in parameters.items():
-        check_plain(state, _owner(model, name, state))
-    return parameters
 
 
 def _drop_transitions(parameters: Mapping[str, Any]) -> bool:

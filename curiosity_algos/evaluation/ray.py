@@ -12,7 +12,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 from curiosity_algos.common.arrays import Float32Array
@@ -35,7 +34,7 @@ def _packed(evaluator: Evaluator) -> bytes:
     """A pickled function that makes a worker's evaluator: one anew, or a copy."""
     try:
         if not isinstance(evaluator, VectorEvaluator):  # a description, such as that of a maze
-            return _pickled(partial(_itself, evaluator))
+            return _pickled(lambda: evaluator)
         if evaluator.make_another is not None:
             return _pickled(evaluator.make_another)
         reason = "one environment cannot be two"
@@ -51,10 +50,6 @@ def _pickled(make: Callable[[], Any]) -> bytes:
     pickled: bytes = ray.cloudpickle.dumps(make)
     ray.cloudpickle.loads(pickled)  # some can be pickled, and not be made of that
     return pickled
-
-
-def _itself(evaluator: Evaluator) -> Evaluator:
-    return evaluator
 
 
 class RayEvaluator:

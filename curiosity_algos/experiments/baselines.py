@@ -16,15 +16,13 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.bonuses.encoders import SMALLEST_NATURE
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
 from curiosity_algos.experiments.names import find_known, plain_name
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable
-
-SMALLEST_IMAGE = 36
-"""Pixels of a side that Stable-Baselines3's CnnPolicy takes."""
 
 
 def is_baseline(cls: type[Any]) -> bool:
@@ -93,7 +91,7 @@ def make_baseline(
 def _default_policy(space: spaces.Space[Any]) -> str:
     if isinstance(space, spaces.Dict):
         return "MultiInputPolicy"
-    is_large = is_image_space(space) and sorted(space.shape or ())[-2] >= SMALLEST_IMAGE
+    is_large = is_image_space(space) and sorted(space.shape or ())[-2] >= SMALLEST_NATURE
     return "CnnPolicy" if is_large else "MlpPolicy"
 
 

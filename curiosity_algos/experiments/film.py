@@ -11,7 +11,6 @@ from typing import Any, TypeAlias
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
@@ -23,10 +22,10 @@ from curiosity_algos.experiments.names import KNOWN, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.run_folder import last_checkpoint
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 
-Frame = npt.NDArray[np.uint8]
 SEEN_THROUGH = {"BonusVecEnvWrapper", "VecTransposeImage"}
 """Wrappers of a VecEnv below which a policy acts as it does above."""
 

@@ -18,23 +18,18 @@ class Search(Protocol):
     @property
     def center(self) -> npt.NDArray[np.floating[Any]]:
         """The parameters that act while no individual has found a reward, (n_parameters,)."""
-        ...
 
     def ask(self) -> Float32Array:
         """A population, shape (P, n_parameters)."""
-        ...
 
     def tell(self, fitness: Float64Array) -> None:
         """Learn from the fitness (P,), higher is better, of the last population asked for."""
-        ...
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs, as tensors and plain values."""
-        ...
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
-        ...
 
 
 MakeSearch = Callable[[int, np.random.SeedSequence], Search]

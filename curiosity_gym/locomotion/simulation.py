@@ -93,7 +93,8 @@ class LocomotionSimulation(MujocoSimulation):
             self._touches[rows] += self.task.touches(fields)
         speed = self.task.speed(before, place)
         self.rewards[rows], terms = self.task.reward(fields, speed, actions, healthy)
-        self._note(rows, {**_by_axis((place - before) / self.task.dt), **terms})
+        velocity = (place - before) / self.task.dt
+        self._note(rows, dict(zip(("x_velocity", "y_velocity"), velocity.T, strict=False)) | terms)
         self.observations[rows] = self.task.observe(fields)
         self.success[rows] = success = self.task.success(fields)
         return success | (~healthy & self.task.ends_unhealthy)
@@ -185,8 +186,3 @@ class LocomotionSimulation(MujocoSimulation):
         """See `MujocoSimulation`."""
         self._mujoco.mj_copyData(data, self.task.model, self.data[simulation])
         self._mujoco.mj_forward(self.task.model, data)  # to where the step has led
-
-
-def _by_axis(velocity: Float64Array) -> Values:
-    """Entries of the info about velocities (k, d)."""
-    return dict(zip(("x_velocity", "y_velocity"), velocity.T, strict=False))

@@ -40,7 +40,6 @@ class BehaviorAccumulator(Protocol):
             observation: What its `reset` returned.
             info: Returned with it.
         """
-        ...
 
     def step(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
         """Take in one step of the episode.
@@ -50,11 +49,9 @@ class BehaviorAccumulator(Protocol):
             observation: What its `step` returned.
             info: Returned with it.
         """
-        ...
 
     def result(self) -> npt.ArrayLike:
         """The behavior of the episode so far, B finite numbers; asked after each reset and step."""
-        ...
 
 
 Behavior: TypeAlias = BehaviorFunction | BehaviorAccumulator

@@ -155,16 +155,14 @@ def _describe(run: PopulationRun, policies: str, n: int) -> dict[str, Any]:
 
 def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
     """A spec that Minari can keep, or None."""
-    try:
-        return None if spec is None else EnvSpec.from_json(_without_layouts(spec).to_json())
-    except (TypeError, ValueError, gym.error.Error):  # of a class, or an array
+    if spec is None:
         return None
-
-
-def _without_layouts(spec: EnvSpec) -> EnvSpec:
     kwargs = spec.kwargs.items()
     plain = {k: each.to_dict() if isinstance(each, MazeLayout) else each for k, each in kwargs}
-    return replace(spec, kwargs=plain)
+    try:
+        return EnvSpec.from_json(replace(spec, kwargs=plain).to_json())
+    except (TypeError, ValueError, gym.error.Error):  # of a class, or an array
+        return None
 
 
 def _episode(env: gym.Env[Any, Any], mlp: Mlp, parameters: Float32Array, seed: int) -> Any:

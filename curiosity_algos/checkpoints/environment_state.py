@@ -24,12 +24,11 @@ State = dict[str, Any]
 
 
 def environment_states(venv: VecEnv) -> list[State] | None:
-    """The state of each environment; None where one cannot give it.
+    """The state of each environment; None where one cannot give it, or `encode` describe it.
 
     An environment can if it is in this process and was reset, has `state_dict` and
     `load_state_dict`, as those of `curiosity_gym` have, and is wrapped in nothing but Monitor,
-    VecMonitor and `STATELESS`, of which a `BehaviorAccumulator` has gathered nothing but what
-    `encode` describes; so can those that a vector environment of `curiosity_gym` steps.
+    VecMonitor and `STATELESS`; so can those that a vector environment of `curiosity_gym` steps.
     """
     inner, monitors = _within(venv)
     batched = _batched(inner)
@@ -40,6 +39,10 @@ def environment_states(venv: VecEnv) -> list[State] | None:
     for i, state in enumerate(known if monitors else []):
         counted = [(each.episode_returns[i], each.episode_lengths[i]) for each in monitors]
         state["monitored"] = [[float(total), int(length)] for total, length in counted]
+    try:
+        encode(known)
+    except TypeError:  # more than arrays and plain values, as an accumulator of a user may hold
+        return None
     return known
 
 
@@ -111,7 +114,6 @@ def _state(env: gym.Env[Any, Any]) -> State | None:
     rewards = [list(each.rewards) for each in wrappers if isinstance(each, Monitor)]
     try:
         gathered = [each.gathered for each in wrappers if isinstance(each, BehaviorWrapper)]
-        encode(gathered)
         own = env.unwrapped.state_dict()  # type: ignore[attr-defined]
     except (ResetNeeded, TypeError):
         return None

@@ -109,14 +109,10 @@ def write_model(
 
 def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
     """Write where draws and episodes stand."""
-    try:
-        episodes = encode(environment_states(_below(model)))
-    except TypeError:  # more than arrays and plain values
-        episodes = None
     state = {
         "draws": global_state(model.device),
         "actions": SpaceGenerator(model.action_space).state_dict(),
-        "episodes": episodes,
+        "episodes": encode(environment_states(_below(model))),
     }
     write_plain(folder / UNDER_WAY, state, _KIND)
 

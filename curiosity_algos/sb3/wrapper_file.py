@@ -43,15 +43,11 @@ def write_wrapper(
 ) -> None:
     """Write the file; environments whose state it cannot hold begin anew when it is loaded."""
     check_plain(state, "bonus")
-    try:
-        episodes = encode(environment_states(venv))
-    except TypeError:  # more than arrays, tensors and plain values
-        episodes = None
     content = {
         "spaces": encode([venv.observation_space, venv.action_space]),
         "settings": settings,
         "state": state,
-        "environments": episodes,
+        "environments": encode(environment_states(venv)),
     }
     write_plain(path, content, FORMAT)
 

@@ -256,7 +256,8 @@ def roaming(values: pd.DataFrame, timesteps: int) -> str:
 
 
 def _with_error(mean: float, error: float, digits: int) -> str:
-    return f"{mean:,.{digits}f} ± {error:,.{digits}f}"
+    """A mean and its standard error; of one run alone there is none."""
+    return f"{mean:,.{digits}f}" + ("" if np.isnan(error) else f" ± {error:,.{digits}f}")
 
 
 def ramp(values: pd.DataFrame) -> str:
@@ -341,6 +342,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "minigrid": partial(make_table, read_rows, "minigrid", doors),
     "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", partial(roaming, timesteps=1_000_000)),
+    "roaming-long": partial(
+        make_table, read_rows, "roaming", partial(roaming, timesteps=8_000_000)
+    ),
     "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "locomotion-long-unseen": partial(make_table, read_rows, "locomotion_long_unseen", unseen),

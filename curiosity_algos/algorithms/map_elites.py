@@ -15,6 +15,7 @@ from gymnasium import spaces
 from curiosity_algos.archives.sparse_grid import SparseGridArchive, check_cells
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.flat_spaces import is_range
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.quality_diversity import (
     ArchiveKeywords,
@@ -62,8 +63,7 @@ class MAPElites(QualityDiversity):
         super().__init__(env, policy, **kwargs)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
-        is_bounded = space is not None and space.is_bounded() and (space.low < space.high).all()
-        if space is None or not (is_bounded or self._own_archive is not None):
+        if space is None or not (is_range(space) or self._own_archive is not None):
             raise ValueError(
                 "`env` must have a bounded `behavior_space`, for the grid to span: wrap it in "
                 "curiosity_gym.BehaviorWrapper."

@@ -209,7 +209,9 @@ class EliteArchive(ArchiveBase):
     def data(
         self, fields: str | Collection[str] | None = None, return_type: str | None = None
     ) -> Any:
-        """The elites, in the order in which their places were first taken; in one batch, of cells.
+        """The elites, in the order in which their places were first taken.
+
+        What came in one batch is in the order of a grid's cells.
 
         Args:
             fields: A name: that array; several, or None for all: a dictionary of arrays.

@@ -17,8 +17,8 @@ from curiosity_gym import BehaviorWrapper
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 _HOLDS = vars(gym.wrappers).get("RepeatAction")  # since gymnasium 1.3
-STATELESS = (OrderEnforcing, PassiveEnvChecker, BehaviorWrapper, *([_HOLDS] if _HOLDS else []))
-"""Wrappers whose state is that an episode has begun, and what a `BehaviorAccumulator` gathered."""
+STATELESS = (OrderEnforcing, PassiveEnvChecker, *([_HOLDS] if _HOLDS else []))
+"""Wrappers whose only state is that an episode has begun."""
 
 State = dict[str, Any]
 
@@ -28,7 +28,8 @@ def environment_states(venv: VecEnv) -> list[State] | None:
 
     An environment can if it is in this process and was reset, has `state_dict` and
     `load_state_dict`, as those of `curiosity_gym` have, and is wrapped in nothing but Monitor,
-    VecMonitor and `STATELESS`; so can those that a vector environment of `curiosity_gym` steps.
+    VecMonitor, BehaviorWrapper and `STATELESS`; so can those that a vector environment of
+    `curiosity_gym` steps.
     """
     inner, monitors = _within(venv)
     batched = _batched(inner)
@@ -108,7 +109,7 @@ def _single_envs(venv: VecEnv) -> list[gym.Env[Any, Any]]:
 
 def _state(env: gym.Env[Any, Any]) -> State | None:
     wrappers = list(_wrappers(env))
-    is_known = all(isinstance(each, (Monitor, *STATELESS)) for each in wrappers)
+    is_known = all(isinstance(each, (Monitor, BehaviorWrapper, *STATELESS)) for each in wrappers)
     if not is_known or not _gives_state(env):
         return None
     rewards = [list(each.rewards) for each in wrappers if isinstance(each, Monitor)]

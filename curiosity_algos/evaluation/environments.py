@@ -73,15 +73,14 @@ class GymnasiumView(SingleVecEnv):
 
 def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
     """A function that makes one env like those of `env`."""
-    is_wrapped = isinstance(env, VectorWrapper)
-    makers = None if is_wrapped else getattr(env, "env_fns", None)
+    makers = getattr(env, "env_fns", None)
     if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator
         maker: MakeEnv = makers[0]
         return maker
     if isinstance(env, EpisodicVectorEnv):
         return env.make_single_env
-    spec = env.spec
-    if spec is None or is_wrapped:
+    spec = None if isinstance(env, VectorWrapper) else env.spec  # that of what it wraps
+    if spec is None:
         raise ValueError(
             "`env` must be a VectorEnv of gymnasium.make_vec, SyncVectorEnv or AsyncVectorEnv, in "
             "no wrapper of all its envs, so that a single env like its own can be made."

@@ -35,6 +35,11 @@ def is_vector(space: Space) -> TypeGuard[spaces.Box[Any]]:
     return isinstance(space, spaces.Box) and len(space.shape) == 1
 
 
+def is_range(space: spaces.Box[Any]) -> bool:
+    """Whether every entry lies between bounds that differ, so that it can be scaled."""
+    return space.is_bounded() and bool((space.low < space.high).all())
+
+
 def numeric(space: Space) -> Space:
     """The space without those entries of Dicts that are no numbers, such as a text.
 

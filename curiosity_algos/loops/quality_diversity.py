@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 import json
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, Unpack
 
 import numpy as np
@@ -276,8 +276,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         measures, fields = self._measures(rollouts), self._fields(rollouts)
-        with _explain_an_empty(self.archive):
-            self._scheduler.tell(rollouts.returns, measures, **fields)
+        self._tell_emitters(rollouts.returns, measures, fields)
         stats = self.archive.stats
         self.history.record(rollouts.timesteps, stats)
         if isinstance(self.archive, UnstructuredArchive):
@@ -292,6 +291,17 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "archive/best": float(np.float64(stats.obj_max)),  # NaN where no policy was kept
             **own,
         }
+
+    def _tell_emitters(self, returns: Float64Array, measures: Float64Array, fields: Fields) -> None:
+        try:
+            self._scheduler.tell(returns, measures, **fields)
+        except IndexError as error:  # pyribs', where an emitter starts anew and there is no elite
+            if not self.archive.empty:
+                raise
+            raise ValueError(
+                "`archive` must have kept a policy when an emitter starts anew from one: no return "
+                "has been above its `threshold_min`."
+            ) from error
 
     def _step_size(self) -> float:
         """Standard deviation of the mutations of the algorithm's own emitter."""
@@ -362,17 +372,3 @@ class QualityDiversity(EvolutionaryAlgorithm):
             return super().predict(observation, state, episode_start, deterministic)
         finally:
             self.policy.vector[:] = acting
-
-
-@contextmanager
-def _explain_an_empty(archive: Any) -> Iterator[None]:
-    """Explain pyribs' error where an emitter starts anew and there is no elite to start from."""
-    try:
-        yield
-    except IndexError as error:
-        if not archive.empty:
-            raise
-        raise ValueError(
-            "`archive` must have kept a policy when an emitter starts anew from one: no return has "
-            "been above its `threshold_min`."
-        ) from error

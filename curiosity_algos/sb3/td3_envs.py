@@ -10,6 +10,7 @@ from stable_baselines3.common.noise import ActionNoise
 
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.environments import describe
+from curiosity_algos.evaluation.flat_spaces import is_range
 from curiosity_algos.sb3.held_observations import check_sb3_takes
 
 NOISE = 0.1
@@ -49,8 +50,7 @@ def default_policy(env: object) -> str:
 def _can_be_learned(actions: spaces.Box[Any]) -> bool:
     """Whether each entry of an action can be scaled to [-1, 1], and there are some."""
     is_float = np.issubdtype(actions.dtype, np.floating)
-    is_range = actions.is_bounded() and bool((actions.low < actions.high).all())
-    return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range
+    return len(actions.shape) == 1 and actions.shape[0] > 0 and is_float and is_range(actions)
 
 
 class GaussianActionNoise(ActionNoise):

@@ -62,8 +62,7 @@ def run(plan: Plan) -> list[Table]:
     """Rates of both, an episode in turns, then the stages of TD3ICM's episodes."""
     n_steps = plan.size(2000, 16)
     changes = {"learning_starts": 0, "buffer_size": 50 * n_steps, "seed": 0}
-    if plan.quick:
-        changes |= {"train_freq": (n_steps, "step")}
+    changes |= _training(plan, n_steps)
     icm, td3 = TD3ICM(MAZE, device="cpu", **changes), make_td3(**changes)
     runs: list[dict[str, float]] = []
     watch = watched(icm)
@@ -96,17 +95,23 @@ def run(plan: Plan) -> list[Table]:
     return [*tables, _compiled_learner(plan)]
 
 
+def _training(plan: Plan, n_steps: int) -> dict[str, Any]:
+    """When `learn` of so many steps trains: after its episode, which is long for a quick look."""
+    return {"train_freq": (n_steps, "step")} if plan.quick else {}
+
+
 def _compiled_learner(plan: Plan) -> Table:
     """Rates of SBX's TD3, whose learner is compiled, alone and with our replay buffer."""
-    n_steps = plan.size(4000, 400)
+    n_steps = plan.size(4000, 32)
+    changes = {"learning_starts": plan.size(400, 0), "seed": 0, **_training(plan, n_steps)}
 
     def task(model: BaseAlgorithm) -> Task:
         learn(model, n_steps)  # what is compiled, is now
         return lambda: learn(model, n_steps)[0]
 
     tasks = {
-        "TD3ICM": task(TD3ICM(MAZE, device="cpu", learning_starts=400, seed=0)),
-        "Stable-Baselines3's TD3": task(make_td3(learning_starts=400, seed=0)),
+        "TD3ICM": task(TD3ICM(MAZE, device="cpu", **changes)),
+        "Stable-Baselines3's TD3": task(make_td3(**changes)),
         "Stable-Baselines3's TD3 + ICM, 32 environments, an update every 8 steps": task(
             make_batched(TD3, n_envs=32, steps_per_update=8)
         ),

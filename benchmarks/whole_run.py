@@ -47,7 +47,7 @@ def run(plan: Plan) -> list[Table]:
     times, memory = [], []
     pool = ThreadPool()
     rate = products_task(plan, pool, pool.n_threads)
-    names = ["CuriosityES, paper"] if plan.quick else list(TARGETS)
+    names = ["MAPElites"] if plan.quick else list(TARGETS)
     for name in names:
         _in_a_process(name, 1)  # compiles what is not in the cache
         began = time.perf_counter()

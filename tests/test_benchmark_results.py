@@ -198,11 +198,14 @@ def test_the_whereabouts_are_all_ends_of_all_runs(tmp_path):
     env = gym.make(learning.WORLDS[0], horizon=5)
     for seed in (0, 1):
         model = CanonicalES(env, population_size=4, n_parents=2, seed=seed)
-        model.learn(40, callback=SaveRun(tmp_path / str(seed)))
-    figure = whereabouts.draw(load_runs(tmp_path))
-    (squares,) = figure.axes[0].findobj(QuadMesh)
-    n_episodes = sum(len(load_final_states(tmp_path / seed)["return"]) for seed in "01")
-    assert squares.get_array().sum() == n_episodes == 16
+        model.learn(40, callback=SaveRun(tmp_path / f"run {seed}" / "run"))
+        whereabouts.main(tmp_path / f"run {seed}", tmp_path, tmp_path)
+    counts = whereabouts.read_counts(tmp_path / whereabouts.FILE)
+    (squares,) = whereabouts.draw(counts).axes[0].findobj(QuadMesh)
+    n_episodes = sum(len(load_final_states(tmp_path / f"run {i}/run")["return"]) for i in (0, 1))
+    assert squares.get_array().sum() == sum(map(np.sum, counts.values())) == n_episodes == 16
+    assert len(counts) == 2
+    assert (tmp_path / "whereabouts.png").is_file()
     assert (figures.IMAGES / "whereabouts.png").is_file()
 
 

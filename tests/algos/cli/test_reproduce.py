@@ -6,7 +6,7 @@ import re
 import pytest
 from PIL import Image
 
-from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments import load_runs, statistics
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
@@ -17,7 +17,8 @@ def n_colors(picture):
 
 
 @pytest.mark.extra("control")
-def test_all_eight_figures(run_here, tmp_path, has_ink):
+def test_all_eight_figures(run_here, tmp_path, has_ink, monkeypatch):
+    monkeypatch.setattr(statistics, "N_RESAMPLES", 100)  # how wide intervals are is tested there
     folder = tmp_path / "runs" / "paper-smoke"
     plan = Plan(folder, BUDGETS["smoke"], "paper", BUDGETS["smoke"].seeds)
     status, printed, errors = run_here("reproduce", *map(str, paper.FIGURES), "--budget", "smoke")

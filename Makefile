@@ -42,10 +42,12 @@ bench: .venv/.bench  ## measure speed side by side with peers
 clean:  ## remove the environment, caches and built documentation
 	rm -rf .venv .hypothesis .mypy_cache .pytest_cache .ruff_cache docs/_build
 
+# Compiled on all cores: pip does it on one, for half of its time. A file for a newer Python stays as it is.
 .venv/.installed: pyproject.toml constraints.txt
 	@echo "Installing the pinned dependencies into .venv: several minutes the first time."
 	$(PYTHON) -m venv --clear .venv
-	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	.venv/bin/python -m pip install --disable-pip-version-check --no-compile -c constraints.txt -e ".[dev]"
+	@.venv/bin/python -m compileall -qq -j 0 .venv/lib || true
 	@touch $@
 
 .venv/.bench: .venv/.installed

@@ -61,8 +61,12 @@ def make_td3(**changes: Any) -> TD3:
 def run(plan: Plan) -> list[Table]:
     """Rates of both, an episode in turns, then the stages of TD3ICM's episodes."""
     n_steps = plan.size(2000, 16)
-    changes = {"learning_starts": 0, "buffer_size": 50 * n_steps, "seed": 0}
-    changes |= _training(plan, n_steps)
+    changes = {
+        "learning_starts": 0,
+        "buffer_size": 50 * n_steps,
+        "seed": 0,
+        **_training(plan, n_steps),
+    }
     icm, td3 = TD3ICM(MAZE, device="cpu", **changes), make_td3(**changes)
     runs: list[dict[str, float]] = []
     watch = watched(icm)

@@ -7,7 +7,6 @@ and drawn from there: all seeds of an algorithm with some settings in a world sh
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import groupby
 from math import ceil
 from pathlib import Path
@@ -27,7 +26,7 @@ from curiosity_algos.experiments.figures.canvas import add_note, make_panels, sa
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.plots import count, draw_counts, draw_layout
 
-Counts = Mapping[tuple[str, str, str], Int64Array]
+Counts = dict[tuple[str, str, str], Int64Array]
 """By environment, algorithm and seed, how many episodes ended in each square, by y and x."""
 FILE = "whereabouts.npz"
 N_COLUMNS = 3
@@ -37,8 +36,7 @@ SIDE = 0.5
 
 def layout_of(env: str) -> MazeLayout:
     """The world of an environment."""
-    layout: MazeLayout = gym.make(env).unwrapped.task.world.layout  # type: ignore[attr-defined]
-    return layout
+    return gym.make(env).unwrapped.task.world.layout
 
 
 def count_ends(runs: Path) -> Counts:
@@ -82,9 +80,10 @@ def main(
     out: Path = IMAGES,
 ) -> None:
     """Count the ends of runs beside those that were counted before, and draw the maps."""
-    counts = {**read_counts(folder / FILE), **({} if runs is None else count_ends(runs))}
-    arrays = {"|".join(key): each for key, each in sorted(counts.items())}
-    np.savez_compressed(folder / FILE, **arrays)
+    counts = read_counts(folder / FILE)
+    if runs is not None:
+        counts |= count_ends(runs)
+        np.savez_compressed(folder / FILE, **{"|".join(key): each for key, each in counts.items()})
     save(draw(counts), out / "whereabouts.png")
 
 

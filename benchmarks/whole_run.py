@@ -43,11 +43,11 @@ MEBIBYTE = 2**20
 
 def run(plan: Plan) -> list[Table]:
     """Seconds of each algorithm, and its resident memory early and at the end."""
-    n_generations = plan.size(2000, 10)
+    n_generations = plan.size(2000, 2)
     times, memory = [], []
     pool = ThreadPool()
     rate = products_task(plan, pool, pool.n_threads)
-    names = ["MAPElites"] if plan.quick else list(TARGETS)
+    names = ["CuriosityES, paper"] if plan.quick else list(TARGETS)
     for name in names:
         _in_a_process(name, 1)  # compiles what is not in the cache
         began = time.perf_counter()

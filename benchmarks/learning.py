@@ -32,6 +32,24 @@ TOLD_NOTHING = {"algos": ("NSLC",), "hyperparams": ["behavior:'learned'"]}
 """Novelty search with behaviors that it learns."""
 ON_CONTROL = {"algos": ("CuriosityES", "CanonicalES"), "envs": CONTROL, "timesteps": 1e6}
 AMONG_WALLS = {"envs": WORLDS, "timesteps": 1e6}
+FAR = {"envs": (*WORLDS, "CuriosityLocomotion-HumanoidTrap-v0"), "timesteps": 1e7}
+POPULATIONS = {"algos": ("CuriosityES", "NSES", "NSLC", "MAPElites", "CMAME")}
+AS_IN_THE_PAPER = {
+    "algos": ("CuriosityES",),
+    # Its settings of US: it has none of a robot.
+    "hyperparams": [
+        "bonus:'icm'",
+        "bonus_kwargs:{'beta': .2, 'learning_rate': 1e-4, 'normalize': False}",
+        "n_states:None",
+        "n_updates:64",
+        "batch_size:1024",
+        "phi:.8",
+        "gamma:.99",
+        "step:'paper'",
+        "no_reward:'random'",
+        "learning_rate:1",
+    ],
+}
 ON_A_ROBOT = {"algos": ("CuriosityES",), "envs": WORLDS[:1], "timesteps": 1e6}
 ROBOT_TRIES: dict[str, dict[str, Any]] = {
     "linear": {"hyperparams": ["policy_kwargs:{'net_arch': []}"]},
@@ -64,33 +82,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "envs": ("CuriosityControl-Stacker-v0",),
         "env_kwargs": ["success_threshold:0.5"],
     },
-    "locomotion": {
-        **AMONG_WALLS,
-        "algos": ("CuriosityES", "NSES", "NSLC", "MAPElites", "CMAME"),
-    },
-    "locomotion/paper": {
-        **AMONG_WALLS,
-        "algos": ("CuriosityES",),
-        # The paper's settings of US: it has none of a robot.
-        "hyperparams": [
-            "bonus:'icm'",
-            "bonus_kwargs:{'beta': .2, 'learning_rate': 1e-4, 'normalize': False}",
-            "n_states:None",
-            "n_updates:64",
-            "batch_size:1024",
-            "phi:.8",
-            "gamma:.99",
-            "step:'paper'",
-            "no_reward:'random'",
-            "learning_rate:1",
-        ],
-    },
+    "locomotion": {**POPULATIONS, **AMONG_WALLS},
+    "locomotion/paper": {**AS_IN_THE_PAPER, **AMONG_WALLS},
     "locomotion/learned": {**TOLD_NOTHING, **AMONG_WALLS},
-    "locomotion_long": {
-        "algos": ("CuriosityES", "NSES", "NSLC"),
-        "envs": (*WORLDS, "CuriosityLocomotion-HumanoidTrap-v0"),
-        "timesteps": 1e7,
-    },
+    "locomotion_long": {**POPULATIONS, **FAR},
+    "locomotion_long/paper": {**AS_IN_THE_PAPER, **FAR},
     "locomotion_tries": {
         **ON_A_ROBOT,
         "hyperparams": [f"sigma:{sigma}" for sigma in (0.05, 0.1, 0.2, 0.3, 1.0)],

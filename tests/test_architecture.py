@@ -144,3 +144,8 @@ def test_importing_the_algorithms_needs_no_extra(importing):
 
 def test_spaces_are_subscripted_by_type_checkers_alone(importing):
     assert importing.returncode == 0, importing.stderr
+
+
+def test_no_file_is_longer_than_a_sitting():
+    lengths = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in modules()}
+    assert {name: n for name, n in lengths.items() if n > 450} == {}

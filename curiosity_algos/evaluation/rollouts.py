@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 
@@ -113,6 +114,15 @@ class Rollouts:
     def __len__(self) -> int:
         """Number of individuals."""
         return len(self.returns)
+
+    def check(self, behavior_space: spaces.Box[Any] | None) -> None:
+        """Raise ValueError where the env gave what nothing can be learned from."""
+        if not np.isfinite(self.returns).all():
+            raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
+        if not np.isfinite(self.behaviors).all():
+            raise ValueError("`env` must give finite behaviors, an episode's was not.")
+        if behavior_space is not None and self.behaviors.shape[1:] != behavior_space.shape:
+            raise ValueError('`env` must give an info["behavior"] of its `behavior_space`.')
 
     @property
     def trajectories(self) -> tuple[Float32Array, Float32Array | Int64Array]:

@@ -30,20 +30,16 @@ from curiosity_algos.evaluation.arguments import (
     use_python_numbers,
 )
 from curiosity_algos.evaluation.blocks import play
+from curiosity_algos.evaluation.choice import choose_evaluator
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe, open_env
-from curiosity_algos.evaluation.evaluator import (
-    AnyEnv,
-    Evaluator,
-    check_policy_kwargs,
-    make_evaluator,
-)
+from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, check_policy_kwargs
 from curiosity_algos.evaluation.policies import MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
-from curiosity_gym.validation import check_at_least_one, check_choice
+from curiosity_gym.validation import check_at_least_one
 
 
 class AlgorithmKeywords(TypedDict, total=False):
@@ -206,25 +202,9 @@ class EvolutionaryAlgorithm(PopulationModel):
         self.evaluator = None
         if self.env is not None:
             choice = self._evaluator_choice
-            self._take_evaluator(choice, self._choose_evaluator(self.env, choice))
+            chosen = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
+            self._take_evaluator(choice, chosen)
         self._show_best()
-
-    def _choose_evaluator(self, env: VecEnv, choice: Evaluator | str) -> Evaluator:
-        """The evaluator of populations on `env`: the user's own, or the fastest that fits."""
-        if isinstance(choice, str):
-            check_choice(("auto", "ray"), evaluator=choice)
-            if choice == "ray":
-                from curiosity_algos.evaluation.ray import RayEvaluator  # few have it
-
-                return RayEvaluator(env, self.policy_kwargs)
-            return make_evaluator(env, self.policy_kwargs, self.n_threads)
-        wanted, own = self.policy.mlp.n_parameters, getattr(choice, "n_parameters", None)
-        if own != wanted or not hasattr(choice, "evaluate"):
-            raise ValueError(
-                '`evaluator` must be "auto", "ray" or an Evaluator of the policy\'s '
-                f"{wanted} parameters, got {choice!r} of {own}."
-            )
-        return choice
 
     def _take_evaluator(self, choice: Evaluator | str, chosen: Evaluator) -> None:
         self._evaluator_choice, self.evaluator = choice, chosen
@@ -256,7 +236,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         choice = self._evaluator_choice if evaluator is None else evaluator
         if evaluator is None and not isinstance(choice, str) and self._counts_others(wrapped):
             raise ValueError('`evaluator` must be given, or "auto", as `env` is another one.')
-        chosen = self._choose_evaluator(wrapped, choice)
+        chosen = choose_evaluator(choice, wrapped, self.policy_kwargs, self.n_threads)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
         self._take_evaluator(choice, chosen)
@@ -382,7 +362,8 @@ class EvolutionaryAlgorithm(PopulationModel):
                 f"`evaluator` must give one episode of each of {len(parameters)} policies, got "
                 f"{len(rollouts)}."
             )
-        self._check_rollouts(rollouts)
+        rollouts.check(self._behavior_space)
+        self._coverage.check(rollouts.visited)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
         seconds = self._seconds()
@@ -402,17 +383,6 @@ class EvolutionaryAlgorithm(PopulationModel):
             "episode_seed": self._episodes.current,
             "intrinsic": self._intrinsic,
         }
-
-    def _check_rollouts(self, rollouts: Rollouts) -> None:
-        """Raise ValueError where the env gave what nothing can be learned from."""
-        if not np.isfinite(rollouts.returns).all():
-            raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
-        if not np.isfinite(rollouts.behaviors).all():
-            raise ValueError("`env` must give finite behaviors, an episode's was not.")
-        space = self._behavior_space
-        if space is not None and rollouts.behaviors.shape[1:] != space.shape:
-            raise ValueError('`env` must give an info["behavior"] of its `behavior_space`.')
-        self._coverage.check(rollouts.visited)
 
     def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
         """Update timesteps, first success, coverage and the best policy."""

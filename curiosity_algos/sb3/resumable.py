@@ -338,7 +338,7 @@ class Resumable(BaseAlgorithm):
 
 
 def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    if "bonus" in overrides:
+    if overrides.get("bonus", settings.get("bonus")) != settings.get("bonus"):
         settings.pop("bonus_kwargs", None)  # they are of another bonus
     merged = {
         name: settings[name] | value

@@ -142,6 +142,12 @@ class TestFromPreset:
         assert given.bonus_kwargs == {"learning_rate": 1e-5, "beta": 0.2, "normalize": False}
         assert CuriosityES.from_preset("paper", HARD, bonus="rnd").bonus_kwargs == {}
 
+    @pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
+    def test_naming_the_bonus_that_a_preset_has_changes_nothing(self, algorithm):
+        preset = algorithm.from_preset("paper", HARD)
+        named = algorithm.from_preset("paper", HARD, bonus=preset.bonus)
+        assert named.bonus_kwargs == preset.bonus_kwargs != {}
+
     def test_a_class_of_ones_own_has_the_preset_of_what_it_extends(self):
         class Own(NSES):
             def __init__(self, env, *, pace=1, **kwargs):

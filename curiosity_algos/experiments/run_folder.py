@@ -53,8 +53,10 @@ class RunFolder:
         self._lock = self.path / "lock"
 
     def is_empty(self) -> bool:
-        """Whether a run can begin here."""
-        return not self.path.exists() or all(path == self._lock for path in self.path.iterdir())
+        """Whether a run can begin here; what a kill left of its first file does not count."""
+        held = self.path.iterdir() if self.path.exists() else ()
+        half = f".{self._description.name}."
+        return all(path == self._lock or path.name.startswith(half) for path in held)
 
     def lock(self) -> FileLock:
         """Hold the folder, as a `FileLock` does.

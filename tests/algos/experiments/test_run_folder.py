@@ -1,7 +1,9 @@
 import json
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +22,21 @@ def test_an_empty_or_missing_folder_is_empty(run):
     run.path.mkdir(parents=True)
     assert run.is_empty()
     run.begin({})
+    assert not run.is_empty()
+
+
+def test_a_run_begins_where_a_kill_left_half_of_its_first_file(run, monkeypatch):
+    def kill(old, new):
+        raise SystemExit
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", kill)
+        patch.setattr(Path, "unlink", lambda self, missing_ok: None)
+        with pytest.raises(SystemExit):
+            run.begin({})
+    assert [path.suffix for path in run.path.iterdir()] == [".tmp"]
+    assert run.is_empty()
+    (run.path / "mine.tmp").touch()
     assert not run.is_empty()
 
 

@@ -83,6 +83,8 @@ def _progress(path: Path) -> pd.DataFrame:
     run = RunFolder(path)
     described = run.describe()
     table = pd.DataFrame(read_rows(run.progress))
+    # Where a row lacks an entry, its column would be of floats, and of integers elsewhere.
+    table = table.astype(dict.fromkeys(table.select_dtypes("integer"), float))
     for i, name in enumerate(KEYS):
         table.insert(i, name, described.get(name))
     table.insert(0, "run", str(path))

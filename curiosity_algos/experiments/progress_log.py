@@ -12,6 +12,7 @@ import numpy as np
 from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.experiments.reading import read_rows
 
 TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
@@ -67,8 +68,8 @@ class ProgressLog(KVWriter):
             self._add_row()
 
     def _add_row(self) -> None:
-        plain = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
-        row = {name: value for name, value in self.pending.items() if isinstance(value, plain)}
+        loggable = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
+        row = {k: plain(value) for k, value in self.pending.items() if isinstance(value, loggable)}
         self._last = row | self._state()
         self.pending = {}
         names = in_order([*self._names, *self._last])

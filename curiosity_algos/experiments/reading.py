@@ -99,7 +99,10 @@ def read_final_states(paths: list[Path]) -> Columns:
 
 
 def read_rows(path: Path) -> list[dict[str, float | str]]:
-    """The rows of a log without empty entries, numbers and text; none where there is no file."""
+    """The rows of a log without empty entries, numbers and text; none where there is no file.
+
+    Whole numbers without a point are integers, so that all are written again as they were.
+    """
     try:
         lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
         whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
@@ -121,4 +124,4 @@ def _entry(name: str, text: str) -> float | str:
         return text
     if is_read and not math.isfinite(number):
         raise ValueError(f"{name} is {number}.")
-    return number
+    return int(text) if text.isdecimal() else number

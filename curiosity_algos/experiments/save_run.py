@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
-from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
+from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_plain
 from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
 from curiosity_algos.experiments.description import describe_run, with_newer_settings
@@ -272,7 +272,7 @@ class SaveRun(BaseCallback):
         recorded, counts = self.logger.name_to_value, self.logger.name_to_count
         numbers = int | float | np.number
         return {
-            name: (float(value), counts.get(name, 0))
+            name: (plain(value), counts.get(name, 0))
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 from curiosity_algos.experiments.progress_log import ProgressLog
@@ -47,6 +48,11 @@ def test_the_last_row_is_written_once(path):
         stands["time/seconds"] += 1.0
         log.end({"train/loss": 2.0})
     assert [row["train/loss"] for row in read_rows(path)] == [2.0]
+
+
+def test_a_number_has_the_digits_that_a_checkpoint_gives_it(path):
+    log_rows(path, 0, 1, loss=np.float32(0.1))
+    assert repr(float(np.float32(0.1))) in path.read_text()
 
 
 def test_columns_of_the_users_own_are_kept(path):

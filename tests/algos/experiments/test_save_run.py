@@ -1,3 +1,4 @@
+import csv
 import gc
 import json
 import re
@@ -288,6 +289,10 @@ class TestStableBaselines:
         assert run["coverage.all"] >= before["coverage.all"]
         assert run["n_episodes"] == len(load_final_states(folder)["return"])
         assert load_progress(folder)["time/total_timesteps"].tolist() == list(range(120, 601, 120))
+        with RunFolder(folder).progress.open() as file:
+            counted = [row["train/n_updates"] for row in csv.DictReader(file)]
+        assert counted[-1].isdecimal()
+        assert all(n.isdecimal() for n in counted if n)  # as from a run that was not killed
 
     def test_what_was_found_before_still_counts(self, folder):
         make_ppo(make_mazes()).learn(240, SaveRun(folder))

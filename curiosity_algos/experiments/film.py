@@ -54,7 +54,8 @@ def film(
         total += reward
         if t % stride == 0:
             frames.append(_frame(env))
-    frames.append(_frame(env))
+    if t % stride:  # the last one, wherever it is
+        frames.append(_frame(env))
     env.close()
     path.parent.mkdir(parents=True, exist_ok=True)
     write_film(frames, path)

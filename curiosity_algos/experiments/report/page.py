@@ -171,20 +171,20 @@ class _Page:
             left_out = _named(NOT_BEGUN, here[~here["has_begun"]])
             left_out += _named(REPEATED, here[here["is_repeated"]])
             here = self.begun[self.begun["env"] == env]
-            parts = self._section(here, title) if len(here) else ""
+            parts = self._section(here, str(env)) if len(here) else ""
             self.sections.append(
                 f'<section class="card" aria-labelledby="{name}"><h2 id="{name}">{title}</h2>'
                 f"{left_out}{parts}</section>"
             )
 
-    def _section(self, runs: pd.DataFrame, title: str) -> str:
+    def _section(self, runs: pd.DataFrame, env: str) -> str:
         """All of an environment."""
         curves = pictures.draw_curves(runs, self._colors)
         about = f"Curves of {', '.join(sorted(set(runs['label'])))} over timesteps"
         return (
             f"{summary(runs, self._colors)}{self._pairs(runs)}<h3>Curves</h3>"
             f"{self._picture(curves, 'curves', about)}{self._elites(runs)}"
-            f"{self._maps(runs, title)}"
+            f"{self._maps(runs, env)}"
         )
 
     def _pairs(self, runs: pd.DataFrame) -> str:
@@ -205,7 +205,7 @@ class _Page:
         )
         return f'<h3>Elites</h3><div class="stack">{figures}</div>' if figures else ""
 
-    def _maps(self, runs: pd.DataFrame, title: str) -> str:
+    def _maps(self, runs: pd.DataFrame, env: str) -> str:
         plane = pictures.plane_of(runs)
         if plane is None:
             return "<p>No maps: the environment gives no behavior of two entries or more.</p>"
@@ -213,7 +213,7 @@ class _Page:
         maps = "".join(
             f"<figure><figcaption>{swatch(self._colors[label])}{escape(label)}</figcaption>"
             + self._picture(
-                pictures.draw_map(here, plane, longest), "map", f"Map of {label} on {title}"
+                pictures.draw_map(here, plane, longest), "map", f"Map of {label} on {env}"
             )
             + "</figure>"
             for label, here in runs.groupby("label")

@@ -36,6 +36,15 @@ def test_an_episode_moves(folder, tmp_path):
 
 
 @pytest.mark.extra("render")
+@pytest.mark.parametrize(("stride", "n"), [(1, 61), (20, 4), (25, 4)])
+def test_no_frame_comes_twice(folder, tmp_path, monkeypatch, stride, n):
+    frames = []
+    monkeypatch.setattr(filming, "write_film", lambda shown, path: frames.extend(shown))
+    film(folder, tmp_path / "best.mp4", stride=stride, seed=0)
+    assert len(frames) == n  # of 60 steps, the first and the last among them
+
+
+@pytest.mark.extra("render")
 def test_a_video_can_be_written(folder, tmp_path):
     film(folder, tmp_path / "best.mp4", stride=20, seed=0)
     assert b"ftyp" in (tmp_path / "best.mp4").read_bytes()[:16]

@@ -83,6 +83,17 @@ def test_controls_and_pictures_have_names(page, elements):
     assert links[0] == "main"  # past what all pages begin with
 
 
+def test_an_environments_name_is_read_as_it_is(runs_folder, tmp_path):
+    (mountain,) = (runs_folder / "MAPElites").glob("Mountain*/0")
+    shutil.copytree(mountain, tmp_path / "run")
+    description = tmp_path / "run" / "run.json"
+    description.write_text(json.dumps(json.loads(description.read_text()) | {"env": "R&D's-v0"}))
+    write_report([tmp_path / "run"], tmp_path / "report.html")
+    found = Elements((tmp_path / "report.html").read_text()).found
+    labels = [attributes["aria-label"] for _, attributes in found if "aria-label" in attributes]
+    assert "Map of MAPElites on R&D's-v0" in labels
+
+
 def test_each_environment_has_what_it_tells(page):
     pole, maze, mountain, *_ = page.read_text().split('<section class="card"')[1:]
     assert "No maps" in pole

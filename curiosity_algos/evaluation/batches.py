@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
+from curiosity_gym.validation import check_info
 
 Actions = Array
 
@@ -75,7 +76,8 @@ class SingleEnvBatch:
             rewards[i] = reward if isinstance(reward, float) else _as_number(reward)
             at_end[i], ended[i] = terminated, terminated or truncated
             if ended[i]:
-                infos[i] = _checked(info)
+                check_info(info)
+                infos[i] = info
             elif isinstance(info, dict) and "behavior" in info:
                 behaviors.append(info["behavior"])
         return Step(self._observations.copy(), rewards, ended, at_end, infos, behaviors)
@@ -102,12 +104,6 @@ def _as_number(reward: Any) -> float:
         raise ValueError(
             f"`env` must give rewards that are numbers, it gave {reward!r:.60}."
         ) from error
-
-
-def _checked(info: Any) -> dict[str, Any]:
-    if not isinstance(info, dict):
-        raise ValueError(f"`env` must give an info that is a dictionary, it gave {info!r:.60}.")
-    return info
 
 
 class GymnasiumBatch:

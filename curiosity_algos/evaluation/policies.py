@@ -28,6 +28,7 @@ from curiosity_algos.evaluation.flat_spaces import (
     is_vector,
 )
 from curiosity_gym.compiled import compiled
+from curiosity_gym.validation import check_at_least_one
 
 DEFAULT_NET_ARCH = (32, 16)
 """Hidden layers of the paper-sized policy: 36-32-16-2 has 1,746 parameters."""
@@ -69,10 +70,10 @@ def build_mlp(
         ValueError: If a space is not supported (supported: what `FlatObservations` and
             `FlatActions` take, of at most `MAX_ENTRIES` numbers where it is flattened, and a
             bounded Box of actions, of floats or of integers that float32 tells apart), or a layer's
-            width is no whole number from 1 on.
+            width is no whole number from 1 to 1e9.
     """
-    if not all(isinstance(width, int | np.integer) and width >= 1 for width in net_arch):
-        raise ValueError(f"`net_arch` must hold positive layer widths, got {list(net_arch)}.")
+    for width in net_arch:
+        check_at_least_one(net_arch=width)
     n_inputs = _n_inputs(observation_space)
     low, high, is_discrete = _output_range(action_space)
     sizes = np.array([n_inputs, *net_arch, low.size], dtype=np.uint64)

@@ -181,7 +181,7 @@ def test_threads_are_at_least_one(n_threads):
     [
         ({"activation_fn": "tanh"}, r"`policy_kwargs` may hold `net_arch` alone"),
         ({"net_arch": {"pi": [4], "qf": [4]}}, r"`net_arch` must be a list"),
-        ({"net_arch": [0]}, r"`net_arch` must hold positive"),
+        ({"net_arch": [0]}, r"`net_arch` must be a whole number of at least 1"),
     ],
 )
 def test_policy_kwargs_are_checked(policy_kwargs, message):

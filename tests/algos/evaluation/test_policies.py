@@ -169,9 +169,9 @@ class TestErrors:
         with pytest.raises(ValueError, match=r"action space .* a Box must be bounded, of floats"):
             build_mlp(box(2), space)
 
-    @pytest.mark.parametrize("net_arch", [[32, -1], [2.5]])
+    @pytest.mark.parametrize("net_arch", [[32, -1], [2.5], [True], [10**10]])
     def test_layers_have_positive_widths(self, net_arch):
-        with pytest.raises(ValueError, match="`net_arch` must hold positive layer widths"):
+        with pytest.raises(ValueError, match="`net_arch` must be a whole number"):
             build_mlp(box(2), box(2), net_arch)
 
 

@@ -298,7 +298,7 @@ WRONG = [
     ({"observation": np.array([0.0, -np.inf])}, FINITE),
     ({"reward": "1.0"}, NUMBERS + "'1.0'"),
     ({"reward": None}, NUMBERS + "None"),
-    ({"info": [("behavior", 1.0)]}, "`env` must give an info that is a dictionary, it gave"),
+    ({"info": [("behavior", 1.0)]}, "`env` must give a dictionary as info"),
 ]
 
 

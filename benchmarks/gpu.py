@@ -7,6 +7,7 @@ from functools import partial
 from itertools import product
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
@@ -27,11 +28,11 @@ INPUTS = {
 }
 """What bonuses see at once, and how many they have observed: as many as APT remembers."""
 RUNS: Mapping[str, tuple[Callable[..., BaseAlgorithm], float]] = {
-    "CuriosityES": (partial(CuriosityES, MAZE), 1e6),
-    "CuriosityES, paper": (partial(CuriosityES.from_preset, "paper", MAZE), 1e6),
-    "TD3ICM": (partial(TD3ICM, MAZE, learning_starts=100, buffer_size=10_000), 2e3),
+    "CuriosityES": (CuriosityES, 1e6),
+    "CuriosityES, paper": (partial(CuriosityES.from_preset, "paper"), 1e6),
+    "TD3ICM": (partial(TD3ICM, learning_starts=100, buffer_size=10_000), 2e3),
 }
-"""By name what makes a model, and its timesteps."""
+"""By name what makes a model of an environment, and its timesteps."""
 
 
 def run(plan: Plan) -> list[Table]:
@@ -45,8 +46,8 @@ def run(plan: Plan) -> list[Table]:
             bonuses += _bonus(plan, devices, f"{bonus.__name__}, {what}", bonus, *sizes)
     runs: list[Row] = []
     for name, (make, timesteps) in RUNS.items():
-        n_steps = plan.size(int(timesteps), 100)
-        tasks = {device: partial(_rate, make, device, n_steps) for device in devices}
+        n_steps = plan.size(int(timesteps), 120)
+        tasks = {device: partial(_rate, plan, make, device, n_steps) for device in devices}
         runs += _rows(plan, name, "steps/s", tasks)
     return [Table("gpu: bonuses", bonuses, notes), Table(f"gpu: {MAZE}", runs, notes)]
 
@@ -87,9 +88,10 @@ def _bonus(
     return rows
 
 
-def _rate(make: Callable[..., BaseAlgorithm], device: str, n_steps: int) -> float:
+def _rate(plan: Plan, make: Callable[..., BaseAlgorithm], device: str, n_steps: int) -> float:
     """Steps a second of a new model."""
-    return learn(make(seed=0, device=device), n_steps)[0]
+    env = gym.make(MAZE, horizon=plan.size(2000, 60))
+    return learn(make(env=env, seed=0, device=device), n_steps)[0]
 
 
 def _rows(plan: Plan, name: str, unit: str, tasks: Mapping[str, Task]) -> list[Row]:

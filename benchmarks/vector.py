@@ -14,7 +14,7 @@ from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, secon
 from curiosity_algos import GymnasiumVecEnv
 
 MAZE = "CuriosityMaze-Hard-v0"
-N_ENVS, N_SYNC, N_ASYNC = 1024, 64, 8
+N_ENVS, N_SYNC = 1024, 64
 UNIT = "M steps/s"
 
 
@@ -22,13 +22,14 @@ def run(plan: Plan) -> list[Table]:
     """Environment steps a second of each way; the worker processes are started beforehand."""
     adapted, dummy = f"the same as a VecEnv, {N_ENVS} envs", f"DummyVecEnv of {N_SYNC}"
     native, sync = f"native, {N_ENVS} envs, two threads", f"SyncVectorEnv of {N_SYNC}"
-    asynchronous = f"AsyncVectorEnv of {N_ASYNC}"
+    n_async = plan.size(8, 2)
+    asynchronous = f"AsyncVectorEnv of {n_async}"
     # Spawned: a fork would copy the threads' locks in whatever state they are.
     spawned = {"context": "spawn"}
     envs = {
         native: gym.make_vec(MAZE, N_ENVS, "vector_entry_point", n_threads=2),
         sync: gym.make_vec(MAZE, N_SYNC, "sync"),
-        asynchronous: gym.make_vec(MAZE, N_ASYNC, "async", vector_kwargs=spawned),
+        asynchronous: gym.make_vec(MAZE, n_async, "async", vector_kwargs=spawned),
     }
     tasks = {name: vector_task(env, plan) for name, env in envs.items()}
     same_step = gym.make_vec(

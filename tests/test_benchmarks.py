@@ -61,7 +61,10 @@ TITLES = {
     ],
     "gpu": ["gpu: bonuses", "gpu: CuriosityMaze-US-v0"],
 }
-DIFFERENCES = ["curiosity_gym beyond gymnasium", "overhead"]
+DIFFERENCES = [
+    *("curiosity_gym beyond gymnasium", "overhead"),
+    "CuriosityES, paper, growth",  # what is compiled in the process takes memory for a moment
+]
 
 
 def medians(printed):
@@ -101,7 +104,7 @@ def test_sections_print_figures(names, capsys):
         assert len(rows) >= 1
         for name, figure in rows.items():
             assert math.isfinite(figure), (title, name)
-            # Only a difference of two times may come out below zero, and only a rounding as zero.
+            # Only a difference may come out below zero, and only a rounding as zero.
             assert figure >= 0.0 or name in DIFFERENCES, (title, name)
 
 

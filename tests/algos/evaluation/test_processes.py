@@ -55,7 +55,7 @@ def pids_of(evaluator):
 
 @pytest.fixture(scope="module")
 def apart():
-    """An evaluator whose processes have started."""
+    """An evaluator whose processes have started: each takes seconds to."""
     evaluator = make_evaluator(Walk, n_threads=2)
     evaluator.evaluate(make_parameters(evaluator), 0)
     yield evaluator
@@ -63,11 +63,9 @@ def apart():
 
 
 class TestSameBits:
-    @pytest.mark.parametrize("env", [lambda: Doubled(Walk()), "Registered-v0"])
-    def test_of_rollouts(self, env, assert_same_rollouts):
-        gym.register("Registered-v0", entry_point=lambda: Doubled(Walk()))
+    def test_of_rollouts(self, assert_same_rollouts):
+        env = lambda: Doubled(Walk())  # noqa: E731
         apart, alone = (make_evaluator(env, n_threads=n) for n in (2, None))
-        gym.registry.pop("Registered-v0")
         parameters = make_parameters(alone, 70)
         for seed, n in ((3, 70), (4, 1), (5, 7), (6, 70)):
             expected = alone.evaluate(parameters[:n], seed)
@@ -75,11 +73,15 @@ class TestSameBits:
         assert len(pids_of(apart)) == 2
 
     def test_of_a_search(self, make_model):
-        alone, apart = (make_model(CanonicalES, Walk, n_threads=n) for n in (None, 2))
+        """By an id that nobody knows in the processes, and that is unknown here by then."""
+        gym.register("Registered-v0", entry_point=lambda: Doubled(Walk()))
+        alone, apart = (make_model(CanonicalES, "Registered-v0", n_threads=n) for n in (None, 2))
+        gym.registry.pop("Registered-v0")
         for model in (alone, apart):
             model.learn(1000)
         assert len(pids_of(apart.evaluator)) == 2
         assert alone.num_timesteps == apart.num_timesteps
+        assert alone.best_return == apart.best_return != 0.0
         np.testing.assert_array_equal(alone.policy.vector, apart.policy.vector)
 
 
@@ -89,7 +91,7 @@ def test_what_cannot_be_sent_is_refused():
         make_evaluator(lambda: (lock, Walk())[1], n_threads=2)
 
 
-def test_without_a_seed_or_company_this_process_plays(apart):
+def test_without_a_seed_or_company_this_process_plays():
     evaluator = make_evaluator(Walk, n_threads=2)
     parameters = np.repeat(make_parameters(evaluator, 1), 6, axis=0)
     starts = evaluator.evaluate(parameters).observations[:, 0]
@@ -113,44 +115,48 @@ def play_and_close(evaluator, parameters):
     evaluator._processes.close()
 
 
-def test_a_copy_begins_its_own(apart, assert_same_rollouts):
+def test_a_copy_begins_its_own_which_end_with_it(apart, assert_same_rollouts, monkeypatch):
     parameters = make_parameters(apart)
     expected = apart.evaluate(parameters, 3)
     copied = copy.deepcopy(apart)
     assert pids_of(copied) == []
     for evaluator in (copied, apart):
         assert_same_rollouts(evaluator.evaluate(parameters, 3), expected)
-    assert not set(pids_of(copied)) & set(pids_of(apart))
-    copied._processes.close()
+    pids, others = pids_of(copied), pids_of(apart)
+    assert not set(pids) & set(others)
+
+    # It goes as garbage does, which waits for no thread.
+    assert all(map(is_running, pids))
+    joined = []
+    monkeypatch.setattr(threading.Thread, "join", lambda self, *_: joined.append(self.name))
+    del copied, evaluator
+    gc.collect()
+    assert joined == []
+    monkeypatch.undo()
+    assert wait_for_the_end_of(pids)
+    assert all(map(is_running, others))
 
 
 class TestFaults:
     def test_are_told_and_the_next_goes_on(self, tmp_path, assert_same_rollouts):
-        make = partial(Alarmed, tmp_path / "alarm", os.getpid())
+        alarm = tmp_path / "alarm"
+        make = partial(Alarmed, alarm, os.getpid())
         apart, alone = (make_evaluator(make, n_threads=n) for n in (2, None))
         parameters = make_parameters(alone)
-        for alarm, error, message in [
-            ("die", RuntimeError, "`env` has ended a process that played it"),
-            ("odd", RuntimeError, "OddError: the 3rd"),
-            ("raise", ValueError, "`env` is out of order"),
-        ]:
-            (tmp_path / "alarm").write_text(alarm)
-            with pytest.raises(error, match=message):
-                apart.evaluate(parameters, 0)
-        (tmp_path / "alarm").unlink()
+        alarm.write_text("odd")
+        for shard in apart._processes._submit(parameters, 0):  # which leaves the processes alone
+            with pytest.raises(RuntimeError, match="OddError: the 3rd"):
+                shard.result()
+        alarm.write_text("raise")
+        with pytest.raises(ValueError, match="`env` is out of order"):
+            apart.evaluate(parameters, 0)
+        assert pids_of(apart) == []
+        alarm.unlink()
         assert_same_rollouts(apart.evaluate(parameters, 1), alone.evaluate(parameters, 1))
-
-    def test_garbage_ends_processes_and_waits_for_no_thread(self, monkeypatch):
-        evaluator = make_evaluator(Walk, n_threads=2)
-        evaluator.evaluate(make_parameters(evaluator), 0)
-        pids, joined = pids_of(evaluator), []
-        assert all(map(is_running, pids))
-        monkeypatch.setattr(threading.Thread, "join", lambda self, *_: joined.append(self.name))
-        del evaluator
-        gc.collect()
-        assert joined == []
-        monkeypatch.undo()
-        assert wait_for_the_end_of(pids)
+        alarm.write_text("die")
+        with pytest.raises(RuntimeError, match="`env` has ended a process that played it"):
+            apart.evaluate(parameters, 0)
+        assert pids_of(apart) == []  # so that the next begins others
 
     @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="asks Linux for processes")
     @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])

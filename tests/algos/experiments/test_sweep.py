@@ -1,7 +1,9 @@
 """Runs of a sweep, in processes and in this one."""
 
 import io
+import os
 import sys
+from multiprocessing import get_context
 
 import pytest
 import slow_runs
@@ -12,7 +14,7 @@ from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import Processes, grid, sweep
 from curiosity_algos.experiments.training import train
 
-SETTINGS = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
+SETTINGS = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
 
 
 def test_a_sweep_has_no_run_twice():
@@ -43,7 +45,12 @@ def test_a_setting_cannot_leave_the_folder(tmp_path):
     assert {".."}.isdisjoint(part for run in runs for part in run.folder(tmp_path).parts)
 
 
-def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path):
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
+def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path, monkeypatch):
+    # Of processes that are begun with all that they need, as others take seconds to import it.
+    monkeypatch.setattr(
+        "curiosity_algos.experiments.sweep.get_context", lambda _: get_context("fork")
+    )
     outcomes = Processes(2)([tmp_path / str(i) for i in range(6)], slow_runs.touch)
     next(outcomes)
     outcomes.close()  # as Ctrl-C does
@@ -53,7 +60,7 @@ def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_it_tells_how_runs_ended(jobs, tmp_path, capsys):
     runs = grid(
-        ["map_elites"],
+        ["canonical_es"],
         ["CuriosityMaze-US-v0"],
         [0, 1, 2],
         timesteps=1200,

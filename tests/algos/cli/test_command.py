@@ -205,7 +205,7 @@ class TestSweep:
 
     def test_gradients_are_swept_too(self, run_here, tmp_path):
         words = ["--algos", "td3_icm", "--seeds", "0", "-n", "100", "--env-kwargs", "horizon:50"]
-        status, _, errors = run_here("sweep", *words)
+        status, _, errors = run_here("sweep", *words, "--jobs", "1")
         assert status == 0, errors
         assert load_runs(tmp_path)["timesteps"].item() >= 100
 
@@ -239,7 +239,7 @@ class TestSweep:
         (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)
         blocked = tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0" / "notes"
         blocked.write_text("mine")
-        words = ["--algos", "map_elites", "--seeds", "0,1", "-n", "1000"]
+        words = ["--algos", "map_elites", "--seeds", "0,1", "-n", "1000", "--jobs", "1"]
         status, _, errors = run_here("sweep", *words, *SMALL)
         assert status == 1
         assert "Error: 1 of 2 runs failed" in errors.splitlines()[-1]

@@ -57,10 +57,11 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
 def label(table: pd.DataFrame, runs: Path) -> pd.Series:
     """As `label_runs`; runs of a sweep with a folder of its own have the folder's name, too."""
     sweeps = table["run"].map(lambda run: Path(run).relative_to(runs).parts[:-3])
-    return pd.concat(
+    names = [
         label_runs(group).map(lambda name, sweep=sweep: ", ".join([name, *sweep]))
         for sweep, group in table.groupby(sweeps)
-    )
+    ]
+    return pd.concat(names).loc[table.index]
 
 
 def _thin(curve: pd.DataFrame) -> pd.DataFrame:

@@ -9,13 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import pandas as pd
 import typer
 
-from benchmarks.results import FOLDER, KEYS, add_rows
+from benchmarks.results import FOLDER, KEYS, add_rows, label
 from curiosity_algos import make_evaluator
+from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.loading import find_runs
 from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.run_folder import last_checkpoint
 
@@ -27,18 +26,20 @@ def main(
     out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
 ) -> None:
     """Count the starts that the best policy of each run solves, and add them to a CSV file."""
-    rows = [count(run, starts) for run in find_runs(runs / name)]
-    add_rows(pd.DataFrame(rows), out / f"{name}_unseen.csv", KEYS)
+    table = load_runs(runs / name)
+    table["algorithm"] = label(table, runs / name)
+    table["starts"] = starts
+    table["solved"] = [count(Path(run), starts) for run in table["run"]]
+    add_rows(table[[*KEYS, "starts", "solved"]], out / f"{name}_unseen.csv", KEYS)
 
 
-def count(path: Path, n_starts: int) -> dict[str, str | int]:
+def count(path: Path, n_starts: int) -> int:
     """Of one run: how many of the starts of seeds 0 to `n_starts - 1` its best policy solves."""
     described, checkpoint = last_checkpoint(path)
     model = find_algorithm(described["algorithm"]).load(checkpoint / "model")
     evaluator = make_evaluator(make_env(described, trust=True))
     policy = model.policy.vector[None]
-    solved = sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))
-    return {**{key: described[key] for key in KEYS}, "starts": n_starts, "solved": solved}
+    return sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))
 
 
 if __name__ == "__main__":

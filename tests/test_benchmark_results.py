@@ -1,6 +1,7 @@
 """Published tables come from committed data, and that from runs."""
 
 import re
+import shutil
 
 import gymnasium as gym
 import numpy as np
@@ -145,6 +146,9 @@ def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
     assert counted.to_dict("records") == [
         {"algorithm": "CanonicalES", "env": env, "seed": 0, "starts": starts, "solved": solved}
     ]
+    runs = tmp_path / "control_random"
+    shutil.copytree(run, runs / "Again" / "CanonicalES" / env / "0")
+    assert results.label(load_runs(runs), runs).tolist() == ["CanonicalES, Again", "CanonicalES"]
 
 
 def test_a_long_curve_is_thinned_to_points_equally_far_apart(monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -44,10 +45,11 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
     else:
         figure, axes = make_panels(1, len(ROWS))
         axes = axes.T
+    colors = color_labels(curves["algorithm"])  # the same on every environment
     shown: list[Line] = []
     for row, (name, (label, unit)) in zip(axes, ROWS.items(), strict=True):
         for ax, env in zip(row, envs, strict=True):
-            lines = lines_of(curves[curves["env"] == env], name)
+            lines = lines_of(curves[curves["env"] == env], name, colors)
             draw_lines(ax, lines, x_unit=1e6, y_unit=unit)
             ax.set(title=short_name(env), xlabel="timesteps (millions)")
             shown += lines
@@ -57,9 +59,8 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
     return figure
 
 
-def lines_of(curves: pd.DataFrame, name: str) -> list[Line]:
+def lines_of(curves: pd.DataFrame, name: str, colors: Mapping[str, str]) -> list[Line]:
     """A line for each algorithm on one environment."""
-    colors = color_labels(curves["algorithm"])
     return [
         Line(label, colors[label], [points_of(run, name) for _, run in runs.groupby("seed")])
         for label, runs in curves.groupby("algorithm")

@@ -22,6 +22,7 @@ from benchmarks.results import read_curves
 from curiosity_algos.experiments import load_final_states, load_runs
 from curiosity_algos.experiments.figures.canvas import add_note, make_panels, save
 from curiosity_algos.experiments.figures.curves import draw_lines
+from curiosity_algos.experiments.labels import color_labels
 from curiosity_gym.maze.plots import plot_density
 
 MAZE, SEED = "CuriosityMaze-Hard-v0", 0
@@ -30,12 +31,13 @@ MAZE, SEED = "CuriosityMaze-Hard-v0", 0
 def draw(algorithm: str, curves: pd.DataFrame, positions: npt.NDArray[np.float64]) -> Figure:
     """Coverage over timesteps of all seeds, and where the episodes of one of them ended."""
     figure, ((left, right),) = make_panels(1, 2, height=3.4)
-    lines = [line for line in lines_of(curves, "coverage") if line.label == algorithm]
+    own = curves[curves["algorithm"] == algorithm]
+    lines = lines_of(own, "coverage", color_labels([algorithm]))
     draw_lines(left, lines, x_unit=1e6, y_unit=0.01)
     left.set(xlabel="timesteps (millions)", ylabel="reachable cells with a final state (%)")
     left.set_ylim(0.0, 100.0)
     plot_density(positions, gym.make(MAZE).unwrapped.layout, ax=right)
-    n_seeds = curves[curves["algorithm"] == algorithm]["seed"].nunique()
+    n_seeds = own["seed"].nunique()
     add_note(
         figure,
         f"{algorithm} on {MAZE}. Left: interquartile mean of {n_seeds} seeds, its 95 % interval, "

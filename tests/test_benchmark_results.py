@@ -223,8 +223,9 @@ def test_figures_are_drawn_from_the_data(tmp_path, monkeypatch):
 def test_a_line_of_a_figure_has_a_curve_for_each_seed():
     curves = results.read_curves("mazes")
     curves = curves[curves["env"] == "CuriosityMaze-US-v0"]
-    line = next(line for line in figures.lines_of(curves, "coverage") if line.label == "NSES")
     own = curves[curves["algorithm"] == "NSES"]
+    (line,) = figures.lines_of(own, "coverage", {"NSES": "#123456"})
+    assert (line.label, line.color) == ("NSES", "#123456")
     assert len(line.curves) == own["seed"].nunique()
     times, shares = line.curves[0]
     first = own[own["seed"] == own["seed"].min()]

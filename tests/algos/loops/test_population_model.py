@@ -16,7 +16,7 @@ def test_an_env_that_could_not_be_set_changes_no_evaluator(
         raise ConnectionError
 
     with monkeypatch.context() as context:
-        context.setattr(evolutionary_algorithm, "make_evaluator", fail)
+        context.setattr(evolutionary_algorithm, "choose_evaluator", fail)
         with pytest.raises(ConnectionError):
             model.set_env(make_easy_maze(), evaluator="auto")
     assert model.evaluator is own

@@ -49,8 +49,7 @@ def run(plan: Plan) -> list[Table]:
     rate = products_task(plan, pool, pool.n_threads)
     names = ["CuriosityES, paper"] if plan.quick else list(TARGETS)
     for name in names:
-        if not plan.quick:
-            _in_a_process(name, 1)  # compiles what is not in the cache
+        _in_a_process(name, 1)  # compiles what is not in the cache
         began = time.perf_counter()
         early, late, peak, done = _in_a_process(name, n_generations)
         elapsed = time.perf_counter() - began

@@ -338,7 +338,7 @@ class Resumable(BaseAlgorithm):
 
 
 def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    if overrides.get("bonus", settings.get("bonus")) != settings.get("bonus"):
+    if "bonus" in overrides and overrides["bonus"] != settings.get("bonus"):
         settings.pop("bonus_kwargs", None)  # they are of another bonus
     merged = {
         name: settings[name] | value

@@ -64,8 +64,10 @@ def apart():
 
 class TestSameBits:
     def test_of_rollouts(self, assert_same_rollouts):
-        env = lambda: Doubled(Walk())  # noqa: E731
-        apart, alone = (make_evaluator(env, n_threads=n) for n in (2, None))
+        def make():
+            return Doubled(Walk())
+
+        apart, alone = (make_evaluator(make, n_threads=n) for n in (2, None))
         parameters = make_parameters(alone, 70)
         for seed, n in ((3, 70), (4, 1), (5, 7), (6, 70)):
             expected = alone.evaluate(parameters[:n], seed)
@@ -143,6 +145,10 @@ class TestFaults:
         make = partial(Alarmed, alarm, os.getpid())
         apart, alone = (make_evaluator(make, n_threads=n) for n in (2, None))
         parameters = make_parameters(alone)
+        alarm.write_text("die")
+        with pytest.raises(RuntimeError, match="`env` has ended a process that played it"):
+            apart.evaluate(parameters, 0)
+        assert pids_of(apart) == []
         alarm.write_text("odd")
         for shard in apart._processes._submit(parameters, 0):  # which leaves the processes alone
             with pytest.raises(RuntimeError, match="OddError: the 3rd"):
@@ -153,10 +159,6 @@ class TestFaults:
         assert pids_of(apart) == []
         alarm.unlink()
         assert_same_rollouts(apart.evaluate(parameters, 1), alone.evaluate(parameters, 1))
-        alarm.write_text("die")
-        with pytest.raises(RuntimeError, match="`env` has ended a process that played it"):
-            apart.evaluate(parameters, 0)
-        assert pids_of(apart) == []  # so that the next begins others
 
     @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="asks Linux for processes")
     @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])

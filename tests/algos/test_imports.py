@@ -11,7 +11,15 @@ import curiosity_algos
 
 ROOT = pathlib.Path(__file__).parents[2]
 WITH_ARCHIVES = ["AURORA", "CMAME", "CuriosityMAPElites", "MAPElites", "NSLC"]
-HEAVY = ["ribs", "sklearn", "pandas", "matplotlib", "scipy.stats", "numpy_groupies"]
+HEAVY = [
+    "ribs",
+    "sklearn",
+    "pandas",
+    "matplotlib",
+    "numpy_groupies",
+    "scipy.ndimage",
+    "scipy.stats",
+]
 
 
 def run(code):

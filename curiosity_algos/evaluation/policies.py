@@ -261,6 +261,8 @@ class MlpPolicy(BasePolicy):
         deterministic: bool = False,
     ) -> tuple[Array, tuple[Array, ...] | None]:
         """Actions as in SB3; one of a Discrete is a number, as its environment takes it."""
+        if isinstance(self.observation_space, spaces.Tuple):
+            observation = list(observation)  # SB3 may take a tuple for what `reset` returns
         actions, state = super().predict(observation, state, episode_start, deterministic)
         return actions[()], state  # an array without dimensions is no key of a table
 

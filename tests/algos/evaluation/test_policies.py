@@ -182,6 +182,17 @@ class TestMlpPolicy:
         policy.vector[:] = np.random.default_rng(0).normal(0, 1, policy.mlp.n_parameters)
         return policy
 
+    def test_a_pair_with_a_dictionary_is_an_observation(self):
+        """And not what `reset` returns, for which SB3 takes it."""
+        inner = spaces.Dict(x=spaces.Discrete(2))
+        policy = MlpPolicy(spaces.Tuple([box(2), inner]), spaces.Discrete(3), [4])
+        policy.vector[:] = np.random.default_rng(0).normal(size=policy.mlp.n_parameters)
+        points = np.eye(2, dtype=np.float32)
+        one = [policy.predict((point, {"x": i}))[0] for i, point in enumerate(points)]
+        assert policy.predict((points, {"x": np.arange(2)}))[0].tolist() == one
+        with pytest.raises(ValueError, match="You have passed a tuple"):
+            MlpPolicy(box(2), box(2)).predict((points[0], {}))
+
     def test_predict_is_the_evaluators_function(self, policy):
         observations = np.random.default_rng(1).normal(0, 1, (6, 3)).astype(np.float32)
         expected = act(policy.mlp, policy.vector[None], observations)

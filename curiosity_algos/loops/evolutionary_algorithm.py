@@ -355,8 +355,11 @@ class EvolutionaryAlgorithm(PopulationModel):
     def _run_generation(self) -> dict[str, Any]:
         """Run a generation; the entries of callbacks' `locals`."""
         assert self.evaluator is not None
+        assert self.env is not None
         parameters = self._ask()
         rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())
+        if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again
+            self.env.seed(self._episodes.current + 1)
         if len(rollouts) != len(parameters):
             raise ValueError(
                 f"`evaluator` must give one episode of each of {len(parameters)} policies, got "

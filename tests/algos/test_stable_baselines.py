@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import sb3_contrib
@@ -26,8 +27,9 @@ from stable_baselines3.common.callbacks import (
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from curiosity_algos import TD3ICM, CuriosityES
+from curiosity_algos import TD3ICM, CanonicalES, CuriosityES
 
 
 @pytest.fixture(params=[CuriosityES, TD3ICM], ids=lambda algorithm: algorithm.__name__)
@@ -47,6 +49,20 @@ def test_policies_are_evaluated(any_algorithm, make_model, make_easy_maze):
     model = make_model(any_algorithm, env).learn(600)
     returns, lengths = evaluate_policy(model, env, n_eval_episodes=2, return_episode_rewards=True)
     assert returns == [1.0 - lengths[0] / 64 if lengths[0] < 64 else 0.0] * 2
+
+
+@pytest.mark.parametrize("kind", [DummyVecEnv, SubprocVecEnv])
+def test_episodes_of_a_vec_env_differ_again_after_training(kind, make_model):
+    """Those of a generation have begun alike; what comes next is to be no copies of one."""
+    env = kind([make_pendulum] * 3)
+    model = make_model(CanonicalES, env).learn(1000)
+    returns, _ = evaluate_policy(model, env, n_eval_episodes=6, return_episode_rewards=True)
+    assert len(set(returns)) == 6
+    env.close()
+
+
+def make_pendulum():
+    return Monitor(gym.make("Pendulum-v1"))
 
 
 def test_training_stops_when_nothing_improves(

@@ -172,7 +172,10 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     @gathered.setter
     def gathered(self, value: dict[str, Any]) -> None:
-        vars(self._accumulator).update(copy.deepcopy(value))
+        if not isinstance(self._accumulator, _LastStep):
+            own = vars(self._accumulator)
+            own.clear()  # of what came since
+            own.update(copy.deepcopy(value))
 
     def _behavior(self) -> Float64Array:
         """A new array: environments may write into the same one at every step."""

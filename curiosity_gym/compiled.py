@@ -102,7 +102,7 @@ class ThreadPool:
         """
         if n_threads is not None:
             check_at_least_one(n_threads=n_threads)
-        self.n_threads = n_threads or available_cpus()
+        self.n_threads = int(n_threads or available_cpus())
         self._executor: ThreadPoolExecutor | None = None
         self._owner = os.getpid()
 

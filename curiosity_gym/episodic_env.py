@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from curiosity_gym.core import Float32Array, FloatArray, Frame
 from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
 from curiosity_gym.simulation import BaseSimulation
-from curiosity_gym.validation import check_render_mode
+from curiosity_gym.validation import as_float32, check_render_mode
 
 
 class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
@@ -98,11 +98,11 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
             gymnasium.error.ResetNeeded: If no episode is under way.
             SimulationError: If the physics of a control task became unstable.
         """
-        action = np.asarray(action, dtype=np.float32)
+        given, action = action, as_float32(action)
         # Python's own loop: a few numbers are checked before an array function has begun.
         if action.shape != self._action_shape or not all(map(math.isfinite, action.tolist())):
             raise ValueError(
-                f"`action` must be {self._action_shape[0]} finite numbers, got {action!r}."
+                f"`action` must be {self._action_shape[0]} finite numbers, got {given!r:.60}."
             )
         if self._t < 0 or self._ended:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
@@ -142,6 +142,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
+            ValueError: If starts are random, and a generator is no PCG64, as Gymnasium's are.
         """
         if self._t < 0:
             raise ResetNeeded("Call reset() before state_dict(): there is no episode.")

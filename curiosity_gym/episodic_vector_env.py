@@ -19,7 +19,14 @@ from gymnasium.wrappers import TimeLimit
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.validation import check_at_least_one, check_choice, check_render_mode
+from curiosity_gym.validation import (
+    as_float32,
+    check_at_least_one,
+    check_bool,
+    check_choice,
+    check_render_mode,
+    check_seed,
+)
 
 CONTRACT = ("behavior_space", "behavior_names", "coverage_grid", "horizon", "sparse")
 """Attributes that single and vector environments have alike."""
@@ -75,11 +82,14 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         **keywords: Any,
     ) -> None:
         check_at_least_one(num_envs=num_envs)
+        num_envs = int(num_envs)  # one of numpy may have no room for what is counted with it
         if max_episode_steps == -1:  # as `gymnasium.make` has it
             max_episode_steps = None
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
+            max_episode_steps = int(max_episode_steps)
         check_render_mode(render_mode)
+        check_bool(copy=copy)
         if not isinstance(autoreset_mode, AutoresetMode):
             check_choice(tuple(mode.value for mode in AutoresetMode), autoreset_mode=autoreset_mode)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -129,27 +139,31 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
                 of a single env.
 
         Raises:
-            ValueError: If seeds are not as many as envs, or an option is not what it may be.
+            ValueError: If a seed is not what it may be, seeds are not as many as envs, or an option
+                is not what it may be.
         """
-        if isinstance(seed, Sequence | np.ndarray) and len(seed) != self.num_envs:
-            raise ValueError(
-                f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seed)}."
-            )
-        seed = int(seed) if isinstance(seed, Integral) else seed
+        seeds = self._seeds(seed)
         mask = self._reset_mask(options)
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        self._seed_generators(seed, mask)
+        super().reset(seed=int(seed) if isinstance(seed, Integral) else None)
+        for i in np.flatnonzero(mask).tolist() if self._rngs else ():
+            if (own := seeds[i]) is not None:
+                self._rngs[i] = seeding.np_random(own)[0]
         self._begin(mask, options)
         return self._handed_out(), self._infos(mask)
 
-    def _seed_generators(self, seed: int | Sequence[int | None] | None, mask: Mask) -> None:
-        """Begin the generators of the envs of `mask` anew where there is a seed for them."""
-        if seed is None or not self._rngs:
-            return
-        seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
-        rngs = [None if each is None else seeding.np_random(each)[0] for each in seeds]
-        for i in np.flatnonzero(mask).tolist():
-            self._rngs[i] = rngs[i] or self._rngs[i]
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """The seed of each env."""
+        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+            check_seed(seed)
+            return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        seeds = list(seed)
+        if len(seeds) != self.num_envs:
+            raise ValueError(
+                f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seeds)}."
+            )
+        for each in seeds:
+            check_seed(each)
+        return [None if each is None else int(each) for each in seeds]
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         mask = None if options is None else options.get("reset_mask")
@@ -188,7 +202,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             SimulationError: If the physics of a control task became unstable; every env needs a
                 reset then.
         """
-        actions = np.ascontiguousarray(actions, dtype=np.float32)
+        actions = np.ascontiguousarray(as_float32(actions))
         if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
             raise ValueError(f"`actions` must be finite, of shape {self.action_space.shape}.")
         is_disabled = self.autoreset_mode == AutoresetMode.DISABLED
@@ -272,6 +286,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
+            ValueError: If starts are random, and a generator is no PCG64, as Gymnasium's are.
         """
         if not self._is_ready:
             raise ResetNeeded("Call reset() before state_dict(): an env has no episode.")

@@ -9,6 +9,8 @@ from numbers import Real
 
 import numpy as np
 
+from curiosity_gym.core import Float32Array
+
 LARGEST_COUNT = 10**9
 """Beyond it no run ends, no memory holds so many, and 32 bits cannot number them."""
 LARGEST = 1e12
@@ -71,6 +73,14 @@ def check_seed(seed: object) -> None:
     """Raise ValueError unless `seed` is None or a whole number of at least 0."""
     what = "None or a whole number of at least 0"
     _check(lambda value: value is None or _is_whole(value, 0, math.inf), what, {"seed": seed})
+
+
+def as_float32(values: object) -> Float32Array:
+    """The values as an array, without a copy where they are one; no numbers are an empty one."""
+    try:
+        return np.asarray(values, dtype=np.float32)
+    except (TypeError, ValueError):
+        return np.empty(0, dtype=np.float32)
 
 
 def _check(is_valid: Callable[[object], bool], what: str, values: Mapping[str, object]) -> None:

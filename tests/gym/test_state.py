@@ -241,6 +241,14 @@ def test_a_start_at_a_walls_very_edge_is_no_place_inside_it():
     np.testing.assert_array_equal(env.step(np.zeros(2))[0], other.step(np.zeros(2))[0])
 
 
+def test_a_generator_of_another_kind_is_named():
+    env = make(ROBOT_ID).unwrapped
+    env.np_random = np.random.Generator(np.random.MT19937(0))
+    env.reset()
+    with pytest.raises(ValueError, match="`np_random` must be a PCG64, got one of MT19937"):
+        env.state_dict()
+
+
 class TestFrames:
     def test_of_a_maze_are_those_of_the_original(self):
         env, other = (make("Maze-US-v0", render_mode="rgb_array").unwrapped for _ in range(2))

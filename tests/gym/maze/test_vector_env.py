@@ -190,6 +190,9 @@ class TestReset:
         for seeds in ([1, 2], np.array([1, 2])):
             with pytest.raises(ValueError, match=f"`seed` must hold {N_ENVS} seeds"):
                 make_native().reset(seed=seeds)
+        for seeds in (-1, 1.5, "seeded", [1.5] * N_ENVS, [-1] * N_ENVS):
+            with pytest.raises(ValueError, match="`seed` must be None or a whole number of at lea"):
+                make_native().reset(seed=seeds)
 
 
 class TestStep:
@@ -218,11 +221,13 @@ class TestStep:
             np.zeros((N_ENVS, 3)),
             np.zeros((N_ENVS - 1, 2)),
             np.zeros(2 * N_ENVS),
+            "a",
+            [[0.0, 0.0], [0.0]],
         ]:
             envs, twins = make_native(), make_native()
             for each in (envs, twins):
                 each.reset()
-            with pytest.raises(ValueError, match="actions"):
+            with pytest.raises(ValueError, match="`actions` must be finite, of shape"):
                 envs.step(actions)
             assert_identical(envs.step(random_actions(1)[0]), twins.step(random_actions(1)[0]))
 
@@ -296,11 +301,22 @@ class TestMakeVec:
             infos = envs.step(action)[4]
         assert len(infos) >= 4
 
+    def test_counts_of_numpy_have_room(self):
+        counts = {"num_envs": np.uint8(3), "max_episode_steps": np.uint8(255)}
+        envs = make_native(**counts, n_threads=np.int8(2), horizon=1000, autoreset_mode="Disabled")
+        envs.reset(seed=254)
+        for _ in range(255):
+            *_, truncated, _ = envs.step(np.zeros((3, 2)))
+        assert truncated.all()
+        envs.load_state_dict(envs.state_dict())
+
     def test_rejects_bad_keywords(self):
         for keyword, value in [
             ("num_envs", 0),
             ("num_envs", 1.5),
             ("n_threads", 0),
+            ("copy", None),
+            ("copy", 0),
             ("render_mode", "human"),
             ("autoreset_mode", "Sometimes"),
             ("horizon", 0),

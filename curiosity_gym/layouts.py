@@ -19,6 +19,7 @@ import numpy as np
 
 from curiosity_gym.core import Float64Array, Mask
 from curiosity_gym.maze.reachability import Region, reachable_region
+from curiosity_gym.validation import LARGEST
 
 ROBOT_RADIUS = 1.0
 GOAL_RADIUS = 2.0
@@ -35,8 +36,8 @@ class MazeLayout:
 
     Args:
         name: What the maze is called.
-        width: Extent of the world along x, above `2 * ROBOT_RADIUS`.
-        height: Extent of the world along y, above `2 * ROBOT_RADIUS`.
+        width: Extent of the world along x, above `2 * ROBOT_RADIUS`, at most 1e12.
+        height: Extent of the world along y, above `2 * ROBOT_RADIUS`, at most 1e12.
         start: The robot's first position (x, y), at least `ROBOT_RADIUS` from walls and border.
         goal: The goal (x, y), outside the walls, in reach of the robot up to `GOAL_RADIUS`.
         walls: (n, 4) x, y of the lower left corner, width and height; kept as a read-only copy. At
@@ -179,8 +180,9 @@ def _reachable(layout: MazeLayout) -> Region:
 
 def _number_above(limit: float, field: str, value: object) -> float:
     number = float(_floats(field, value, "a number", ()))
-    if number <= limit:
-        raise ValueError(f"{field} must be above {limit:g}, got {number:g}.")
+    if not limit < number <= LARGEST:
+        what = f"above {limit:g}, at most {LARGEST:.0e}"
+        raise ValueError(f"{field} must be {what}, got {number:g}.")
     return number
 
 

@@ -119,10 +119,10 @@ def build_maze(
         height=float(layout.height),
         goal_x=float(layout.goal[0]),
         goal_y=float(layout.goal[1]),
-        goal_radius=float(goal_radius),
-        max_speed=float(max_speed),
-        max_acceleration=float(max_acceleration),
-        restitution=float(restitution),
+        goal_radius=goal_radius,
+        max_speed=max_speed,
+        max_acceleration=max_acceleration,
+        restitution=restitution,
     )
 
 

@@ -110,29 +110,30 @@ class MazeEnv(EpisodicEnv):
         self.layout = layout = resolve_layout(layout)
         diagonal = math.hypot(layout.width, layout.height)
         lidar_range = LIDAR_SHARE * diagonal if lidar_range is None else lidar_range
-        positive = {"max_speed": max_speed, "max_acceleration": max_acceleration}
-        check_positive(**positive, lidar_range=lidar_range, goal_radius=goal_radius)
+        positive = {
+            "max_speed": max_speed,
+            "max_acceleration": max_acceleration,
+            "lidar_range": lidar_range,
+            "goal_radius": goal_radius,
+        }
+        check_positive(**positive)
         check_share(restitution=restitution)
         check_at_least_one(horizon=horizon, n_beams=n_beams)
         if closest_approach(layout) >= goal_radius:
             raise ValueError(
                 f"`goal_radius` must let the robot come near enough, got {goal_radius!r}."
             )
-        self.lidar_range = float(lidar_range)
-        self.maze = build_maze(
-            layout,
-            n_beams=n_beams,
-            lidar_range=lidar_range,
-            restitution=restitution,
-            goal_radius=goal_radius,
-            **positive,
-        )
+        # One of numpy may have half the precision, in which walls would not be where they are.
+        numbers = {name: float(value) for name, value in positive.items()}
+        self.lidar_range = numbers["lidar_range"]
+        n_beams = int(n_beams)
+        self.maze = build_maze(layout, n_beams=n_beams, restitution=float(restitution), **numbers)
         make_viewer = partial(
             MazeViewer,
             layout,
             n_beams=n_beams,
             beam_range=self.lidar_range,
-            goal_radius=float(goal_radius),
+            goal_radius=numbers["goal_radius"],
         )
         super().__init__(
             MazeSimulation(layout, self.maze, self.lidar_range, n_threads=1),

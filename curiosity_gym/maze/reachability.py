@@ -125,4 +125,5 @@ def _flood(free: Mask, reached: Mask) -> Mask:
                 is_left[other] = False
                 pending.append(other)
     never_reached = np.frombuffer(is_left, dtype=bool).reshape(left.shape)[1:-1, 1:-1]
-    return free & ~never_reached
+    region: Mask = free & ~never_reached
+    return region

@@ -1,5 +1,6 @@
 """Drawing a robot in its maze: frames by Pillow."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -76,7 +77,9 @@ class MazeViewer:
         width, height = (side * _SUPERSAMPLING for side in self._frame_size)
         image = Image.new("RGB", (width, height), FLOOR)
         canvas = ImageDraw.Draw(image)
-        self._draw_disk(canvas, layout.goal, goal_radius, fill=GOAL_AREA, outline=GOAL)
+        covers_all = 2.0 * math.hypot(layout.width, layout.height)  # Pillow takes long for more
+        radius = min(goal_radius, covers_all)
+        self._draw_disk(canvas, layout.goal, radius, fill=GOAL_AREA, outline=GOAL)
         for low, size in layout.walls.reshape(-1, 2, 2):
             left, bottom = self._pixels(low)
             right, top = self._pixels(low + size)

@@ -83,6 +83,7 @@ class TestFields:
             {"name": 3},
             {"width": 2.0},
             {"width": -30.0},
+            {"width": 1.1e12},
             {"height": np.inf},
             {"height": np.nan},
             {"height": "20"},

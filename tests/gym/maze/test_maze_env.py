@@ -12,7 +12,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.layouts import MazeLayout, reachable_cells
-from curiosity_gym.maze.dynamics import DT
+from curiosity_gym.maze.dynamics import DT, same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.registration import SPECS
 
@@ -259,11 +259,12 @@ class TestStep:
         env.step(FREE)
 
     def test_rejects_a_bad_action_and_does_not_move(self):
-        for action in [(np.nan, 0.0), (0.0, np.inf), (-np.inf, 0.0), (0.0,), (0.0, 0.0, 0.0), 0.0]:
+        numbers = [(np.nan, 0.0), (0.0, np.inf), (-np.inf, 0.0), (0.0,), (0.0, 0.0, 0.0), 0.0]
+        for action in [*map(np.float32, numbers), {}, "a", [[0.0], 0.0], None]:
             env = MazeEnv("hard")
             _, before = env.reset()
-            with pytest.raises(ValueError, match="action"):
-                env.step(np.array(action, dtype=np.float32))
+            with pytest.raises(ValueError, match="`action` must be 2 finite numbers"):
+                env.step(action)
             *_, after = env.step(FREE)
             np.testing.assert_array_equal(after["behavior"], before["behavior"])
 
@@ -341,6 +342,21 @@ def test_rejects_bad_keywords_by_name():
     for keyword, value in BAD_KEYWORDS:
         with pytest.raises(ValueError, match=keyword):
             MazeEnv(**({"layout": small_layout()} | {keyword: value}))
+
+
+def test_a_number_of_numpy_is_that_number():
+    """One of half the precision, too: walls that were laid out with it let the robot through."""
+    layout = MazeLayout("far", 1000, 1000, (10, 10), (990, 10), [(491.611, 491.611, 200, 200)])
+    start = {"state": (390.62, 390.62, 1000.0, 1000.0)}
+    half = dict.fromkeys(["max_speed", "max_acceleration", "lidar_range", "goal_radius"], 1000)
+    one, other = (
+        MazeEnv(layout, n_beams=kind(8), **{name: of(value) for name, value in half.items()})
+        for kind, of in ((int, float), (np.uint8, np.float16))
+    )
+    assert same_maze(one.maze, other.maze)
+    for env in (one, other):
+        env.reset(options=start)
+        assert env.step(FREE)[4]["position"][0] < 491.611 - 1.0
 
 
 def test_rejects_a_goal_radius_that_the_robot_cannot_come_within():

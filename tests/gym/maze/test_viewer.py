@@ -58,6 +58,12 @@ class TestDraw:
         assert color_at(frame, x, y - 7.0) == rgb("GOAL_AREA")
         assert color_at(frame, x, y + 8.8) == rgb("FLOOR")
 
+    def test_an_area_of_any_size_is_drawn_at_once(self):
+        frames = [make_viewer(goal_radius=r).draw(AT_REST, NO_BEAMS) for r in (600.0, 1e4, 1e12)]
+        assert color_at(frames[0], 195.0, 195.0) == rgb("GOAL_AREA")
+        for frame in frames[1:]:
+            np.testing.assert_array_equal(frame, frames[0])
+
     def test_beam_points_to_its_angle(self):
         for i in [0, 8, 16, 24]:
             beams = NO_BEAMS.copy()

@@ -53,7 +53,7 @@ def headline() -> str:
         [
             "Goals of three mazes found, told nothing",
             f"CuriosityES: {_found(mazes, 'CuriosityES')}",
-            f"MAP-Elites, told the position: {_found(mazes, 'MAPElites')}",
+            f"MAP-Elites, told position and velocity: {_found(mazes, 'MAPElites')}",
         ],
         [
             "The same by Stable-Baselines3's PPO, with a bonus around its environment",

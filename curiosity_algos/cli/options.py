@@ -57,8 +57,8 @@ Trust = Annotated[
 NEnvs = Annotated[
     int,
     typer.Option(
-        help="Environments side by side, for an algorithm of Stable-Baselines3's own. Those of "
-        "this package are stepped at once."
+        help="Environments side by side, for an algorithm of Stable-Baselines3's own. Mazes, "
+        "control tasks and robots of this package are stepped at once."
     ),
 ]
 RepeatAction = Annotated[

@@ -23,7 +23,7 @@ PRETRAINED = tuple(sorted(tuple(name.split("_", 1)) for name in _FILES))
 
 
 def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
-    """A policy that found the goal, of the best run of the results that was trained again.
+    """A policy of the algorithm's best run of the results, trained again but for those of robots.
 
     It `predict`s as a trained model does; `evaluate_policy` takes it for one.
 

@@ -51,7 +51,11 @@ def test_what_is_not_there_is_said():
         ("curiosity_ee", ONE[1], "did you mean CuriosityES"),
         ("curiosity_es", "CuriosityMaze-Hrd-v0", "did you mean CuriosityMaze-Hard-v0"),
         ("td3icm", ONE[1], "`pretrained` TD3ICM is there for nothing, not for CuriosityMaze-Hard"),
-        ("nses", "CuriosityMaze-v0", "`pretrained` NSES is there for CuriosityMaze-Hard-v0, "),
+        (
+            "nses",
+            "CuriosityMaze-v0",
+            "`pretrained` NSES is there for CuriosityLocomotion-AntTrap-v0, ",
+        ),
     ]:
         with pytest.raises(ValueError, match=message):
             load_pretrained(algorithm, env_id)

@@ -78,6 +78,7 @@ def _decode_kind(kind: str, description: Any) -> Any:
 def _describe_array(array: Array) -> dict[str, Any]:
     if array.dtype.kind not in _NUMBERS:
         raise TypeError(f"JSON has no description of an array of {array.dtype}.")
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)  # names say no byte order
     data = base64.b64encode(array.tobytes()).decode()
     return {"dtype": array.dtype.name, "shape": list(array.shape), "bytes": data}
 
@@ -102,7 +103,7 @@ def _describe_fields(instance: CoverageGrid | MazeLayout) -> dict[str, Any]:
 
 
 def _box(low: Array, high: Array) -> spaces.Box[Any]:
-    return spaces.Box(low, high, dtype=low.dtype.type)
+    return spaces.Box(low, high, shape=low.shape, dtype=low.dtype.type)
 
 
 def _describe_generator(rng: np.random.Generator) -> dict[str, Any]:

@@ -29,6 +29,11 @@ def test_arrays_keep_every_bit(dtype):
         assert read.flags.writeable
 
 
+def test_arrays_of_another_byte_order_keep_their_numbers():
+    numbers = np.arange(3, dtype=np.dtype(np.float32).newbyteorder())
+    np.testing.assert_array_equal(round_trip(numbers), [0, 1, 2])
+
+
 def test_numpys_scalars_stay_what_they_are(assert_same):
     for scalar in (np.float32(0.1), np.int64(3), np.bool_(True)):
         assert_same(round_trip(scalar), scalar)
@@ -102,6 +107,8 @@ def test_what_would_change_its_type_has_no_description():
         spaces.Box(-np.inf, 3.0, (2,)),
         spaces.Box(np.array([0.1, 0.2]), np.array([1.0, 2.0]), dtype=np.float64),
         spaces.Box(0, 255, (2, 2, 1), np.uint8),
+        spaces.Box(-1.0, 1.0, ()),
+        spaces.Dict(speed=spaces.Box(0, 3, (), np.int64)),
         spaces.Discrete(4),
         spaces.Discrete(3, start=2),
         spaces.MultiBinary(3),

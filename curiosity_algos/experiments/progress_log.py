@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -13,7 +14,7 @@ from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import plain
-from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.reading import read_rows, read_texts
 
 TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
 """Columns that say when a row was logged."""
@@ -26,6 +27,11 @@ Row: TypeAlias = Mapping[str, Any]
 def in_order(names: Iterable[str]) -> list[str]:
     """Columns in the order that they have in every file: when, and then by the alphabet."""
     return sorted(set(names), key=lambda name: (name != TIMESTEPS, name != SECONDS, name))
+
+
+def _entry(value: Any) -> Any:
+    """What a row has of a value; a carriage return would end the row."""
+    return re.sub("\r\n?", "\n", value) if isinstance(value, str) else plain(value)
 
 
 class ProgressLog(KVWriter):
@@ -44,13 +50,13 @@ class ProgressLog(KVWriter):
     def __init__(self, path: Path, timesteps: int, state: Callable[[], dict[str, float]]) -> None:
         rows = read_rows(path)
         late = [i for i, row in enumerate(rows) if float(row.get(TIMESTEPS, 0)) > timesteps]
-        rows = rows[: late[0]] if late else rows
+        texts = read_texts(path)[: late[0] if late else None]
         self.pending: dict[str, Any] = {}
         self._path = path
         self._state = state
-        self._last: Row = rows[-1] if rows else {}
-        self._names = in_order(name for row in rows for name in row)
-        self._write_all(rows)
+        self._last: Row = rows[len(texts) - 1] if texts else {}
+        self._names = in_order(name for row in texts for name in row)
+        self._write_all(texts)
 
     def write(
         self, key_values: Row, key_excluded: Mapping[str, tuple[str, ...]], step: int = 0
@@ -69,13 +75,13 @@ class ProgressLog(KVWriter):
 
     def _add_row(self) -> None:
         loggable = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
-        row = {k: plain(value) for k, value in self.pending.items() if isinstance(value, loggable)}
+        row = {k: _entry(value) for k, value in self.pending.items() if isinstance(value, loggable)}
         self._last = row | self._state()
         self.pending = {}
         names = in_order([*self._names, *self._last])
         if names != self._names:
             self._names = names
-            self._write_all([*read_rows(self._path), self._last])
+            self._write_all([*read_texts(self._path), self._last])
         else:
             with open(self._path, "a", encoding="utf-8", newline="") as file:
                 file.write(self._as_text([self._last]))

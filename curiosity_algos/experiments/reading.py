@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Mapping
@@ -98,18 +99,27 @@ def read_final_states(paths: list[Path]) -> Columns:
     return {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]}
 
 
+def read_texts(path: Path) -> list[dict[str, str]]:
+    """The rows of a log without empty entries, as they are written; none where there is no file."""
+    try:
+        read = path.read_bytes() if path.is_file() else b""
+        whole = read[: read.rfind(b"\n") + 1].decode()  # a kill may leave half of the last
+        rows = csv.DictReader(io.StringIO(whole, newline=""))
+        return [{name: text for name, text in row.items() if text} for row in rows]
+    except (ValueError, csv.Error) as error:
+        raise damaged(path) from error
+
+
 def read_rows(path: Path) -> list[dict[str, float | str]]:
     """The rows of a log without empty entries, numbers and text; none where there is no file.
 
-    Whole numbers without a point are integers, so that all are written again as they were.
+    Whole numbers without a point are integers.
     """
+    texts = read_texts(path)
     try:
-        lines = path.read_text().splitlines(keepends=True) if path.is_file() else []
-        whole = [line for line in lines if line.endswith("\n")]  # a kill may leave half of the last
         # Surplus entries are a list, with the name None.
-        texts = [{k: text for k, text in row.items() if text} for row in csv.DictReader(whole)]
         return [{name: _entry(name, text) for name, text in row.items()} for row in texts]
-    except (AttributeError, ValueError, csv.Error) as error:
+    except (AttributeError, ValueError) as error:
         raise damaged(path) from error
 
 

@@ -64,6 +64,20 @@ def test_columns_of_the_users_own_are_kept(path):
     assert "picture" not in before[0]
 
 
+@pytest.mark.parametrize("text", ["007", "1e5", "-5", "Infinity", "é", "a\nb", "a\x0cb\x85\u2028c"])
+def test_a_text_stays_as_it_is_when_another_column_comes(text, path):
+    log = log_rows(path, 0, 1, **{"mine/é": text})
+    row = path.read_bytes().partition(b"\n")[2]
+    log.write({"time/fps": 1, "z": 0}, {})
+    assert row.removesuffix(b"\n") + b"," in path.read_bytes()
+
+
+def test_a_carriage_return_ends_no_row(path):
+    log = log_rows(path, 0, 1, text="a\rb")
+    log.write({"time/fps": 1, "z": 0}, {})
+    assert read_rows(path)[0]["text"] == "a\nb"
+
+
 def test_columns_have_one_order_whenever_they_appear(path, tmp_path):
     stands = {TIMESTEPS: 1, "time/seconds": 0.5, "coverage/all": 0.1}
     for logged in (["a", "train/z"], ["train/z"]), (["train/z"], ["a"]):

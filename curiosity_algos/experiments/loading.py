@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -32,8 +32,7 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
         folders = [folders]
     found: dict[Path, Path] = {}
     for folder in folders:
-        # Which passes over folders that vanish, as checkpoints do while a run goes on.
-        runs = sorted(Path(path) for path, _, files in os.walk(Path(folder)) if "run.json" in files)
+        runs = sorted(_runs_in(folder))
         if not runs:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:
@@ -41,6 +40,18 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
     if not found:
         raise FileNotFoundError("`folders` must hold runs, there is no folder in it.")
     return list(found.values())
+
+
+def _runs_in(folder: StrPath) -> Iterator[Path]:
+    """The folders of runs, behind links, too, of which those that lead back are not followed."""
+    seen = set()
+    # Which passes over folders that vanish, as checkpoints do while a run goes on.
+    for path, inner, files in os.walk(folder, followlinks=True):
+        if "run.json" in files:
+            yield Path(path)
+        if (real := os.path.realpath(path)) in seen:
+            inner.clear()
+        seen.add(real)
 
 
 def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:

@@ -13,7 +13,10 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(file: int) -> None:
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        try:
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError from error
 else:
     import fcntl
 
@@ -31,7 +34,8 @@ class FileLock:
         path: File to hold, which is made where there is none.
 
     Raises:
-        OSError: If another process holds it, or another thread that is alive.
+        BlockingIOError: If another process holds it, or another thread that is alive.
+        OSError: If it cannot be made or held.
     """
 
     _held: ClassVar[weakref.WeakValueDictionary[Path, FileLock]] = weakref.WeakValueDictionary()

@@ -63,11 +63,12 @@ class RunFolder:
 
         Raises:
             ValueError: If another process trains in the folder, or another thread.
+            OSError: If the folder cannot be written to.
         """
         self.path.mkdir(parents=True, exist_ok=True)
         try:
             return FileLock(self._lock)
-        except OSError as error:
+        except BlockingIOError as error:
             raise ValueError(f"`folder` must not be at work: {self.path} is.") from error
 
     # -- what the run is ------------------------------------------------------------------------

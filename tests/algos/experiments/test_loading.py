@@ -35,6 +35,13 @@ def test_folders_may_be_one_or_several(folder):
     assert load_progress([one, folder]).equals(load_progress(folder))  # none of them twice
 
 
+def test_links_are_followed_and_none_in_a_circle(folder, tmp_path_factory):
+    linked = tmp_path_factory.mktemp("linked")
+    (linked / "one").symlink_to(folder / "CanonicalES")
+    (linked / "again").symlink_to(linked)
+    assert len(find_runs(linked)) == len(find_runs(folder / "CanonicalES")) == 2
+
+
 def test_checkpoints_may_come_and_go_meanwhile(folder, monkeypatch):
     gone = folder / "CanonicalES" / "0" / "checkpoints"
 

@@ -127,6 +127,12 @@ def test_one_process_at_a_time(run):
     held.close()
 
 
+def test_a_folder_that_cannot_be_written_is_not_one_at_work(run):
+    (run.path / "lock").mkdir(parents=True)
+    with pytest.raises(IsADirectoryError):
+        run.lock()
+
+
 def test_one_thread_at_a_time(run):
     held = run.lock()
     with ThreadPoolExecutor(1) as pool:

@@ -46,8 +46,15 @@ class Reservoir:
         return {**stacked, "n_seen": np.array(self.n_seen), "rng": np.array(state)}
 
     def load(self, arrays: Mapping[str, Array]) -> None:
-        """Take over what `arrays` gave."""
+        """Take over what `arrays` gave; of another size, that of what is kept where it is smaller.
+
+        Where policies were left out, more room would make those that come later likelier.
+        """
         columns = [arrays[name] for name in FIELDS]
         self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
         self.n_seen = int(arrays["n_seen"])
         load_generator_state(self._rng, str(arrays["rng"]))
+        while len(self._kept) > self.size:
+            self._kept.pop(int(self._rng.integers(len(self._kept))))
+        if self.n_seen > len(self._kept):
+            self.size = len(self._kept)

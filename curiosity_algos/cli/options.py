@@ -115,8 +115,9 @@ def find_own_modules() -> None:
 
 
 def check_all(runs: Sequence[RunSpec]) -> None:
-    """Check that runs can begin, one of each algorithm, bonus and environment."""
-    kinds = {(run.variant, run.algorithm, run.bonus, run.env): run for run in runs}
+    """Check that runs can begin, of each algorithm, bonus and environment the highest seed's."""
+    in_order = sorted(runs, key=lambda run: run.seed)
+    kinds = {(run.variant, run.algorithm, run.bonus, run.env): run for run in in_order}
     for run in kinds.values():
         run.check()
 

@@ -77,8 +77,8 @@ def _check_actions(space: spaces.Space[Any]) -> None:
 def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[Any]) -> Any:
     """The ONNX model of a policy.
 
-    Its input `observation` is (n, O) float32, for any n, vectors as `gymnasium.spaces.flatten`
-    makes them of observations that are none. Its output `action` is (n, A) float32 in
+    Its input `observation` is (n, O) float32, for any n: observations as vectors, which
+    `model.policy.seen.many` makes of those that are none. Its output `action` is (n, A) float32 in
     the bounds of the action space, or (n,) int64 of `Discrete` actions.
 
     Args:

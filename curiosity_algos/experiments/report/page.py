@@ -62,10 +62,11 @@ NOTES = {
         "The probability of improvement (Agarwal et al. 2021): the share of the pairs of a run of "
         "the first and a run of the second in which the first has the higher best return, the "
         "higher coverage at its end, or the earlier first success; ties count one half. Runs "
-        "without a success count as later than all that had one, however long they ran. The "
-        "interval says what other seeds might have given: with three or four runs it is too "
-        "narrow, and of twenty pairs that are alike about one is marked by chance. There is a row "
-        "for each two with three runs or more."
+        "without a success count as later than all that had one before the shorter of the two "
+        "budgets was spent, and as late as those that had one after. The interval says what other "
+        "seeds might have given: with three or four runs it is too narrow, and of twenty pairs "
+        "that are alike about one is marked by chance. There is a row for each two with three "
+        "runs or more."
     ),
     "Success": (
         "That an episode ended in, where the environment reports it; where returns differ from 0 "

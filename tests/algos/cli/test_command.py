@@ -146,6 +146,7 @@ def test_version(run_here):
         (["sweep", "--backend", "slurm"], "`backend` must be one of local, ray"),
         (["sweep", "--address", "auto"], "`address` must be left out unless `backend` is ray"),
         (["sweep", "--backend", "ray", "--jobs", "2"], "`jobs` must be left out with ray"),
+        (["sweep", "--algos", "ppo", "--seeds", "99999999999,0"], "between 0 and 2**32 - 1"),
         (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),
         (["sweep", "--envs", "CuriosityMaze-US-v0,"], "--envs must be names with commas"),
         (["trian"], "trian"),

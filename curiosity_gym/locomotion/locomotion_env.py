@@ -67,8 +67,9 @@ class LocomotionEnv(EpisodicEnv):
     Args:
         env_id: Gymnasium's environment. The ids give it.
         behavior: "position", where the torso is at last: x (m), and y where the robot can leave its
-            plane, within +-30 or the bounds of the world. "feet": the share of the episode's steps at whose end each foot was
-            under a force from outside, as in QDax's "uni" tasks; Swimmer has none.
+            plane, within +-30 or the bounds of the world. "feet": the share of the episode's steps
+            at whose end each foot was under a force from outside, as in QDax's "uni" tasks; Swimmer
+            has none.
         world: Walls and a goal around Ant or Humanoid: "trap", "small_trap", "maze", a `MazeLayout`
             in meters, or what `CuriosityMaze-v0` takes for one. Observations then begin with x and
             y, with the world's bounds at -1 and 1, and episodes end within 2 m of the goal. None:

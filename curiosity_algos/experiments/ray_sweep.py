@@ -8,11 +8,8 @@ from typing import Any
 
 from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.sweep import Outcome, Train
+from curiosity_algos.experiments.sweep import MAX_RETRIES, Outcome, Train
 from curiosity_gym.validation import check_positive
-
-MAX_RETRIES = 5
-"""Times that a run is begun again on another machine, or after its process died."""
 
 
 class RayBackend:

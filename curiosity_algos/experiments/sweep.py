@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import inspect
 import os
+import signal
+from _thread import interrupt_main
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from multiprocessing import connection, get_context, parent_process
-from multiprocessing.synchronize import Event
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from threading import Thread
 from typing import Any, TypeAlias
@@ -31,6 +34,8 @@ Train: TypeAlias = Callable[[RunSpec], bool]
 """Trains a run: whether there was anything to do."""
 Backend: TypeAlias = Callable[[Sequence[RunSpec], Train], Iterator[tuple[RunSpec, Outcome]]]
 """Trains runs, wherever that is, and gives each as it ends."""
+MAX_RETRIES = 5
+"""Times that a run is begun again after its process was killed, or its machine was lost."""
 
 
 def grid(
@@ -137,6 +142,10 @@ def _train_alone(run: RunSpec, *, folder: Path, interval: float) -> bool:
 class Processes:
     """A backend: each run has a process of its own; one at a time, they are trained in this one.
 
+    A run whose process is killed, as for want of memory, begins again in another, and goes on from
+    the checkpoint in its folder. Ctrl-C is passed on to the runs under way, even if it came to this
+    process alone: they end after their generation, and a second one kills them.
+
     Args:
         jobs: Runs at a time; None: one a processor.
     """
@@ -147,45 +156,135 @@ class Processes:
 
     def __call__(self, runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
         """Train the runs, and give each as it ends."""
-        if self.jobs == 1:
-            for run in runs:
+        yield from _in_turn(runs, train) if self.jobs == 1 else _apart(runs, train, self.jobs)
+
+
+def _in_turn(runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
+    for run in runs:
+        try:
+            outcome: Outcome = train(run)
+        except Exception as error:  # of any kind, as from a process
+            outcome = error
+        yield run, outcome
+
+
+def _apart(runs: Sequence[RunSpec], train: Train, jobs: int) -> Iterator[tuple[RunSpec, Outcome]]:
+    waiting = deque((run, 1) for run in runs)
+    under_way: list[_Attempt] = []
+    try:
+        while waiting or under_way:
+            if waiting and len(under_way) < jobs:
+                attempt = _Attempt(train, *waiting.popleft())
+                under_way.append(attempt)  # before it begins: Ctrl-C may come at any time
                 try:
-                    outcome: Outcome = train(run)
-                except Exception as error:  # of any kind, as from a process
-                    outcome = error
-                yield run, outcome
-            return
+                    attempt.begin()
+                except Exception as error:  # of any kind: as of settings that cannot be sent
+                    under_way.remove(attempt)
+                    yield attempt.run, error
+                continue
+            for attempt in _ended(under_way):
+                under_way.remove(attempt)
+                outcome = attempt.end()
+                if outcome is None:
+                    waiting.append((attempt.run, attempt.number + 1))
+                else:
+                    yield attempt.run, outcome
+    finally:
+        _stop([attempt for attempt in under_way if attempt.has_begun])
+
+
+class _Attempt:
+    """A process that trains a run; `number` counts those of the same run from 1."""
+
+    def __init__(self, train: Train, run: RunSpec, number: int) -> None:
         context = get_context("spawn")
-        is_over = context.Event()
-        with ProcessPoolExecutor(self.jobs, context, _begin, (is_over,)) as pool:
-            futures = {pool.submit(_train_unless_over, train, run): run for run in runs}
-            try:
-                for future in as_completed(futures):
-                    yield futures[future], future.exception() or future.result()
-            finally:
-                is_over.set()  # those that wait for a process already cannot be canceled
-                pool.shutdown(cancel_futures=True)
+        self.run = run
+        self.number = number
+        self.pipe, self._its_pipe = context.Pipe()
+        self._process = context.Process(target=_begin, args=(self._its_pipe, train, run))
+
+    @property
+    def has_begun(self) -> bool:
+        return self._process.pid is not None
+
+    def begin(self) -> None:
+        with _ctrl_c_blocked():
+            self._process.start()
+        self._its_pipe.close()
+
+    def end(self) -> Outcome | None:
+        """Wait for the outcome; None if the process was killed, and may begin again."""
+        outcome: Outcome | None = None
+        with suppress(EOFError, OSError):  # it has ended before or while it sent anything
+            outcome = self.pipe.recv()
+        self._process.join()
+        self.pipe.close()
+        status = self._process.exitcode
+        assert status is not None
+        # One that ends by itself would do so again: without what it needs to begin, for example.
+        if outcome is None and (status >= 0 or self.number > MAX_RETRIES):
+            outcome = RuntimeError(
+                f"Its process ended without a result at attempt {self.number}, status {status}."
+            )
+        return outcome
+
+    def interrupt(self) -> None:
+        with suppress(OSError):  # it has ended
+            self.pipe.send(None)
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.join()
 
 
-_is_over: Event | None = None
-"""In a process of a sweep: set once the sweep has ended, or was interrupted."""
+def _ended(attempts: Sequence[_Attempt]) -> list[_Attempt]:
+    """Wait for the next that end."""
+    ready = connection.wait([attempt.pipe for attempt in attempts])
+    return [attempt for attempt in attempts if attempt.pipe in ready]
 
 
-def _train_unless_over(train: Train, run: RunSpec) -> Outcome:
-    if _is_over is not None and _is_over.is_set():
-        raise RuntimeError("The sweep was interrupted before this run began.")
-    return train(run)
+def _stop(attempts: Sequence[_Attempt]) -> None:
+    """Let runs end as after Ctrl-C; another one ends them at once."""
+    try:
+        for attempt in attempts:
+            attempt.interrupt()
+        for attempt in attempts:
+            attempt.end()
+    finally:
+        for attempt in attempts:
+            attempt.kill()
 
 
-def _begin(is_over: Event) -> None:
-    """End this process as soon as the one that began the sweep is gone, however it ended."""
-    global _is_over  # what a process of a pool begins with, its tasks find there
-    _is_over = is_over
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Keep Ctrl-C from processes that are begun in the block: with the sweep's, it came twice."""
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    ensure_running()  # as this begins, it lets Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin(pipe: connection.Connection, train: Train, run: RunSpec) -> None:
+    """Train a run in this process, and send its outcome."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
+    try:
+        Thread(target=_watch, args=(pipe,), daemon=True).start()
+        outcome: Outcome = train(run)
+    except BaseException as error:  # of any kind: errors of one's own are seldom made to be sent
+        outcome = RuntimeError(str(error))
+    pipe.send(outcome)
+
+
+def _watch(pipe: connection.Connection) -> None:
+    """Interrupt the run once the sweep says so; end this process as soon as the sweep's is gone."""
     parent = parent_process()
     assert parent is not None
-
-    def watch() -> None:
+    if parent.sentinel not in connection.wait([parent.sentinel, pipe]):
+        interrupt_main()
         connection.wait([parent.sentinel])
-        os._exit(1)
-
-    Thread(target=watch, daemon=True).start()
+    os._exit(1)

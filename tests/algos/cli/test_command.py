@@ -204,6 +204,26 @@ class TestSweep:
         assert run_here(*self.words, "-f", str(killed))[:2] == (0, said)
         assert {path: path.stat().st_mtime_ns for path in killed.rglob("*")} == before
 
+    @pytest.mark.parametrize("send", [os.kill, os.killpg])
+    def test_ctrl_c_leaves_runs_that_go_on(self, begin, tmp_path, send):
+        """Whether it comes to all of the sweep, as from a terminal, or to its own process alone."""
+        words = [*self.words[: -len(SMALL)], "-n", "1e12", *SMALL, "--jobs", "2"]
+        process = begin(*words, start_new_session=True, stderr=subprocess.PIPE)
+        while len(list(tmp_path.rglob("progress.csv"))) < 2 and process.poll() is None:
+            time.sleep(0.05)
+        time.sleep(0.5)
+        send(process.pid, signal.SIGINT)
+        try:
+            said = process.communicate(timeout=120)[1]
+        finally:
+            process.kill()
+        assert process.returncode == 130
+        assert "Traceback" not in said
+        assert said.endswith("Interrupted: runs go on when the same command is given again.\n")
+        assert load_runs(tmp_path)["seed"].tolist() == [0, 1]  # each has a checkpoint
+        while is_anyone_left(process.pid):
+            time.sleep(0.01)
+
     def test_gradients_are_swept_too(self, run_here, tmp_path):
         words = ["--algos", "td3_icm", "--seeds", "0", "-n", "100", "--env-kwargs", "horizon:50"]
         status, _, errors = run_here("sweep", *words, "--jobs", "1")

@@ -1,17 +1,22 @@
 """Runs of a sweep, in processes and in this one."""
 
 import io
+import multiprocessing
 import os
+import signal
 import sys
+import threading
+import time
+from dataclasses import replace
 from multiprocessing import get_context
 
 import pytest
 import slow_runs
 import torch as th
 
-from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments import load_final_states, load_runs
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.sweep import Processes, grid, sweep
+from curiosity_algos.experiments.sweep import MAX_RETRIES, Processes, grid, sweep
 from curiosity_algos.experiments.training import train
 
 SETTINGS = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
@@ -45,16 +50,69 @@ def test_a_setting_cannot_leave_the_folder(tmp_path):
     assert {".."}.isdisjoint(part for run in runs for part in run.folder(tmp_path).parts)
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
-def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path, monkeypatch):
-    # Of processes that are begun with all that they need, as others take seconds to import it.
+@pytest.fixture
+def forks(monkeypatch):
+    """Processes are begun with all that they need, as others take seconds to import it."""
+    if not hasattr(os, "fork"):
+        pytest.skip("there are no forks")
     monkeypatch.setattr(
         "curiosity_algos.experiments.sweep.get_context", lambda _: get_context("fork")
     )
+
+
+@pytest.mark.usefixtures("forks")
+def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path):
     outcomes = Processes(2)([tmp_path / str(i) for i in range(6)], slow_runs.touch)
     next(outcomes)
     outcomes.close()  # as Ctrl-C does
     assert 2 <= len(list(tmp_path.iterdir())) <= 4
+
+
+@pytest.mark.usefixtures("forks")
+def test_a_run_whose_process_is_killed_begins_again_and_stops_no_others(tmp_path):
+    n_killed = [0, MAX_RETRIES + 2, 1, 0, MAX_RETRIES]  # the second more often than is borne
+    paths = [tmp_path / str(i) / str(n) for i, n in enumerate(n_killed)]
+    for path in paths:
+        path.parent.mkdir()
+    outcomes = dict(Processes(2)(paths, slow_runs.fall))
+    with pytest.raises(RuntimeError, match=r"^Its process ended .* attempt 6, status -9\.$"):
+        raise outcomes.pop(paths[1])
+    assert outcomes == dict.fromkeys([paths[0], *paths[2:]], True)
+    assert [path.stat().st_size for path in paths] == [1, MAX_RETRIES + 1, 2, 1, MAX_RETRIES + 1]
+
+
+@pytest.mark.usefixtures("forks")
+def test_a_run_that_ends_its_process_fails_alone(tmp_path):
+    paths = [tmp_path / name for name in ("leaves", "stays")]
+    outcomes = dict(Processes(2)(paths, slow_runs.leave))
+    with pytest.raises(RuntimeError, match=r"attempt 1, status 3\.$"):
+        raise outcomes[paths[0]]
+    assert outcomes[paths[1]] is True
+
+
+def test_a_run_that_no_process_can_be_sent_fails_alone(tmp_path):
+    runs = [tmp_path / "0", lambda: None]
+    (outcome,) = [outcome for run, outcome in Processes(2)(runs, slow_runs.touch) if run is runs[1]]
+    assert "pickle" in str(outcome)
+
+
+def press_ctrl_c(*paths):
+    """Interrupt this process once there is something at each path, one after another."""
+    for path in paths:
+        while not path.exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.usefixtures("forks")
+def test_a_second_ctrl_c_ends_runs_that_go_on_after_the_first(tmp_path):
+    path = tmp_path / "run"
+    other = threading.Thread(target=press_ctrl_c, args=(path, path.with_suffix(".interrupted")))
+    other.start()
+    with pytest.raises(KeyboardInterrupt):
+        list(Processes(2)([path], slow_runs.hang))
+    other.join()
+    assert multiprocessing.active_children() == []
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -98,8 +156,29 @@ def make_run(seed, **settings):
     return RunSpec("MAPElites", "CuriosityMaze-US-v0", seed, 100, kwargs, small)
 
 
+def test_a_run_whose_process_is_killed_goes_on_from_its_checkpoint(tmp_path, assert_same):
+    here, there = tmp_path / "here", tmp_path / "there"
+    run = replace(make_run(0), timesteps=60_000)
+    sweep([run], here, backend=Processes(1))
+    killed = []
+
+    def kill():
+        while not list(there.rglob("checkpoints/[0-9]*")):
+            time.sleep(0.01)
+        killed.extend(multiprocessing.active_children())
+        for process in killed:
+            process.kill()
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    sweep([run], there, backend=Processes(2), interval=0.05)
+    killer.join()
+    assert [process.exitcode for process in killed] == [-signal.SIGKILL]
+    assert_same(*(load_final_states(run.folder(folder)) for folder in (here, there)))
+
+
 def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
-    monkeypatch.setattr("curiosity_algos.experiments.sweep.ProcessPoolExecutor", None)
+    monkeypatch.setattr("curiosity_algos.experiments.sweep.get_context", None)
     th.set_num_threads(2)
     runs = [make_run(0), make_run(1, population_size="many"), make_run(2)]
     blocked = runs[2].folder(tmp_path)

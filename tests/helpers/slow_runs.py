@@ -1,8 +1,11 @@
-"""Runs for a sweep's backend, each a path: what they leave there says what became of them."""
+"""Runs for a sweep's backend, most of them a path: what they leave there says what they met."""
 
 import os
 import signal
 import time
+
+from curiosity_algos.experiments import RunFolder
+from curiosity_algos.experiments.training import train
 
 
 def touch(path):
@@ -30,10 +33,22 @@ def leave(path):
 
 
 def hang(path):
-    """Go on through a first Ctrl-C, and never end."""
+    """Go on through a first Ctrl-C, which leaves a file, and never end."""
+    signal.signal(signal.SIGINT, lambda *_: path.with_suffix(".interrupted").touch())
     path.touch()
     while True:
-        try:
-            time.sleep(0.01)
-        except KeyboardInterrupt:
-            path.with_suffix(".interrupted").touch()
+        time.sleep(0.01)
+
+
+def fall_after_a_checkpoint(run, folder):
+    """Train a run in a process that is killed once, after a checkpoint; a file says after which."""
+    commit, killed = RunFolder.commit, folder / "killed"
+
+    def commit_and_fall(self, timesteps, write):
+        commit(self, timesteps, write)
+        if timesteps and not killed.exists():
+            killed.write_text(str(timesteps))
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    RunFolder.commit = commit_and_fall
+    return train(run, run.folder(folder), interval=1e-6)

@@ -5,9 +5,9 @@ import multiprocessing
 import os
 import signal
 import sys
-import threading
 import time
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 
 import pytest
@@ -16,7 +16,14 @@ import torch as th
 
 from curiosity_algos.experiments import load_final_states, load_runs
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.sweep import MAX_RETRIES, Processes, grid, sweep
+from curiosity_algos.experiments.sweep import (
+    MAX_RETRIES,
+    Processes,
+    _Attempt,
+    _ended,
+    grid,
+    sweep,
+)
 from curiosity_algos.experiments.training import train
 
 SETTINGS = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
@@ -96,22 +103,28 @@ def test_a_run_that_no_process_can_be_sent_fails_alone(tmp_path):
     assert "pickle" in str(outcome)
 
 
-def press_ctrl_c(*paths):
-    """Interrupt this process once there is something at each path, one after another."""
-    for path in paths:
-        while not path.exists():
+def pressing_ctrl_c(call, file):
+    """The call, after Ctrl-C, once the file is there."""
+
+    def pressed(*args):
+        while not file.exists():
             time.sleep(0.01)
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        return call(*args)
+
+    return pressed
 
 
 @pytest.mark.usefixtures("forks")
-def test_a_second_ctrl_c_ends_runs_that_go_on_after_the_first(tmp_path):
+def test_a_second_ctrl_c_ends_runs_that_go_on_after_the_first(tmp_path, monkeypatch):
     path = tmp_path / "run"
-    other = threading.Thread(target=press_ctrl_c, args=(path, path.with_suffix(".interrupted")))
-    other.start()
+    first, second = path, path.with_suffix(".interrupted")
+    sweeping = "curiosity_algos.experiments.sweep"
+    monkeypatch.setattr(f"{sweeping}._ended", pressing_ctrl_c(_ended, first))
+    monkeypatch.setattr(f"{sweeping}._Attempt.end", pressing_ctrl_c(_Attempt.end, second))
     with pytest.raises(KeyboardInterrupt):
         list(Processes(2)([path], slow_runs.hang))
-    other.join()
+    assert second.exists()
     assert multiprocessing.active_children() == []
 
 
@@ -158,22 +171,11 @@ def make_run(seed, **settings):
 
 def test_a_run_whose_process_is_killed_goes_on_from_its_checkpoint(tmp_path, assert_same):
     here, there = tmp_path / "here", tmp_path / "there"
-    run = replace(make_run(0), timesteps=60_000)
+    run = replace(make_run(0), timesteps=3000)
     sweep([run], here, backend=Processes(1))
-    killed = []
-
-    def kill():
-        while not list(there.rglob("checkpoints/[0-9]*")):
-            time.sleep(0.01)
-        killed.extend(multiprocessing.active_children())
-        for process in killed:
-            process.kill()
-
-    killer = threading.Thread(target=kill)
-    killer.start()
-    sweep([run], there, backend=Processes(2), interval=0.05)
-    killer.join()
-    assert [process.exitcode for process in killed] == [-signal.SIGKILL]
+    fall = partial(slow_runs.fall_after_a_checkpoint, folder=there)
+    assert [outcome for _, outcome in Processes(2)([run], fall)] == [True]
+    assert 0 < int((there / "killed").read_text()) < 3000
     assert_same(*(load_final_states(run.folder(folder)) for folder in (here, there)))
 
 

@@ -14,7 +14,7 @@ from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import plain
-from curiosity_algos.experiments.reading import read_rows, read_texts
+from curiosity_algos.experiments.reading import parse_rows, read_texts
 
 TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
 """Columns that say when a row was logged."""
@@ -29,7 +29,7 @@ def in_order(names: Iterable[str]) -> list[str]:
     return sorted(set(names), key=lambda name: (name != TIMESTEPS, name != SECONDS, name))
 
 
-def _entry(value: Any) -> Any:
+def _writable(value: Any) -> Any:
     """What a row has of a value; a carriage return would end the row."""
     return re.sub("\r\n?", "\n", value) if isinstance(value, str) else plain(value)
 
@@ -48,9 +48,10 @@ class ProgressLog(KVWriter):
     """
 
     def __init__(self, path: Path, timesteps: int, state: Callable[[], dict[str, float]]) -> None:
-        rows = read_rows(path)
+        texts = read_texts(path)
+        rows = parse_rows(texts, path)
         late = [i for i, row in enumerate(rows) if float(row.get(TIMESTEPS, 0)) > timesteps]
-        texts = read_texts(path)[: late[0] if late else None]
+        texts = texts[: late[0]] if late else texts
         self.pending: dict[str, Any] = {}
         self._path = path
         self._state = state
@@ -75,7 +76,9 @@ class ProgressLog(KVWriter):
 
     def _add_row(self) -> None:
         loggable = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
-        row = {k: _entry(value) for k, value in self.pending.items() if isinstance(value, loggable)}
+        row = {
+            k: _writable(value) for k, value in self.pending.items() if isinstance(value, loggable)
+        }
         self._last = row | self._state()
         self.pending = {}
         names = in_order([*self._names, *self._last])

@@ -115,7 +115,11 @@ def read_rows(path: Path) -> list[dict[str, float | str]]:
 
     Whole numbers without a point are integers.
     """
-    texts = read_texts(path)
+    return parse_rows(read_texts(path), path)
+
+
+def parse_rows(texts: list[dict[str, str]], path: Path) -> list[dict[str, float | str]]:
+    """What `read_rows` gives of the rows that `read_texts` has read of a path."""
     try:
         # Surplus entries are a list, with the name None.
         return [{name: _entry(name, text) for name, text in row.items()} for row in texts]

@@ -168,7 +168,7 @@ def sparse_returns(horizon: int, lengths: Int64Array, success: Mask) -> Float64A
 
 
 def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
-    """Join parts of a population into one record without summaries, padded to the longest."""
+    """Join parts of a population into one record without summaries, as long as the longest."""
     if len(parts) == 1:
         return parts[0]
     longest = max(part.lengths.max() for part in parts)
@@ -179,8 +179,8 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
     return Rollouts(
         **joined,
         behaviors=as_behaviors([each for part in parts for each in part.behaviors]),
-        observations=_join_padded([part.observations for part in parts], longest + 1),
-        actions=_join_padded([part.actions for part in parts], longest),
+        observations=_join_trajectories([part.observations for part in parts], longest + 1),
+        actions=_join_trajectories([part.actions for part in parts], longest),
         visited=_union([part.visited for part in parts]),
     )
 
@@ -191,13 +191,15 @@ def _union(visited: list[Int64Array | None]) -> Int64Array | None:
     return np.unique(np.concatenate(counted)) if counted else None
 
 
-def _join_padded(arrays: list[Any], length: int) -> Any:
-    """Parts of trajectories in one array, or None where there are none."""
-    if arrays[0] is None:
+def _join_trajectories(arrays: list[Any], length: int) -> Any:
+    """Parts of trajectories in one array, or None where one has none."""
+    if any(each is None for each in arrays):
         return None
-    return np.concatenate([_pad(array, length) for array in arrays])
+    return np.concatenate([_fit(array, length) for array in arrays])
 
 
-def _pad(array: Array, length: int) -> Array:
+def _fit(array: Array, length: int) -> Array:
+    """Trajectories cut or padded to a length: evaluators need not cut them at their longest."""
+    array = array[:, :length]
     missing = length - array.shape[1]
     return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from curiosity_algos import Rollouts
-from curiosity_algos.evaluation.rollouts import as_behaviors
+from curiosity_algos.evaluation.rollouts import as_behaviors, concatenate
 
 RECORD = {
     "returns": np.zeros(3),
@@ -41,3 +41,35 @@ def test_a_record_is_frozen():
 def test_the_behavior_that_is_not_like_the_others_is_named(odd):
     with pytest.raises(ValueError, match=re.escape(f"or none, got {odd!r}.")):
         as_behaviors([[0.0, 1.0], [2.0, 3.0], odd])
+
+
+def part_of(lengths, n_steps):
+    """Rollouts whose trajectories are `n_steps` long, and hold where each step is."""
+    n, steps = len(lengths), np.arange(n_steps + 1.0)
+    return Rollouts(
+        returns=np.zeros(n),
+        lengths=np.array(lengths),
+        success=np.zeros(n, dtype=bool),
+        terminated=np.zeros(n, dtype=bool),
+        behaviors=np.zeros((n, 0)),
+        final_observations=np.array(lengths, dtype=np.float32)[:, None],
+        observations=np.tile(steps, (n, 1))[:, :, None],
+        actions=np.tile(steps[:-1], (n, 1)),
+    )
+
+
+@pytest.mark.parametrize("n_steps", [(2, 3), (5, 3), (2, 9), (7, 7)], ids=str)
+def test_parts_are_joined_however_long_their_trajectories_are(n_steps):
+    parts = [part_of(lengths, n) for lengths, n in zip([[1, 2], [3]], n_steps, strict=True)]
+    joined = concatenate(parts)
+    observations, actions = joined.trajectories
+    assert (observations.shape, actions.shape) == ((3, 4, 1), (3, 3))
+    for i, length in enumerate(joined.lengths):
+        np.testing.assert_array_equal(observations[i, : length + 1, 0], np.arange(length + 1))
+        np.testing.assert_array_equal(actions[i, :length], np.arange(length))
+
+
+def test_parts_without_trajectories_leave_the_whole_without():
+    joined = concatenate([part_of([1], 4), part_of([2], 4).without_trajectories()])
+    assert (joined.observations, joined.actions) == (None, None)
+    np.testing.assert_array_equal(joined.lengths, [1, 2])

@@ -15,6 +15,8 @@ import leaks
 import pytest
 from hypothesis import settings
 
+from curiosity_gym.processors import available_cpus
+
 # PyTorch's CUDA build imports it with the first optimizer: after software OpenGL, that is a crash.
 with contextlib.suppress(ImportError):
     import triton  # noqa: F401
@@ -123,8 +125,8 @@ def pytest_configure(config):
 
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist
 def pytest_xdist_auto_num_workers():
-    """One more than cores, as tests often wait for a process, but four at most."""
-    return min(4, (os.cpu_count() or 1) + 1)
+    """One more than processors, as tests often wait for a process, but four at most."""
+    return min(4, available_cpus() + 1)
 
 
 def pytest_ignore_collect(collection_path, config):

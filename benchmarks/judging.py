@@ -1,11 +1,11 @@
 """Whether what is said of algorithms holds of the runs that there are.
 
 That one algorithm is ahead of another holds in an environment if the ranks of their runs would come
-to that by chance in less than 5 % of all cases (Mann and Whitney's test, over all permutations),
-and does not hold if the opposite would. That one is as good as another holds if the 95 % interval
-of the difference of their means is above minus the margin. A reward is found if every run finds
-one, not found if less than half of them do, unless they had less than `LEAST_SHARE` of the paper's
-steps. Fewer than three runs say nothing.
+to that by chance in at most `LEVEL` of all cases (Mann and Whitney's test, over all permutations;
+three runs against three come to no less), and does not hold if the opposite would. That one is as
+good as another holds if the 95 % interval of the difference of their means is above minus the
+margin. A reward is found if every run finds one, not found if less than half of them do, unless
+they had less than `LEAST_SHARE` of the paper's steps. Fewer than three runs say nothing.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from curiosity_algos.experiments.figures.canvas import short_name
 from curiosity_algos.experiments.figures.plan import Series
 from curiosity_algos.experiments.statistics import LEAST_RUNS, Interval, stratified_bootstrap
 
+LEVEL = 0.05
+"""Chance at which one is ahead of another."""
 LEAST_SHARE = 0.01
 """Of the paper's steps: what runs with fewer do not find may come later."""
 REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "cannot be told"
@@ -104,7 +106,7 @@ def ahead(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
     def word(first: Float64, second: Float64, difference: Interval) -> str:
         for alternative, found in {"greater": REPRODUCED, "less": NOT_REPRODUCED}.items():
             exact = PermutationMethod(20_000, rng=np.random.default_rng(0))
-            if mannwhitneyu(first, second, alternative=alternative, method=exact).pvalue <= 0.05:
+            if mannwhitneyu(first, second, alternative=alternative, method=exact).pvalue <= LEVEL:
                 return found
         return UNKNOWN
 

@@ -69,13 +69,15 @@ def of_reasons(preset: str) -> pd.DataFrame:
 def diversity(settings: str) -> str:
     """Of the rewarding policies on US how many there are, and how they differ.
 
-    Interquartile means over the runs that have them, with their 95 % intervals.
+    Interquartile means over the runs that have them, with their 95 % intervals. Of algorithms that
+    figure 8 does not have the number alone is known.
     """
     names = ["rewarding policies", "nearest distance", f"routes of {N_POLICIES}", "regions"]
     tables = evidence(settings)
+    algorithms = [*(series.algorithm for series in series_of(8)[US]), "NSES", "NSLC"]
     rows = [
-        [series.algorithm, *(_mean(measured(name, tables), series.algorithm) for name in names)]
-        for series in series_of(8)[US]
+        [algorithm, *(_mean(measured(name, tables), algorithm) for name in names)]
+        for algorithm in algorithms
     ]
     return markdown(["Algorithm", *(name.capitalize() for name in names)], rows)
 

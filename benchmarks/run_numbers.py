@@ -129,15 +129,19 @@ def _of_policies(
     measure: Callable[[pd.DataFrame], float], tables: Tables, of_none: float = 0.0
 ) -> Runs:
     """Of the rewarding policies of runs on US; of runs without one `of_none`."""
-    policies = tables.table("projection")
-    scores = policies[["x", "y"]]
-    low, high = scores.quantile(0.01), scores.quantile(0.99)
-    regions = ((scores - low) / (high - low) * N_REGIONS).clip(0, N_REGIONS - 1).astype(int)
-    policies = policies.assign(region=regions["x"] * N_REGIONS + regions["y"])
+    policies = with_regions(tables.table("projection"))
     groups = policies.groupby(["algorithm", "variant", "seed"])
     values = {(name, US, *others): measure(rows) for (name, *others), rows in groups}
     n_policies = _column("n_rewarding", tables)
     return pd.Series(values).reindex(n_policies.index).where(n_policies > 0, of_none)
+
+
+def with_regions(policies: pd.DataFrame) -> pd.DataFrame:
+    """The projected policies, and in which of `N_REGIONS` x `N_REGIONS` regions each is."""
+    scores = policies[["x", "y"]]
+    low, high = scores.quantile(0.01), scores.quantile(0.99)
+    regions = ((scores - low) / (high - low) * N_REGIONS).clip(0, N_REGIONS - 1).astype(int)
+    return policies.assign(region=regions["x"] * N_REGIONS + regions["y"])
 
 
 def nearest(rows: pd.DataFrame) -> float:
@@ -152,11 +156,15 @@ def nearest(rows: pd.DataFrame) -> float:
 
 def routes(rows: pd.DataFrame) -> float:
     """Distinct routes that `N_POLICIES` of a run are expected to take; of fewer, all."""
-    n, drawn = len(rows), min(N_POLICIES, len(rows))
-    # A route of k policies is missed if all that are drawn are of the n - k others.
+    return expected_kinds(rows["route"])
+
+
+def expected_kinds(kinds: pd.Series) -> float:
+    """Distinct values that `N_POLICIES` of these are expected to have; of fewer, all."""
+    n, drawn = len(kinds), min(N_POLICIES, len(kinds))
+    # A kind of k policies is missed if all that are drawn are of the n - k others.
     missed = [
-        np.prod([max(0, n - k - i) / (n - i) for i in range(drawn)])
-        for k in rows["route"].value_counts()
+        np.prod([max(0, n - k - i) / (n - i) for i in range(drawn)]) for k in kinds.value_counts()
     ]
     return len(missed) - sum(missed)
 

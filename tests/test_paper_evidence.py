@@ -4,6 +4,7 @@ import re
 import shutil
 from pathlib import Path
 
+import gymnasium as gym
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from scipy.stats import mannwhitneyu
 
 from benchmarks import judging, paper, paper_tables, reasons, run_numbers
 from benchmarks.claims import CLAIMS
+from curiosity_algos import make_evaluator
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.experiments import statistics
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
@@ -519,3 +521,64 @@ def test_every_claim_has_a_verdict():
             assert word in {R, N, U}
             assert numbers, claim
     assert len({claim.text for claim in CLAIMS}) == len(CLAIMS)
+
+
+# -- what the page says ---------------------------------------------------------------------------
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def prose(page):
+    """The text of a page in one line, without its tables."""
+    lines = (DOCS / page).read_text().splitlines()
+    return " ".join(line for line in lines if not line.startswith("|"))
+
+
+def test_the_page_says_who_finds_most_rewarding_policies():
+    runs = paper.Tables("public").table("runs")
+    runs = runs[runs["variant"] == ""].groupby(["algorithm", "env"])["n_rewarding"].mean()
+    said = re.findall(r"([\d,]+) against ([\d,]+) in (Snake|US|Hard)", prose("paper.md"))
+    assert [maze for *_, maze in said] == ["Snake", "US", "Hard"]
+    for (more, fewer, _), env in zip(said, MAZES, strict=True):
+        assert more == f"{runs['NSES', env]:,.0f}"
+        assert fewer == f"{runs['CuriosityES', env]:,.0f}"
+        assert runs["NSES", env] > runs["CuriosityES", env]
+        assert max(runs["CMAME", env], runs["MAPElites", env]) < 50
+    assert "by far" not in prose("paper.md")
+
+
+def test_the_page_says_whose_rewarding_policies_differ_most():
+    tables, shares = paper.Tables("public"), {}
+    policies = run_numbers.with_regions(tables.table("projection"))
+    for (name, _, _), rows in policies.groupby(["algorithm", "variant", "seed"]):
+        if len(rows) >= run_numbers.N_POLICIES:
+            n = run_numbers.expected_kinds(rows["region"])
+            shares.setdefault(name, []).append(round(n))
+    ours = shares["CuriosityES"]
+    said = f"in {max(shares['CMAME'])} regions of [figure 8](#figure-8-rewarding-policies), fifty "
+    assert len(shares["CMAME"]) == 1
+    assert said in prose("paper.md")
+    assert f"of a run of Curiosity-ES in {min(ours)} to {max(ours)}" in prose("paper.md")
+
+
+def test_bouncing_robots_come_to_goals_by_chance():
+    rng = np.random.default_rng(0)
+    found = []
+    for keywords in ({}, {"restitution": 1.0, "max_speed": 500.0}):
+        evaluator = make_evaluator(gym.make(US, **keywords))
+        policies = rng.normal(size=(200, evaluator.n_parameters)).astype(np.float32)
+        found.append(evaluator.evaluate(policies, 0).success.sum())
+    assert found[0] == 0 < found[1]
+    assert "nothing matters more" not in prose("paper.md")
+
+
+def test_the_pages_say_what_judges_claims():
+    three = Numbers(NSES=MANY[:3], NSLC=FEW[:3])
+    assert judging.ahead("coverage", "NSES", "NSLC", US)(three).word == R  # whose chance is .05
+    said = prose("paper_claims.md")
+    assert f"in at most {100 * judging.LEVEL:.0f} % of all cases" in said
+    assert "less than 5 %" not in said
+    assert judging.LEAST_SHARE == 0.01
+    for page in ("paper.md", "paper_claims.md"):
+        assert "in less than a hundredth of the paper's steps is not told" in prose(page)
+    assert "are not judged" not in prose("paper.md")

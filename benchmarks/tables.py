@@ -42,6 +42,7 @@ PAGES = (
     *(f"docs/results/{name}.md" for name in RESULTS),
     *("docs/clusters.md", "docs/paper.md", "docs/paper_claims.md", "docs/paper_today.md"),
 )
+UNSEEN = "locomotion_long_unseen"
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
 
 
@@ -74,6 +75,29 @@ def _found(runs: pd.DataFrame, algorithm: str) -> str:
     if median is None:
         return f"{n_found} within {budget.min() / 1e6:.0f} M steps"
     return f"{n_found}, within {median / 1e6:.1f} M steps (median)"
+
+
+def robots() -> str:
+    """In how many runs CuriosityES found a goal among walls, and from how many starts it holds."""
+    found = partial(_found_and_held, read_runs("locomotion_long"), read_rows(UNSEEN))
+    return (
+        "Told nothing, with ten million steps, CuriosityES finds a way around the U in AntTrap in "
+        f"single episodes of {found('AntTrap')}; it finds one for a humanoid in those of "
+        f"{found('HumanoidTrap')}."
+    )
+
+
+def _found_and_held(runs: pd.DataFrame, starts: pd.DataFrame, name: str) -> str:
+    """Runs of CuriosityES that found the goal, and the starts that its best policies solve."""
+    runs, starts = (
+        rows[(rows["algorithm"] == "CuriosityES") & (rows["env"].map(short_name) == name)]
+        for rows in (runs, starts)
+    )
+    (n_starts,) = starts["starts"].unique()
+    found = f"{runs['first_success_timesteps'].notna().sum()} of {len(runs)} runs"
+    *solved, last = starts["solved"]
+    solved = f"{', '.join(map(str, solved))} and {last} of {n_starts} other starts"
+    return f"{found}, and the best policies of the {len(starts)} come there from {solved}"
 
 
 def summary(runs: pd.DataFrame) -> str:
@@ -334,6 +358,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
 TABLES: dict[str, Callable[[], str]] = {
     **{name: partial(make_table, read_runs, *each) for name, each in OF_RUNS.items()},
     "headline": headline,
+    "robots": robots,
     "tries": partial(make_table, read_rows, "tries", tries),
     "off-policy-tries": partial(make_table, read_rows, "off_policy_tries", tries_off_policy),
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
@@ -347,7 +372,7 @@ TABLES: dict[str, Callable[[], str]] = {
     ),
     "ramp": partial(make_table, read_rows, "ramp", ramp),
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
-    "locomotion-long-unseen": partial(make_table, read_rows, "locomotion_long_unseen", unseen),
+    "locomotion-long-unseen": partial(make_table, read_rows, UNSEEN, unseen),
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),
     "public-claims": partial(paper_tables.claims, "public", "paper"),

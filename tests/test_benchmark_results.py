@@ -179,6 +179,19 @@ def test_the_headline_is_what_the_runs_came_to():
     assert re.search(r"M steps/s .* Kheperax.* M steps/s", speed)
 
 
+def test_what_robots_find_is_said_with_how_it_holds():
+    runs, starts = results.read_runs("locomotion_long"), results.read_rows(tables.UNSEEN)
+    own = [rows[rows["algorithm"] == "CuriosityES"] for rows in (runs, starts)]
+    ant, humanoid = tables.robots().split("; ")
+    for said, name in ((ant, "AntTrap"), (humanoid, "HumanoidTrap")):
+        found, solved = (rows[rows["env"].str.contains(name)] for rows in own)
+        n_found = found["first_success_timesteps"].notna().sum()
+        assert f"of {n_found} of {len(found)} runs, and the best policies" in said
+        assert [int(n) for n in re.findall(r"\d+", said)][3:-1] == solved["solved"].tolist()
+    for page in ("README.md", "docs/results/robots.md"):
+        assert tables.robots() in (tables.ROOT / page).read_text()
+
+
 def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
     layout, origin = resolve_layout("us"), (1.0, 2.0)
     worlds = dict.fromkeys(learning.MAZES[:2], ("a robot", layout, origin))

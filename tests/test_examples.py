@@ -13,6 +13,8 @@ ARGUMENTS = {
     "ray_cluster.py": ["--timesteps", "1e4", "--workers", "1"],
     "quality_diversity.py": ["--timesteps", "2e5", "--target", "60", "40"],
 }
+NEEDS = {"ale_py": ("ale_py", "cv2"), "minigrid": ("minigrid",)}
+"""Of a page that imports the first, what must be there: Atari's games are no dependency."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -49,6 +51,8 @@ def test_training_example_writes_its_report(tmp_path):
 def test_snippets_of_a_page_run_in_their_order(program, tmp_path):
     if "RepeatAction" in program:
         pytest.importorskip("gymnasium", minversion="1.3")
+    for name in (each for key, needed in NEEDS.items() if key in program for each in needed):
+        pytest.importorskip(name)
     # With a guard, as snippets with subprocesses would otherwise start themselves again.
     lines = program.splitlines()
     script = tmp_path / "snippets.py"

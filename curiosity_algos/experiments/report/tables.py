@@ -95,8 +95,13 @@ def _interval(values: npt.ArrayLike, text: Callable[[float], str]) -> str:
     if not len(known):
         return NOTHING
     found = stratified_bootstrap(known, interquartile_mean)
-    bounds = f" ({text(found.low)} to {text(found.high)})"
-    return text(found.estimate) + ("" if np.isnan(found.low) else bounds)
+    bounds = "" if np.isnan(found.low) else f" {_bounds(text(found.low), text(found.high))}"
+    return text(found.estimate) + bounds
+
+
+def _bounds(low: str, high: str) -> str:
+    """Of an interval, on one line where a page is wide."""
+    return f"<span>({low} to {high})</span>"
 
 
 def percent(share: float) -> str:
@@ -144,6 +149,5 @@ def _cell(one: pd.Series, other: pd.Series) -> str:
     found = probability_of_improvement(one.to_numpy(), other.to_numpy())
     mark = MARK.format("first", AHEAD) if found.low > 0.5 else ""
     mark = MARK.format("second", BEHIND) if found.high < 0.5 else mark
-    bounds = f"({found.low:.2f} to {found.high:.2f})".replace(" ", "\N{NO-BREAK SPACE}")
-    text = f"{found.estimate:.2f}{mark} {bounds}"
+    text = f"{found.estimate:.2f}{mark} {_bounds(f'{found.low:.2f}', f'{found.high:.2f}')}"
     return f"<strong>{text}</strong>" if mark else text

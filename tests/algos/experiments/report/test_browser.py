@@ -34,6 +34,16 @@ while (walker.nextNode()) {
 }
 return found;
 """
+CUT = """
+return [...document.querySelectorAll(".scroll")]
+  .filter((box) => box.scrollWidth > box.clientWidth).map((box) => box.textContent);
+"""
+PAPER = """
+dispatchEvent(new Event("beforeprint"));
+return [...document.querySelectorAll("table, .main-svg")]
+  .map((drawn) => drawn.getBoundingClientRect().right);
+"""
+PAPER_WIDTH = 210 / 25.4 * 96 - 2 * 38  # A4 in pixels, without the margins that browsers leave
 
 
 @pytest.fixture(scope="module")
@@ -60,24 +70,27 @@ def driver():
 
 @pytest.fixture
 def show(driver, page):
-    """Opens the page, as wide and in the colors that one asks for."""
+    """Opens the page, as wide and high and in the colors that one asks for."""
 
-    def show(width=1600, scheme="light"):
+    def show(width=1600, scheme="light", height=9000):
         features = [{"name": "prefers-color-scheme", "value": scheme}]
-        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-        open_page(driver, page, width)
+        media = {"media": "", "features": features}
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        open_page(driver, page, width, height)
         return driver
 
     yield show
     assert driver.get_log("browser") == []
 
 
-def open_page(driver, page, width):
-    size = {"width": width, "height": 9000, "deviceScaleFactor": 1, "mobile": False}
+def open_page(driver, page, width, height=9000):
+    """High enough, it shows all plots; less high, those of its top."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     driver.get("about:blank")
     driver.get(page)
-    wait(driver, is_drawn)
+    if height == 9000:
+        wait(driver, is_drawn)
 
 
 def wait(driver, condition):
@@ -124,7 +137,7 @@ def test_contrast():
     assert contrast("rgb(119, 119, 119)", "rgb(255, 255, 255)") == pytest.approx(4.48, abs=0.01)
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1600, "light")])
+@pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1300, "light")])
 def test_a_page_is_readable_and_fits(show, width, scheme):
     driver = show(width, scheme)
     background = driver.execute_script("return getComputedStyle(document.body).backgroundColor")
@@ -140,9 +153,22 @@ def test_a_page_is_readable_and_fits(show, width, scheme):
         " plot.querySelector('.main-svg').getBoundingClientRect().right > innerWidth).length"
     )
     assert wide == 0
+    if width == 1300:
+        assert not driver.execute_script(CUT)
     size = find(driver, ".map .nsewdrag").size  # of a square maze
     assert size["width"] > 180
     assert size["width"] == pytest.approx(size["height"], abs=1)
+
+
+def test_paper_has_all_figures_and_columns(show):
+    driver = show(1300, "dark", height=600)
+    assert not is_drawn(driver)
+    driver.execute_cdp_cmd("Page.printToPDF", {})
+    assert is_drawn(driver)
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    edges = driver.execute_script(PAPER)
+    assert len(edges) > 5
+    assert max(edges) <= PAPER_WIDTH
 
 
 TITLES = """

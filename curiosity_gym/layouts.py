@@ -151,8 +151,7 @@ def reachable_cells(layout: MazeLayout, n_cells: int = 50) -> Mask:
     """Mark the cells of a regular grid that the robot's center can enter from the start.
 
     Returns:
-        (n_cells, n_cells), indexed [ix, iy]: True where the cell holds an open piece of the
-        reachable set.
+        Which cells hold an open piece of the reachable set, (n_cells, n_cells), indexed [ix, iy].
     """
     return _reachable(layout).cells((layout.width, layout.height), n_cells)
 

@@ -1,8 +1,10 @@
 """The reference says of every public name and argument what it is, and of nothing else."""
 
+import ast
 import inspect
 import re
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import curiosity_algos
@@ -119,3 +121,32 @@ def test_all_arguments_are_described_and_no_others():
         given = () if isinstance(taker, property) else inspect.signature(taker).parameters
         assert arguments(each) <= described_with_parents(each), path
         assert described(inspect.getdoc(taker), ["Args:"]) <= set(given), path
+
+
+def bodies():
+    """The statements of classes of the reference, of their parents, and of modules shown whole."""
+    pages = "".join(page.read_text() for page in DOCS.rglob("*.md"))
+    for name in re.findall(r"^\.\. automodule:: (\S+)", pages, re.MULTILINE):
+        yield ast.parse(inspect.getsource(import_module(name))).body
+    classes = filter(inspect.isclass, REFERENCE.values())
+    for each in set().union(*map(inspect.getmro, classes)):
+        if each.__module__.startswith("curiosity"):
+            yield ast.parse(inspect.getsource(each)).body[0].body
+
+
+def read_for_types():
+    """The first lines of properties, of attributes, and of what is returned."""
+    for before, here in (pair for body in bodies() for pair in pairwise(body)):
+        if isinstance(here, ast.FunctionDef):
+            text = ast.get_docstring(here) or ""
+            is_property = "property" in map(ast.unparse, here.decorator_list)
+            yield from [text] if is_property else re.findall(r"^Returns:\n(.*)", text, re.MULTILINE)
+        elif isinstance(before, ast.Assign | ast.AnnAssign) and isinstance(here, ast.Expr):
+            yield here.value.value
+
+
+def test_no_words_are_taken_for_a_type():
+    """Napoleon takes those before a colon in such a line."""
+    lines = [text.partition("\n")[0] for text in read_for_types()]
+    assert len(lines) > 50
+    assert [line for line in lines if ":" in re.sub(r"`[^`]*`|::", "", line)] == []

@@ -185,8 +185,8 @@ class EliteArchive(ArchiveBase):
             **fields: (n, ...) each of `extra_fields`.
 
         Returns:
-            `status` (n,): 0 not added, 1 took an elite's place, 2 new; `value` (n,): the objective,
-            less that of the elite before.
+            `status` (n,), 0 if not added, 1 if it took an elite's place, 2 if new; and `value`
+            (n,), the objective less that of the elite before.
 
         Raises:
             ValueError: If a field is missing, unknown, of another shape, or not finite.
@@ -281,7 +281,7 @@ class EliteArchive(ArchiveBase):
 
     @property
     def behaviors(self) -> Float64Array:
-        """(n, B): the elites' behaviors, the measures unless a field "behavior" is kept."""
+        """The elites' behaviors (n, B), the measures unless a field "behavior" is kept."""
         return behaviors_of(self)
 
     def nearest(self, behavior: npt.ArrayLike) -> Array:

@@ -67,7 +67,7 @@ class UnstructuredArchive(EliteArchive):
 
     @property
     def cells(self) -> int:
-        """The number of elites: coverage means nothing here."""
+        """The number of elites, as coverage means nothing here."""
         return max(len(self), 1)
 
     def compete(

@@ -74,7 +74,7 @@ class ImageInputs:
 
     @property
     def has_many_colors(self) -> bool:
-        """Whether there are as many as pixels along a side: Stable-Baselines3 tells them so."""
+        """Whether there are as many as pixels along a side, the test of Stable-Baselines3."""
         n_colors = self.shape[-1] if self.is_channels_last else self.shape[0]
         return n_colors >= min(self.width_and_height)
 

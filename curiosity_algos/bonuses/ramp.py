@@ -45,7 +45,7 @@ class RAMP(NetworkBonus):
 
     name = "ramp"
     observes_ends = False
-    """What was before holds only states that steps began in: ends would be run to for ever."""
+    """What was before holds only states that steps began in; ends would be run to for ever."""
     newest: th.Tensor
     n_observed: th.Tensor
 

@@ -78,7 +78,7 @@ class Coverage:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Every share by name: `reachable`, `visited`, `all`, those of the grid's projections."""
+        """Shares by name, `reachable`, `visited`, `all` and those of the grid's projections."""
         if (grid := self.grid) is None:
             return {}
         is_reachable = np.ones(math.prod(grid.shape), dtype=np.bool_)

@@ -250,7 +250,7 @@ class MlpPolicy(BasePolicy):
 
     @property
     def vector(self) -> Float32Array:
-        """The flat parameter vector, shape (n_parameters,): a view, writes go through."""
+        """The flat parameter vector (n_parameters,), a view; writes go through."""
         return self.flat.numpy()
 
     def predict(

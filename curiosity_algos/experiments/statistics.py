@@ -31,7 +31,7 @@ Statistic: TypeAlias = Callable[[list[Float64Array]], Any]
 
 N_RESAMPLES = 5000
 LEAST_RUNS = 3
-"""With fewer there is no interval: of two, a bootstrap's would be what the two are."""
+"""With fewer there is no interval, as a bootstrap's of two would be what the two are."""
 N_POINTS = 200
 """Points of a curve's mean, where no grid is given."""
 BATCH = 100  # resamples in memory at once; another number would change the draws

@@ -282,7 +282,7 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     @property
     def n_workers(self) -> int | None:
-        """Workers of a Ray cluster that evaluate at present; None: the evaluator has none."""
+        """Workers of a Ray cluster that evaluate at present; None without a cluster."""
         return getattr(self.evaluator, "n_live", None)
 
     # -- the loop -------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ class PopulationModel(Resumable):
     }
     """By argument of the constructor, the attribute of another name that it is kept in."""
     _user_parts: dict[str, list[str]]
-    """By argument, the kinds of parts that the user passed: no file holds them."""
+    """By argument, the kinds of parts that the user passed; no file holds them."""
 
     @abstractmethod
     def _show_best(self) -> None:

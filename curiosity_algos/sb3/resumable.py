@@ -149,7 +149,7 @@ class Resumable(BaseAlgorithm):
 
     @property
     def coverage(self) -> float | None:
-        """Share of the reachable cells in which episodes ended; None: nothing to count.
+        """Share of the reachable cells in which episodes ended; None where there are no cells.
 
         `coverage_shares["visited"]` is that of the cells in which any step ended.
         """

@@ -54,11 +54,11 @@ class ControlTask:
     fields: ClassVar[tuple[str, ...]]
     """Names of the fields that the task reads."""
     start: ClassVar[Mapping[str, float]]
-    """Joint: its position at the fixed start, where that is not the model's own."""
+    """By joint, its position at the fixed start, where that is not the model's own."""
     target: ClassVar[str | None] = None
     """Kind of the model's "target", "site" or "body", if random starts move it; or None."""
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {}
-    """Name: entries of the behavior that are also counted alone."""
+    """By name, entries of the behavior that are also counted alone."""
     behavior_names: ClassVar[tuple[str, ...]]
     """A name for each entry of the behavior, with its unit."""
     behavior_low: Float64Array

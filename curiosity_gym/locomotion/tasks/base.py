@@ -179,7 +179,7 @@ class LocomotionTask:
 
     @property
     def all_fields(self) -> tuple[str, ...]:
-        """Names of the fields that simulations keep: the task's own, and what tells of feet."""
+        """Names of the fields that simulations keep, the task's own and what tells of feet."""
         return tuple(dict.fromkeys([*self.fields, *(["cfrc_ext"] if self.needs_forces else [])]))
 
     def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Float64Array]:

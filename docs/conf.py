@@ -58,5 +58,5 @@ napoleon_custom_sections = [
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_static_path = ["_static"]
-html_css_files = ["films.css"]
+html_css_files = ["site.css"]
 html_title = f"{project} {release}"

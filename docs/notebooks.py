@@ -1,6 +1,9 @@
 """The tutorials, which are Markdown, as notebooks beside their pages."""
 
+import base64
+import mimetypes
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +11,7 @@ import jupytext
 from sphinx.application import Sphinx
 
 FOLDER = "tutorials"
+PICTURE = re.compile(r"(?<=\]\()(?!https?:)[^)]+\.(?:png|gif)(?=\))")
 LINK = '\n\n<a href="{name}.ipynb" download>Download this page as a notebook</a>'
 
 
@@ -24,15 +28,23 @@ def pages(folder: Path) -> list[Path]:
 
 
 def write(app: Sphinx) -> None:
-    """Write a notebook for each page, without outputs, and without links to other pages."""
+    """Write a notebook for each page: pictures are in it, outputs and links to pages are not."""
     folder = Path(app.outdir) / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for page in pages(Path(app.srcdir) / FOLDER):
         notebook = jupytext.read(page)
         for cell in notebook.cells:
             if cell.cell_type == "markdown":
-                cell.source = re.sub(r"\[([^]]+)\]\((?!https?:)[^)]+\)", r"\1", cell.source)
+                text = PICTURE.sub(partial(embedded, page.parent), cell.source)
+                cell.source = re.sub(r"\[([^]]+)\]\((?!https?:|data:)[^)]+\)", r"\1", text)
         jupytext.write(notebook, folder / f"{page.stem}.ipynb")
+
+
+def embedded(folder: Path, address: re.Match[str]) -> str:
+    """An address that is the picture itself."""
+    path = folder / address[0]
+    kind, _ = mimetypes.guess_type(path)
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def link(app: Sphinx, name: str, source: list[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import Annotated
 
 import gymnasium as gym
@@ -16,6 +17,7 @@ from curiosity_algos.cli.report import report
 from curiosity_algos.cli.reproduce import reproduce
 from curiosity_algos.cli.sweep import sweep
 from curiosity_algos.cli.train import train
+from curiosity_algos.common.origin import is_foreign, message_of
 from curiosity_gym import __version__
 
 INTERRUPTED = 130
@@ -50,18 +52,25 @@ def options(
     """Train policies that explore by curiosity, watch them, and compare runs."""
 
 
+def _is_mistake(error: Exception) -> bool:
+    is_sentence = isinstance(error, ValueError | OSError | ImportError | gym.error.Error)
+    return is_sentence and not is_foreign(error)
+
+
 def main() -> None:
-    """Run the command; a mistake is one line on standard error and a status that is not 0."""
+    """Run the command.
+
+    A mistake is one line on standard error and a status that is not 0; what other code raises, such
+    as an environment's, keeps its traceback.
+    """
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except KeyboardInterrupt:
         status = INTERRUPTED
     except Exception as error:
-        message = getattr(error, "format_message", error.__str__)()
-        if not isinstance(error, ValueError | OSError | ImportError | gym.error.Error) and (
-            not hasattr(error, "exit_code")
-        ):
+        if not (hasattr(error, "exit_code") or _is_mistake(error)):
             raise
+        message = getattr(error, "format_message", partial(message_of, error))()
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
     if status == INTERRUPTED and not TRAINING.isdisjoint(sys.argv[1:2]):  # typer's status, too

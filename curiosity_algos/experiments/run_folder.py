@@ -6,6 +6,7 @@
                         the behavior that its episode ended with
     checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, sample.npz,
                         best_policy.npz
+    error.txt           the traceback of the error that ended the last training by the command
 
 Nothing that is written is written again but `progress.csv`, where a new column appears. A
 checkpoint appears at once and whole, and what was written after the last one is dropped when a run
@@ -47,6 +48,7 @@ class RunFolder:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         self.progress = self.path / "progress.csv"
+        self.error = self.path / "error.txt"
         self._description = self.path / "run.json"
         self._final_states = self.path / "final_states"
         self._checkpoints = self.path / "checkpoints"
@@ -56,7 +58,8 @@ class RunFolder:
         """Whether a run can begin here; what a kill left of its first file does not count."""
         held = self.path.iterdir() if self.path.exists() else ()
         half = f".{self._description.name}."
-        return all(path == self._lock or path.name.startswith(half) for path in held)
+        aside = self._lock, self.error
+        return all(path in aside or path.name.startswith(half) for path in held)
 
     def lock(self) -> FileLock:
         """Hold the folder, as a `FileLock` does.

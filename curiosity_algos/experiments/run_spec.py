@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids
+from curiosity_algos.common.networks import torch_device
+from curiosity_algos.common.origin import is_foreign
 from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.experiments.baselines import (
@@ -99,14 +100,17 @@ class RunSpec:
             find_known("env", self.env, gym.registry, hint=ELSEWHERE)
         cls = find_algorithm(self.algorithm)
         self._check_settings(cls)
-        try:
-            with warnings.catch_warnings(action="ignore"):  # the run itself warns
-                check_learning(self.make().get_env(), self.timesteps, None)
-        except RuntimeError as error:  # torch's, of a device
-            raise ValueError(f"`device` must be auto, cpu or cuda: {error}") from error
-        except (AssertionError, AttributeError, NotImplementedError, TypeError) as error:
-            # Of classes that take what they are given.
-            raise ValueError(f"`env` and `hyperparams` must fit {cls.__name__}: {error}") from error
+        with warnings.catch_warnings(action="ignore"):  # the run itself warns
+            venv = self._make_env()
+            try:
+                model = self._make_model(venv)
+            except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
+                if is_foreign(error):
+                    raise
+                # Of classes that take what they are given.
+                message = f"`env` and `hyperparams` must fit {cls.__name__}: {error}"
+                raise ValueError(message) from error
+            check_learning(model.get_env(), self.timesteps, None)
 
     def _check_settings(self, cls: type[Any]) -> None:
         check_at_least_one(n_envs=self.n_envs, repeat_action=self.repeat_action)
@@ -119,12 +123,14 @@ class RunSpec:
         known = ["preset", *(name for name in parameters if name not in {"env", "seed"})]
         for name in self.settings:
             find_known("hyperparams", name, known)
-        if str(self.settings.get("device")).startswith("cuda") and not th.cuda.is_available():
-            raise ValueError("`device` must be auto or cpu where there is no GPU, got cuda.")
+        torch_device(self.settings.get("device", "cpu"))  # raises where there is none
 
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""
-        cls, venv = find_algorithm(self.algorithm), self._make_env()
+        return self._make_model(self._make_env())
+
+    def _make_model(self, venv: VecEnv) -> BaseAlgorithm:
+        cls = find_algorithm(self.algorithm)
         # Stable-Baselines3's A2C, DDPG and SAC write into their `policy_kwargs`.
         settings: dict[str, Any] = {
             name: dict(value) if isinstance(value, dict) else value

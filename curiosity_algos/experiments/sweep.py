@@ -21,6 +21,7 @@ from typing import Any, TypeAlias
 from tqdm import tqdm
 
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.origin import is_foreign, message_of
 from curiosity_algos.experiments.baselines import find_bonus
 from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.run_spec import RunSpec, variant_of
@@ -99,7 +100,7 @@ def sweep(
     with tqdm(total=len(runs), unit="run", disable=None) as bar:
         for run, outcome in _outcomes(runs, folder, backend, interval):
             if isinstance(outcome, BaseException):
-                errors.append(f"{run.folder(folder)}: {outcome}")
+                errors.append(f"{run.folder(folder)}: {message_of(outcome)}")
             elif outcome:
                 bar.write(summary(run.folder(folder)))
             else:
@@ -119,6 +120,8 @@ def _outcomes(
         try:
             is_done = is_finished(run, run.folder(folder))
         except (OSError, ValueError) as error:  # another run is there, or other files
+            if is_foreign(error):
+                raise
             yield run, error
             continue
         if is_done:
@@ -276,7 +279,7 @@ def _begin(pipe: connection.Connection, train: Train, run: RunSpec) -> None:
         Thread(target=_watch, args=(pipe,), daemon=True).start()
         outcome: Outcome = train(run)
     except BaseException as error:  # of any kind: errors of one's own are seldom made to be sent
-        outcome = RuntimeError(str(error))
+        outcome = RuntimeError(message_of(error))
     pipe.send(outcome)
 
 

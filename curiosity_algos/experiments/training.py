@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import traceback
 import warnings
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from curiosity_algos.common.interrupt import HeldInterrupt
@@ -48,7 +50,8 @@ def train(
 
     Stable-Baselines3's own algorithms train on one of torch's threads, as those of this package
     do. After Ctrl-C they go on from the last checkpoint; others from a new one, if it was held back
-    until a generation or a step had ended.
+    until a generation or a step had ended. The traceback of an error stays in the folder, in
+    `error.txt`, until the run goes on.
 
     Args:
         run: Run to train.
@@ -64,6 +67,27 @@ def train(
     """
     if is_finished(run, folder):
         return False
+    RunFolder(folder).lock().close()  # raises where another process trains
+    with _traceback_kept(folder):
+        _learn(run, folder, interval=interval, progress_bar=progress_bar)
+    return True
+
+
+@contextmanager
+def _traceback_kept(folder: Path) -> Iterator[None]:
+    """Write the traceback of an error into a run's folder, and say so in a note of the error."""
+    path = RunFolder(folder).error
+    path.unlink(missing_ok=True)
+    try:
+        yield
+    except Exception as error:
+        with suppress(OSError):  # as of a full disk
+            path.write_text(traceback.format_exc(), encoding="utf-8")
+            error.add_note(f"traceback in {path}")
+        raise
+
+
+def _learn(run: RunSpec, folder: Path, *, interval: float, progress_bar: bool) -> None:
     checkpoint = RunFolder(folder).checkpoint
     model = run.make() if checkpoint is None else run.load(checkpoint)
     rest = max(0, int(run.timesteps) - model.num_timesteps)
@@ -77,7 +101,6 @@ def train(
         raise
     finally:
         save.close()
-    return True
 
 
 def summary(folder: Path) -> str:

@@ -32,6 +32,13 @@ def leave(path):
     return True
 
 
+def refuse(path):
+    """Raise an error with a note."""
+    error = ValueError("no simulator")
+    error.add_note("traceback in error.txt")
+    raise error
+
+
 def hang(path):
     """Go on through a first Ctrl-C, which leaves a file, and never end."""
     signal.signal(signal.SIGINT, lambda *_: path.with_suffix(".interrupted").touch())

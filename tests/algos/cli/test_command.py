@@ -1,5 +1,6 @@
 """The command `curiosity`, as users run it."""
 
+import builtins
 import inspect
 import os
 import pathlib
@@ -8,12 +9,14 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 import curiosity_gym
-from curiosity_algos.cli import app
+from curiosity_algos.cli import app, main
 from curiosity_algos.cli.options import names, numbers
 from curiosity_algos.experiments import film, load_final_states, load_runs
 from curiosity_algos.experiments.labels import label_runs
@@ -167,6 +170,64 @@ def test_version(run_here):
 def test_a_mistake_is_one_line(words, message, refused, tmp_path):
     assert message in refused(*words)
     assert not any(tmp_path.iterdir())
+
+
+class Broken(gym.Env):
+    """Raises at a place: as it is made, reset or stepped."""
+
+    observation_space = gym.spaces.Box(-1, 1, (1,))
+    action_space = gym.spaces.Box(-1, 1, (1,))
+
+    def __init__(self, place="init", kind="ValueError"):
+        self.place, self.kind = place, kind
+        self.fail("init")
+
+    def fail(self, place):
+        if place == self.place:
+            raise getattr(builtins, self.kind)("the simulator")
+
+    def reset(self, *, seed=None, options=None):
+        self.fail("reset")
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.fail("step")
+        return np.zeros(1, np.float32), 0.0, True, False, {}
+
+
+class TestErrorsOfAnEnvironment:
+    """Whatever their type, and wherever they arise, they keep their traceback."""
+
+    @pytest.fixture(autouse=True)
+    def registered(self):
+        gym.register("Broken-v0", Broken)
+        yield
+        del gym.registry["Broken-v0"]
+
+    def words(self, place, kind):
+        keywords = ["--env-kwargs", f"place:{place}", "--env-kwargs", f"kind:{kind}"]
+        return ["-n", "64", *keywords]
+
+    @pytest.mark.parametrize("kind", ["ValueError", "ImportError", "TypeError", "RuntimeError"])
+    @pytest.mark.parametrize("algo", ["ppo", "canonical_es"])
+    def test_that_cannot_be_made(self, algo, kind, monkeypatch):
+        words = [*self.words("init", kind), "--algo", algo, "--env", "Broken-v0"]
+        monkeypatch.setattr(sys, "argv", ["curiosity", "train", *words])
+        with pytest.raises(Exception, match="the simulator") as raised:
+            main()
+        assert "in fail\n" in "".join(traceback.format_exception(raised.value))
+
+    @pytest.mark.parametrize(("place", "kind"), [("reset", "OSError"), ("step", "ValueError")])
+    def test_that_breaks(self, place, kind, run_here, tmp_path):
+        words = [*self.words(place, kind), "-f", str(tmp_path), "--hyperparams", "n_steps:64"]
+        with pytest.raises(getattr(builtins, kind), match="the simulator") as raised:
+            run_here("train", "--algo", "ppo", "--env", "Broken-v0", *words)
+        error = tmp_path / "PPO" / "Broken-v0" / "0" / "error.txt"
+        assert raised.value.__notes__ == [f"traceback in {error}"]
+        assert f"in {place}" in error.read_text()
+        words += ["--algos", "ppo", "--envs", "Broken-v0", "--seeds", "0", "--jobs", "1"]
+        errors = run_here("sweep", *words)[2]
+        assert errors.endswith(f"0: the simulator (traceback in {error})\n")
 
 
 class TestSweep:

@@ -62,6 +62,11 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
         (RunSpec("ppo", US, 0, 1, {}, {"n_step": 3}), "n_step is unknown: did you mean n_steps"),
         (RunSpec("ppo", US, 0, 1, {}, {"preset": "paper"}), "`preset` must be left out for PPO"),
         (RunSpec("ppo", US, 0, 1, {}, {"n_threads": 2}), "`n_threads` must be left out for PPO"),
+        (
+            RunSpec("ppo", US, 0, 1, {}, {"policy_kwargs": {"net_arch": [-1]}}),
+            "`env` and `hyperparams` must fit PPO: .*negative dimension",
+        ),
+        (RunSpec("ppo", "Blackjack-v1", 0, 1), "`env` and `hyperparams` must fit PPO"),
         (RunSpec("dqn", US, 0, 1), "`env` and `hyperparams` must fit DQN"),
         (
             RunSpec("ppo", US, 0, 1, {}, {"policy": "MultiInputPolicy"}),

@@ -97,6 +97,12 @@ def test_a_run_that_ends_its_process_fails_alone(tmp_path):
     assert outcomes[paths[1]] is True
 
 
+@pytest.mark.usefixtures("forks")
+def test_what_an_error_says_and_notes_comes_from_the_process(tmp_path):
+    ((_, outcome),) = Processes(2)([tmp_path / "0"], slow_runs.refuse)
+    assert str(outcome) == "no simulator (traceback in error.txt)"
+
+
 def test_a_run_that_no_process_can_be_sent_fails_alone(tmp_path):
     runs = [tmp_path / "0", lambda: None]
     (outcome,) = [outcome for run, outcome in Processes(2)(runs, slow_runs.touch) if run is runs[1]]

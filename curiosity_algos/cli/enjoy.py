@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import os
 import sys
 from pathlib import Path
@@ -64,10 +65,19 @@ def enjoy(
     elif out is None and has_screen():
         typer.echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:
+        if not has_screen():
+            _draw_without_screen()
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
         total = film.film(source, path, stride=stride, seed=seed, trust=trust)
         typer.echo(f"Return {total:.3f}: {path}")
+
+
+def _draw_without_screen() -> None:
+    """Let MuJoCo draw by a library that needs no screen, unless one is chosen: not all look."""
+    for name in ("EGL", "OSMesa"):
+        if ctypes.util.find_library(name):
+            os.environ.setdefault("MUJOCO_GL", name.lower())
 
 
 def has_screen() -> bool:

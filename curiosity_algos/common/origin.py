@@ -1,4 +1,4 @@
-"""Where an error arose: in this package and its libraries, or in other code, as an environment's."""
+"""Where an error arose: in this package and its libraries, or in other code."""
 
 from __future__ import annotations
 

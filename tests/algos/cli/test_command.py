@@ -63,6 +63,32 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch):
         assert called.pop() == shown
 
 
+@pytest.mark.parametrize(
+    ("variables", "libraries", "chosen"),
+    [
+        ({}, {"EGL", "OSMesa"}, "egl"),
+        ({}, {"OSMesa"}, "osmesa"),
+        ({}, set(), None),
+        ({"MUJOCO_GL": "glfw"}, {"EGL"}, "glfw"),
+        ({"DISPLAY": ":0"}, {"EGL"}, None),
+    ],
+)
+def test_robots_are_drawn_without_a_screen(variables, libraries, chosen, run_here, monkeypatch):
+    """By what Gymnasium and dm_control, too, read as they begin to draw."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    names = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "MUJOCO_GL")
+    for name in names:
+        monkeypatch.setenv(name, "")  # also where it was not set: it is restored
+        monkeypatch.delenv(name)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr("ctypes.util.find_library", libraries.__contains__)
+    seen = []
+    monkeypatch.setattr(film, "film", lambda *_, **__: seen.append(os.environ.get(names[3])) or 0.0)
+    assert run_here("enjoy", "run", "--out", "a.gif")[0] == 0
+    assert seen == [chosen]
+
+
 @pytest.mark.extra("render")
 def test_a_pretrained_policy_is_filmed_here(run_here, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

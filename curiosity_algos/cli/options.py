@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from curiosity_algos.experiments.run_envs import Wrapping
     from curiosity_algos.experiments.run_spec import RunSpec
 
 
@@ -65,6 +66,15 @@ RepeatAction = Annotated[
     int,
     typer.Option(help="Steps for which each action is held. Timesteps then count actions."),
 ]
+Wrappers = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--wrapper",
+        metavar="CLASS[:NAME=VALUE...]",
+        help="Wrapper of the environment, such as minigrid.wrappers.FlatObsWrapper, and its "
+        "keywords. Give the option once for each, from the inside out.",
+    ),
+]
 Interval = Annotated[float, typer.Option(help="Seconds between two checkpoints of a run.")]
 
 
@@ -78,6 +88,7 @@ def make_runs(
     settings: Mapping[str, Any],
     bonuses: Sequence[str],
     bonus_kwargs: list[str] | None,
+    wrappers: list[str] | None,
     **common: Any,
 ) -> list[RunSpec]:
     """A run of each algorithm, bonus, environment, seed and setting, all of which can begin.
@@ -85,7 +96,7 @@ def make_runs(
     `settings` are those that have an option of their own, None where it is not given: they count
     more than `hyperparams`. What is `common` all runs have.
     """
-    if any(":" in env for env in envs):
+    if wrappers or any(":" in env for env in envs):
         find_own_modules()
     from curiosity_algos.experiments.sweep import grid
 
@@ -102,6 +113,7 @@ def make_runs(
         bonuses=[None if name.lower() == "none" else name for name in bonuses],
         env_kwargs=keywords("env-kwargs", env_kwargs),
         bonus_kwargs=keywords("bonus-kwargs", bonus_kwargs),
+        wrappers=[_wrapping(text) for text in wrappers or []],
         **common,
     )
     check_all(runs)
@@ -120,6 +132,18 @@ def check_all(runs: Sequence[RunSpec]) -> None:
     kinds = {(run.variant, run.algorithm, run.bonus, run.env): run for run in in_order}
     for run in kinds.values():
         run.check()
+
+
+def _wrapping(text: str) -> Wrapping:
+    """`module:Class` and the keywords of MODULE.CLASS:NAME=VALUE; MODULE:CLASS is the same."""
+    path, *given = text.split(":")
+    if given and "=" not in given[0]:
+        path = f"{path}.{given.pop(0)}"
+    module, _, name = path.rpartition(".")
+    pairs = [pair.partition("=") for pair in given]
+    if not (module and name and all(key.isidentifier() and sign for key, sign, _ in pairs)):
+        raise ValueError(f"--wrapper must be MODULE.CLASS or MODULE.CLASS:NAME=VALUE, got {text}.")
+    return f"{module}:{name}", {key: _value(value) for key, _, value in pairs}
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:

@@ -25,6 +25,7 @@ def sweep(
     timesteps: options.Timesteps = 1e7,
     log_folder: options.LogFolder = Path("runs"),
     env_kwargs: options.EnvKeywords = None,
+    wrapper: options.Wrappers = None,
     hyperparams: options.Alternatives = None,
     bonus: Annotated[
         str,
@@ -75,6 +76,7 @@ def sweep(
         options.numbers("seeds", seeds),
         timesteps=timesteps,
         env_kwargs=env_kwargs,
+        wrappers=wrapper,
         hyperparams=hyperparams,
         settings={"preset": preset, "device": device},
         bonuses=options.names("bonus", bonus),

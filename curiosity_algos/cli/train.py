@@ -29,6 +29,7 @@ def train(
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     log_folder: options.LogFolder = Path("runs"),
     env_kwargs: options.EnvKeywords = None,
+    wrapper: options.Wrappers = None,
     hyperparams: options.Keywords = None,
     bonus: Annotated[
         str,
@@ -66,6 +67,7 @@ def train(
         [seed],
         timesteps=timesteps,
         env_kwargs=env_kwargs,
+        wrappers=wrapper,
         hyperparams=hyperparams,
         settings={"preset": preset, "device": device, "n_threads": num_threads},
         bonuses=[bonus],

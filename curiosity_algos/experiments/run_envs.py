@@ -2,38 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium as gym
-from gymnasium.envs.registration import load_env_creator
+from gymnasium.envs.registration import WrapperSpec, load_env_creator
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
+Wrapping: TypeAlias = tuple[str, Mapping[str, Any]]
+"""`module:Class` of a wrapper, and its keywords."""
 
-def make_single(env: str, repeat_action: int, kwargs: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """The environment of an id, in which each action is held for so many steps.
+
+def check_wrapping(entry: str, kwargs: Mapping[str, Any]) -> None:
+    """Check that a wrapper is there, and takes its keywords.
+
+    Raises:
+        ValueError: If not.
+    """
+    try:
+        cls: Any = load_env_creator(entry)
+    except (AttributeError, ImportError) as error:
+        raise ValueError(f"`wrapper` {entry} cannot be imported: {error}.") from error
+    if not (isinstance(cls, type) and issubclass(cls, gym.Wrapper)):
+        raise ValueError(f"`wrapper` must be a gymnasium.Wrapper, {entry} is none.")
+    try:
+        inspect.signature(cls).bind("env", **kwargs)
+    except TypeError as error:
+        raise ValueError(f"`wrapper` must have keywords of {entry}: {error}.") from error
+
+
+def _wrap(env: gym.Env[Any, Any], entry: str, kwargs: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    cls: Any = load_env_creator(entry)
+    made: gym.Wrapper[Any, Any, Any, Any] = cls(env, **kwargs)
+    assert env.spec is not None
+    # Most wrappers do not note their keywords; this one's spec is how the run is played again.
+    wrappers = *env.spec.additional_wrappers, WrapperSpec(cls.__name__, entry, dict(kwargs))
+    made._cached_spec = replace(env.spec, additional_wrappers=wrappers)
+    return made
+
+
+def make_single(
+    env: str, repeat_action: int, kwargs: Mapping[str, Any], wrappers: Sequence[Wrapping] = ()
+) -> gym.Env[Any, Any]:
+    """The environment of an id, in which each action is held for so many steps, in wrappers.
 
     Raises:
         ImportError: If gymnasium is older than its wrapper that holds actions.
     """
     made: gym.Env[Any, Any] = gym.make(env, **kwargs)
-    if repeat_action == 1:
-        return made
-    if not hasattr(gym.wrappers, "RepeatAction"):
-        raise ImportError("`repeat_action` needs gymnasium 1.3 or newer, to hold actions.")
-    held: gym.Env[Any, Any] = gym.wrappers.RepeatAction(made, repeat_action)
-    return held
+    if repeat_action > 1:
+        if not hasattr(gym.wrappers, "RepeatAction"):
+            raise ImportError("`repeat_action` needs gymnasium 1.3 or newer, to hold actions.")
+        made = gym.wrappers.RepeatAction(made, repeat_action)
+    for entry, keywords in wrappers:
+        made = _wrap(made, entry, keywords)
+    return made
 
 
-def open_envs(env: str, n_envs: int, repeat_action: int, kwargs: Mapping[str, Any]) -> VecEnv:
-    """Environments in a VecMonitor, stepped at once where they can be: several, without a hold."""
-    if n_envs > 1 and repeat_action == 1 and _is_batched(env):
+def open_envs(
+    env: str,
+    n_envs: int,
+    repeat_action: int,
+    kwargs: Mapping[str, Any],
+    wrappers: Sequence[Wrapping] = (),
+) -> VecEnv:
+    """Environments in a VecMonitor, stepped at once where they can be: several, as they are."""
+    if n_envs > 1 and repeat_action == 1 and not wrappers and _is_batched(env):
         made = gym.make_vec(
             env,
             num_envs=n_envs,
@@ -42,7 +84,8 @@ def open_envs(env: str, n_envs: int, repeat_action: int, kwargs: Mapping[str, An
             **kwargs,
         )
         return VecMonitor(GymnasiumVecEnv(made))
-    return VecMonitor(DummyVecEnv([partial(make_single, env, repeat_action, kwargs)] * n_envs))
+    make = partial(make_single, env, repeat_action, kwargs, wrappers)
+    return VecMonitor(DummyVecEnv([make] * n_envs))
 
 
 def _is_batched(env: str) -> bool:

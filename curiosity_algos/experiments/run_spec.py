@@ -7,7 +7,7 @@ import inspect
 import os
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,12 @@ from curiosity_algos.experiments.baselines import (
 )
 from curiosity_algos.experiments.differences import MAY_DIFFER
 from curiosity_algos.experiments.names import find_algorithm, find_known
-from curiosity_algos.experiments.run_envs import make_single, open_envs
+from curiosity_algos.experiments.run_envs import (
+    Wrapping,
+    check_wrapping,
+    make_single,
+    open_envs,
+)
 from curiosity_gym.validation import check_at_least_one
 
 LONGEST_NAME = 255
@@ -69,6 +74,7 @@ class RunSpec:
         bonus_kwargs: Keywords of the bonus, and of what adds it.
         n_envs: Environments side by side, of Stable-Baselines3's algorithms.
         repeat_action: Steps for which each action is held; timesteps then count actions.
+        wrappers: `module:Class` of the environment's wrappers, and their keywords, innermost first.
     """
 
     algorithm: str
@@ -82,6 +88,7 @@ class RunSpec:
     bonus_kwargs: Mapping[str, Any] = field(default_factory=dict)
     n_envs: int = 1
     repeat_action: int = 1
+    wrappers: Sequence[Wrapping] = ()
 
     def folder(self, parent: str | os.PathLike[str]) -> Path:
         """The place of its files: a folder for the algorithm, the environment and the seed."""
@@ -114,6 +121,8 @@ class RunSpec:
 
     def _check_settings(self, cls: type[Any]) -> None:
         check_at_least_one(n_envs=self.n_envs, repeat_action=self.repeat_action)
+        for entry, kwargs in self.wrappers:
+            check_wrapping(entry, kwargs)
         for name in ("n_threads", "preset"):
             if name in self.settings and is_baseline(cls):
                 raise ValueError(
@@ -156,17 +165,17 @@ class RunSpec:
 
     def _make_env(self) -> VecEnv:
         cls = find_algorithm(self.algorithm)
+        as_said = self.repeat_action, self.env_kwargs, self.wrappers
         try:
             if is_baseline(cls):
-                return open_envs(self.env, self.n_envs, self.repeat_action, self.env_kwargs)
+                return open_envs(self.env, self.n_envs, *as_said)
             if self.n_envs > 1:
                 raise ValueError(
                     f"`n_envs` must be 1 for {cls.__name__}: several are for algorithms of "
                     "Stable-Baselines3's own."
                 )
-            if self.repeat_action > 1:
-                held = partial(make_single, self.env, self.repeat_action, self.env_kwargs)
-                env: VecEnv = open_env(held)
+            if self.repeat_action > 1 or self.wrappers:
+                env: VecEnv = open_env(partial(make_single, self.env, *as_said))
             else:
                 env = open_env(self.env, **self.env_kwargs)
         except TypeError as error:

@@ -179,6 +179,11 @@ def test_version(run_here):
         (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),
         (["sweep", "--envs", "CuriosityMaze-US-v0,"], "--envs must be names with commas"),
         (["trian"], "trian"),
+        (["train", "--wrapper", "Mine"], "--wrapper must be MODULE.CLASS"),
+        (["train", "--wrapper", "nowhere.Mine"], "nowhere:Mine cannot be imported: No module"),
+        (["train", "--wrapper", "json.loads"], "json:loads is none"),
+        (["train", "--wrapper", "gymnasium.wrappers:TimeLimit"], "'max_episode_steps'"),
+        (["train", "--wrapper", "gymnasium.wrappers.TimeLimit:5"], "cannot be imported"),
         (
             ["train", "--hyperparams", "sigma:0.1", "--hyperparams", "sigma:0.2"],
             "--hyperparams must give sigma one value, got [0.1, 0.2]",
@@ -412,6 +417,54 @@ def test_a_module_of_the_working_directory_is_found_where_one_is_named(begin, ru
     assert load_runs(tmp_path)["env"].item() == "mine/us-v0"
     assert run_here(*words, "CuriosityMaze-US-v0")[0] == 0
     assert str(tmp_path) not in sys.path
+
+
+SCALES = """
+import gymnasium as gym
+
+class Scaled(gym.Wrapper):
+    def __init__(self, env, by):
+        super().__init__(env)
+        self.by = by
+
+    def step(self, action):
+        observation, reward, *rest = super().step(action)
+        return observation, self.by * reward, *rest
+"""
+
+
+@pytest.fixture
+def my_wrapper(tmp_path, monkeypatch):
+    """A module of the working directory, with a wrapper that says nowhere how it was made."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "mine.py").write_text(SCALES)
+    yield "mine.Scaled"
+    del sys.modules["mine"]
+
+
+@pytest.mark.parametrize(
+    ("algo", "given"),
+    [("canonical_es", ["population_size:4", "n_parents:2"]), ("ppo", ["n_steps:64"])],
+)
+def test_a_wrapper_is_there_again_whoever_plays(
+    algo, given, run_here, refused, tmp_path, my_wrapper
+):
+    words = ["train", "--algo", algo, "--env", "CartPole-v1"]
+    words += [word for each in given for word in ("--hyperparams", each)]
+    wrapped = ["--wrapper", f"{my_wrapper}:by=3.5"]
+    wrapped += ["--wrapper", "gymnasium.wrappers:ClipReward:max_reward=1e9"]
+    for timesteps in ("64", "1000"):  # from the beginning, and on from there
+        status, _, errors = run_here(*words, *wrapped, "-n", timesteps)
+        assert status == 0, errors
+    run = load_runs(tmp_path).iloc[0]
+    assert run["wrappers.Scaled.by"] == 3.5
+    assert run["wrappers.ClipReward.max_reward"] == 1e9
+    assert run["best_return"] % 3.5 == 0
+    assert "`trust` must be given" in refused("enjoy", run["run"], "--no-render")
+    printed = run_here("enjoy", run["run"], "--no-render", "--trust")[1]
+    assert float(printed.split()[1]) % 3.5 == 0
+    other = [*words, "--wrapper", f"{my_wrapper}:by=2", "-n", "1000"]
+    assert "wrappers.Scaled.by is 3.5, not 2" in refused(*other)
 
 
 def is_anyone_left(group):

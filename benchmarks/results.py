@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from curiosity_algos.common.names import ENVIRONMENTS
 from curiosity_algos.experiments import load_progress, load_runs
 from curiosity_algos.experiments.labels import label_runs
-from curiosity_algos.experiments.names import ENVIRONMENTS
 from curiosity_algos.experiments.progress_log import TIMESTEPS
 
 FOLDER = Path(__file__).parent / "results"

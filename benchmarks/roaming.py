@@ -25,9 +25,9 @@ from benchmarks.learning import SWEEPS
 from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import make_evaluator
+from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.experiments.names import find_algorithm
 from curiosity_gym.core import CoverageGrid
 
 ANT = "CuriosityLocomotion-Ant-v0"

@@ -13,9 +13,9 @@ import typer
 
 from benchmarks.results import FOLDER, KEYS, add_rows, label
 from curiosity_algos import make_evaluator
+from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.run_folder import last_checkpoint
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from curiosity_algos.experiments.names import find_algorithm
+from curiosity_algos.common.names import find_algorithm
 
 Keywords = dict[str, Any]
 

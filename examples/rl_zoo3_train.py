@@ -8,7 +8,7 @@ from rl_zoo3.hyperparams_opt import HYPERPARAMS_CONVERTER, HYPERPARAMS_SAMPLER
 from rl_zoo3.train import ALGOS, train
 from rl_zoo3_spaces import SPACES, convert, sampler
 
-from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
+from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 
 ALGOS.update({name: find_algorithm(name) for name in ALGORITHMS})
 HYPERPARAMS_SAMPLER.update({name: sampler(name) for name in SPACES})

@@ -130,7 +130,7 @@ def importing():
         "    raise TypeError(f'{cls.__name__}[{item}]')\n"
         "for space in (spaces.Box, spaces.Dict, spaces.Discrete, spaces.Tuple):\n"
         "    space.__class_getitem__ = classmethod(refuse)\n"
-        "import curiosity_algos\n"
+        "from curiosity_algos import *\n"
         f"print([name for name in {extras} if name in sys.modules], flush=True)\n"
         f"for module in {[name for name, _ in modules()]}:\n"
         "    importlib.import_module(module)\n"

@@ -17,7 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 import curiosity_algos
 from curiosity_algos import CuriosityES, MAPElites
-from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
+from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 
 EXAMPLES = ROOT / "examples"
 SCRIPT = EXAMPLES / "rl_zoo3_train.py"

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from curiosity_algos.cli.options import Trust, find_own_modules
+from curiosity_algos.cli.options import ALGOS, Trust, find_own_modules
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -23,6 +23,7 @@ def enjoy(
         typer.Option(
             help="Algorithm whose best policy comes with the package, instead of a run's.",
             metavar="ALGO",
+            autocompletion=ALGOS,
         ),
     ] = None,
     out: Annotated[

@@ -7,21 +7,21 @@ import typer
 
 def list_names() -> None:
     """Print environments, algorithms, bonuses and presets."""
-    from curiosity_algos.bonuses.make import BONUSES
-    from curiosity_algos.common.presets import PRESETS
-    from curiosity_algos.experiments.names import (
+    from curiosity_algos.common.names import (
         ALGORITHMS,
+        BONUS_NAMES,
         CONTRIB,
         ENVIRONMENTS,
         STABLE_BASELINES,
     )
+    from curiosity_algos.common.presets import PRESETS
 
     for title, names in [
         ("Environments", ENVIRONMENTS),
         ("Algorithms", ALGORITHMS),
         ("Algorithms of Stable-Baselines3", STABLE_BASELINES),
         ("Algorithms of sb3-contrib", CONTRIB),
-        ("Bonuses", BONUSES),
+        ("Bonuses", BONUS_NAMES),
         ("Presets", PRESETS),
     ]:
         typer.echo("\n  ".join([f"{title}:", *names]))

@@ -4,16 +4,39 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import gymnasium as gym
 import typer
+
+from curiosity_algos.common.names import BONUS_NAMES, KNOWN
+from curiosity_algos.common.presets import PRESETS
 
 if TYPE_CHECKING:
     from curiosity_algos.experiments.run_envs import Wrapping
     from curiosity_algos.experiments.run_spec import RunSpec
+
+
+def completion(known: Iterable[str]) -> Callable[[str], list[str]]:
+    """Completes a name, or the last of several with commas between them; imports nothing slow."""
+
+    def complete(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        return [f"{before}{comma}{name}" for name in known if name.startswith(last)]
+
+    return complete
+
+
+WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+"""The ends of words within the name of a class."""
+ALGOS = completion([WORDS.sub("_", name).lower() for name in KNOWN])
+ENVS = completion(gym.registry)
+BONUSES = completion(("none", *BONUS_NAMES))
+PRESET = completion(PRESETS)
 
 
 def _pairs(name: str, more: str = "") -> Any:
@@ -47,7 +70,10 @@ BonusKeywords = Annotated[
 ]
 Preset = Annotated[
     str | None,
-    typer.Option(help="Settings to begin with, paper or tuned. Without it, the defaults."),
+    typer.Option(
+        help="Settings to begin with, paper or tuned. Without it, the defaults.",
+        autocompletion=PRESET,
+    ),
 ]
 Device = Annotated[
     str | None, typer.Option(help="Device that neural networks are on: auto, cpu or cuda.")

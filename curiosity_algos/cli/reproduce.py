@@ -21,7 +21,10 @@ def reproduce(
         ),
     ] = "smoke",
     preset: Annotated[
-        str, typer.Option(help="Settings of the algorithms, paper or tuned.")
+        str,
+        typer.Option(
+            help="Settings of the algorithms, paper or tuned.", autocompletion=options.PRESET
+        ),
     ] = "paper",
     seeds: Annotated[
         str | None,

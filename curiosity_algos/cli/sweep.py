@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
 def sweep(
     algos: Annotated[
-        str, typer.Option(help="Algorithms, with commas between them.")
+        str,
+        typer.Option(help="Algorithms, with commas between them.", autocompletion=options.ALGOS),
     ] = "curiosity_es,nses",
     envs: Annotated[
-        str, typer.Option(help="Ids of environments, likewise.")
+        str,
+        typer.Option(help="Ids of environments, likewise.", autocompletion=options.ENVS),
     ] = "CuriosityMaze-US-v0",
     seeds: Annotated[str, typer.Option(help="Seeds, likewise.")] = "0,1,2",
     timesteps: options.Timesteps = 1e7,
@@ -31,7 +33,8 @@ def sweep(
         str,
         typer.Option(
             help="Bonuses that algorithms explore by, with commas between them, such as "
-            "none,apt,rnd: all are tried."
+            "none,apt,rnd: all are tried.",
+            autocompletion=options.BONUSES,
         ),
     ] = "none",
     bonus_kwargs: options.BonusKeywords = None,

@@ -15,14 +15,16 @@ def train(
         str,
         typer.Option(
             help="Name of the algorithm, in any spelling: curiosity_es, map-elites, and of "
-            "Stable-Baselines3 ppo or SAC."
+            "Stable-Baselines3 ppo or SAC.",
+            autocompletion=options.ALGOS,
         ),
     ] = "curiosity_es",
     env: Annotated[
         str,
         typer.Option(
             help="Id of the environment, or MODULE:ID of one that a module registers, which may "
-            "lie in the working directory."
+            "lie in the working directory.",
+            autocompletion=options.ENVS,
         ),
     ] = "CuriosityMaze-Hard-v0",
     timesteps: options.Timesteps = 1e7,
@@ -35,7 +37,9 @@ def train(
         str,
         typer.Option(
             help="Bonus that the algorithm explores by, such as apt or rnd: for one of "
-            "Stable-Baselines3's own it is added to the reward. Without it, the algorithm as it is."
+            "Stable-Baselines3's own it is added to the reward. Without it, the algorithm as it "
+            "is.",
+            autocompletion=options.BONUSES,
         ),
     ] = "none",
     bonus_kwargs: options.BonusKeywords = None,

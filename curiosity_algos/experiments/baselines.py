@@ -18,8 +18,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.bonuses.encoders import SMALLEST_NATURE
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
+from curiosity_algos.common.names import find_known, plain_name
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
-from curiosity_algos.experiments.names import find_known, plain_name
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable

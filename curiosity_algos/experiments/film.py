@@ -14,11 +14,11 @@ import numpy as np
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
+from curiosity_algos.common.names import KNOWN, find_algorithm
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.names import KNOWN, find_algorithm
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.run_folder import last_checkpoint
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm

@@ -8,8 +8,8 @@ import gymnasium as gym
 import numpy as np
 
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.names import find_algorithm, find_known
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_gym.registration import SPECS
 
 # Not by paths: the package may lie in an archive.

@@ -18,6 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids
+from curiosity_algos.common.names import find_algorithm, find_known
 from curiosity_algos.common.networks import torch_device
 from curiosity_algos.common.origin import is_foreign
 from curiosity_algos.evaluation.arguments import check_learning
@@ -29,7 +30,6 @@ from curiosity_algos.experiments.baselines import (
     make_baseline,
 )
 from curiosity_algos.experiments.differences import MAY_DIFFER
-from curiosity_algos.experiments.names import find_algorithm, find_known
 from curiosity_algos.experiments.run_envs import (
     Wrapping,
     check_wrapping,

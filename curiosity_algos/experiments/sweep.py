@@ -20,10 +20,10 @@ from typing import Any, TypeAlias
 
 from tqdm import tqdm
 
+from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.origin import is_foreign, message_of
 from curiosity_algos.experiments.baselines import find_bonus
-from curiosity_algos.experiments.names import find_algorithm
 from curiosity_algos.experiments.run_spec import RunSpec, variant_of
 from curiosity_algos.experiments.training import is_finished, summary, train
 from curiosity_gym.processors import available_cpus

@@ -50,6 +50,33 @@ print("ribs" in sys.modules)
     assert run(code).splitlines() == ["[]", "False"]
 
 
+def test_the_command_completes_words_and_lists_names_without_pytorch():
+    code = """
+import os, sys
+from curiosity_algos.cli import main
+sys.argv = ["curiosity", *sys.argv[1:]]
+for asked in ("train --algo map_", "sweep --envs CuriosityMaze-U", "train --bonus no"):
+    os.environ |= {"_CURIOSITY_COMPLETE": "complete_bash", "COMP_WORDS": f"curiosity {asked}"}
+    os.environ["COMP_CWORD"] = "3"
+    try:
+        main()
+    except SystemExit:
+        pass
+del os.environ["_CURIOSITY_COMPLETE"]
+sys.argv.append("list")
+try:
+    main()
+finally:
+    print("torch" in sys.modules)
+"""
+    *printed, has_torch = run(code).splitlines()
+    completed = printed[: printed.index("Environments:")]
+    assert [word for word in completed if word] == [
+        *("map_elites", "CuriosityMaze-US-v0", "none", "noveld")
+    ]
+    assert has_torch == "False"
+
+
 @pytest.mark.parametrize("name", WITH_ARCHIVES)
 def test_they_are_pickled_by_name(name):
     algorithm = getattr(curiosity_algos, name)
@@ -78,7 +105,6 @@ print(all_of_them["NSLC"].__name__, *all_of_them)
 
 
 def test_every_public_name_is_there():
-    assert curiosity_algos._WITH_ARCHIVES.keys() == set(WITH_ARCHIVES)
     assert set(curiosity_algos.__all__) <= set(dir(curiosity_algos))
     for name in curiosity_algos.__all__:
         assert callable(getattr(curiosity_algos, name))

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
+from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.names import ALGORITHMS, find_algorithm
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
 from curiosity_algos.experiments.run_folder import last_checkpoint
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm

@@ -12,8 +12,8 @@ import yaml
 
 import curiosity_algos
 from curiosity_algos import NSES, TD3ICM, load_preset
+from curiosity_algos.common.names import ALGORITHMS
 from curiosity_algos.common.presets import PRESETS
-from curiosity_algos.experiments.names import ALGORITHMS
 
 FOLDER = Path(curiosity_algos.__file__).parent / "presets"
 NO_SETTINGS = {"env", "policy", "evaluator", "archive", "action_noise"}

@@ -8,6 +8,7 @@ from gymnasium import spaces
 from stable_baselines3.common.save_util import load_from_zip_file
 
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
+from curiosity_algos.common.names import ALGORITHMS, CONTRIB, STABLE_BASELINES, find_algorithm
 from curiosity_algos.experiments import RunFolder, SaveRun, load_final_states, load_runs
 from curiosity_algos.experiments.baselines import (
     _default_policy,
@@ -15,7 +16,6 @@ from curiosity_algos.experiments.baselines import (
     load_baseline,
 )
 from curiosity_algos.experiments.film import play
-from curiosity_algos.experiments.names import ALGORITHMS, CONTRIB, STABLE_BASELINES, find_algorithm
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper

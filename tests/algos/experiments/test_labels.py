@@ -2,8 +2,8 @@
 
 import pandas as pd
 
+from curiosity_algos.common.names import ALGORITHMS
 from curiosity_algos.experiments.labels import COLORS, FURTHER, color_labels, label_runs
-from curiosity_algos.experiments.names import ALGORITHMS
 
 
 def test_a_label_names_the_settings_that_tell_runs_of_one_environment_apart():

@@ -5,8 +5,10 @@ import sb3_contrib
 import stable_baselines3
 
 import curiosity_algos
-from curiosity_algos.experiments.names import (
+from curiosity_algos.bonuses.make import BONUSES
+from curiosity_algos.common.names import (
     ALGORITHMS,
+    BONUS_NAMES,
     CONTRIB,
     STABLE_BASELINES,
     find_algorithm,
@@ -20,6 +22,10 @@ def test_every_algorithm_has_a_name():
     assert set(ALGORITHMS) == classes
     for name in ALGORITHMS:
         assert find_algorithm(name) is getattr(curiosity_algos, name)
+
+
+def test_every_bonus_has_a_name():
+    assert tuple(BONUSES) == BONUS_NAMES
 
 
 def test_every_one_of_stable_baselines_has_a_name():

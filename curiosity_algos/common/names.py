@@ -1,4 +1,4 @@
-"""Algorithms by any spelling of their names."""
+"""Names of algorithms, bonuses and environments, and what is meant by any spelling of them."""
 
 from __future__ import annotations
 
@@ -32,6 +32,8 @@ _PACKAGES: dict[str, str] = {
 }
 KNOWN = tuple(_PACKAGES)
 """All of them."""
+BONUS_NAMES = ("apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd")
+"""Bonuses, as `curiosity_algos.bonuses.make` makes them: with PyTorch, which takes seconds."""
 ENVIRONMENTS = tuple(SPECS)
 
 

@@ -19,6 +19,10 @@ from curiosity_algos.evaluation.flat_spaces import (
 from curiosity_gym.validation import check_choice
 
 
+MAX_COUNTED = 65_536
+"""Values that are counted in an observation, each a number of its own: bonuses keep thousands."""
+
+
 class View:
     """Observations, or one entry of those in a Dict: vectors and images as they are, others flat.
 
@@ -31,8 +35,8 @@ class View:
 
     Raises:
         ValueError: If the key is none of the space, or it cannot become vectors, see
-            `FlatObservations`, or the entries of a Dict or Tuple are more than `MAX_ENTRIES`
-            numbers.
+            `FlatObservations`, the entries of a Dict or Tuple are more than `MAX_ENTRIES` numbers,
+            or more than `MAX_COUNTED` values are counted.
     """
 
     def __init__(self, space: spaces.Space[Any], key: str | None = None) -> None:
@@ -46,6 +50,12 @@ class View:
             raise ValueError(
                 "`observation_key` must name an entry that the bonus sees where all are more than "
                 f"{MAX_ENTRIES} numbers, they are {self._flat.size}."
+            )
+        if self._flat is not None and self._flat.size > MAX_COUNTED:
+            raise ValueError(
+                f"`env` must give observations of at most {MAX_COUNTED} numbers, {space} becomes "
+                f"{self._flat.size}, one for each value: give what the value stands for instead "
+                "(gymnasium.wrappers.TransformObservation)."
             )
         self.space = space if self._flat is None else self._flat.space
 

@@ -80,6 +80,11 @@ def test_large_entries_are_seen_alone():
     assert View(spaces.Discrete(5000)).space.shape == (5000,)
 
 
+def test_values_beyond_memory_are_refused():
+    with pytest.raises(ValueError, match=r"`env` must give .* at most 65536 numbers, Discrete"):
+        View(spaces.Discrete(1_000_000))
+
+
 def test_errors_name_the_key():
     with pytest.raises(ValueError, match=r"`observation_key` must be one of .*place.*, got 'goal'"):
         View(SPACE, "goal")

@@ -136,7 +136,7 @@ def env_attributes(env: MadeEnv, name: str) -> list[Any]:
     """
     # Asked for first: a worker process dies of an attribute that is not there.
     if isinstance(env, VecEnv):
-        return env.get_attr(name) if env.has_attr(name) else []
+        return env.get_attr(name) if _has_attr(env, name) else []
     if isinstance(env, gym.Env):
         return [env.get_wrapper_attr(name)] if env.has_wrapper_attr(name) else []
     inner: Any = env.unwrapped
@@ -148,10 +148,17 @@ def env_attributes(env: MadeEnv, name: str) -> list[Any]:
     return [getattr(inner, name)] if hasattr(inner, name) else []
 
 
+def _has_attr(env: VecEnv, name: str) -> bool:
+    try:
+        return env.has_attr(name)
+    except (AttributeError, NotImplementedError):  # of one that SB3's VecEnvs do not know
+        return False
+
+
 def env_attribute(env: MadeEnv, name: str) -> Any:
     """The attribute of the first single env, whatever wraps it; None unless all have it."""
     if isinstance(env, VecEnv):  # which may have a process for each
-        return env.get_attr(name, indices=0)[0] if env.has_attr(name) else None
+        return env.get_attr(name, indices=0)[0] if _has_attr(env, name) else None
     return next(iter(env_attributes(env, name)), None)
 
 

@@ -2,7 +2,7 @@ import gymnasium as gym
 import pytest
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from gymnasium.wrappers import TimeLimit, TransformReward
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
 
 from curiosity_algos.evaluation.environments import env_attribute, env_id, step_limit
 
@@ -61,3 +61,22 @@ def test_one_env_is_asked_for_an_attribute():
             return super().get_attr(attr_name, indices)
 
     assert env_attribute(Asked([make_unlimited] * 3), "max_torque") == 2.0
+
+
+def test_a_vec_env_may_not_know_what_it_has(opened):
+    """As SuperSuit's, which passes the question on to what has no such method."""
+
+    class Foreign(VecEnvWrapper):
+        def has_attr(self, attr_name):
+            return self.venv.no_such_method(attr_name)
+
+        def reset(self):
+            return self.venv.reset()
+
+        def step_wait(self):
+            return self.venv.step_wait()
+
+    env = Foreign(DummyVecEnv([make_unlimited]))
+    opened.append(env)
+    assert env_attribute(env, "horizon") is None
+    assert step_limit(env) is None

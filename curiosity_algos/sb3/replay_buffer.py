@@ -374,7 +374,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         if not isinstance(self.action_space, spaces.Box):
             return actions[:, 0]
         center, half_range = action_scale(self.action_space)
-        return center + half_range * actions
+        return center + half_range * actions.astype(np.float32, copy=False)
 
     # -- save and load --------------------------------------------------------------------------
 

@@ -16,7 +16,12 @@ import numpy as np
 import torch as th
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array
-from curiosity_algos.common.networks import RunningNormalizer, mlp, single_torch_thread
+from curiosity_algos.common.networks import (
+    RunningNormalizer,
+    check_gradients,
+    mlp,
+    single_torch_thread,
+)
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
 
@@ -119,6 +124,7 @@ class TrajectoryEncoder:
         The scale of the states is taken anew: it grows with what is explored.
         """
         assert self.shape is not None
+        check_gradients()
         with single_torch_thread():
             fresh = RunningNormalizer(self.shape[1]).to(self.device)
             for part in _parts(states):

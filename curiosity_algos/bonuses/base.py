@@ -15,7 +15,7 @@ from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.arrays import Array, Float32Array
-from curiosity_algos.common.networks import RunningNormalizer, torch_device
+from curiosity_algos.common.networks import RunningNormalizer, check_gradients, torch_device
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
 
@@ -261,7 +261,11 @@ def train(
         draw: Gives observations, actions and next observations of so many transitions.
         n_updates: Gradient steps.
         batch_size: Transitions a gradient step.
+
+    Raises:
+        RuntimeError: If torch computes no gradients.
     """
+    check_gradients()
     steps = [bonus.update(*draw(batch_size)) for _ in range(n_updates)]
     return {
         f"{bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))

@@ -28,6 +28,15 @@ def single_torch_thread() -> Iterator[None]:
         th.set_num_threads(n_threads)
 
 
+def check_gradients() -> None:
+    """Raise RuntimeError where networks cannot be trained."""
+    if not th.is_grad_enabled():
+        raise RuntimeError(
+            "`learn` must be called outside torch.no_grad() and torch.inference_mode(): networks "
+            "are trained there."
+        )
+
+
 def torch_device(device: th.device | str) -> th.device:
     """The device of that name; of "auto" the GPU where there is one.
 

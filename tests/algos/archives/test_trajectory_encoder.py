@@ -109,6 +109,12 @@ class TestTraining:
         assert losses[0] > 0.3
         assert losses[-1] < 0.1 * losses[0]
 
+    def test_it_needs_gradients(self):
+        states = make_states()
+        encoder = make_encoder(states=states)
+        with th.no_grad(), pytest.raises(RuntimeError, match="`learn` must be called outside"):
+            encoder.train(states)
+
     def test_epochs_of_one_training_count(self):
         states = make_states()
         few, many = (make_encoder(states=states, n_epochs=n) for n in (1, 60))

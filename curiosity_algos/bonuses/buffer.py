@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import psutil
 import torch as th
 from gymnasium import spaces
 
@@ -14,8 +17,29 @@ from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.randomness import integer_seed
 
 
+USUAL_CAPACITY = 100_000
+"""Transitions that a buffer keeps unless a user says how many, if they fit `USUAL_BYTES`."""
+USUAL_BYTES = 2**30
+
+
+def usual_capacity(observation_space: spaces.Space[Any]) -> int:
+    """Transitions of observations that a buffer keeps unless a user says how many."""
+    return max(1, min(USUAL_CAPACITY, USUAL_BYTES // _bytes_of_one(observation_space)))
+
+
+def _bytes_of_one(observation_space: spaces.Space[Any]) -> int:
+    """Memory of a transition, whose two observations are nearly all of it."""
+    return 2 * math.prod(observation_space.shape or ()) * _dtype(observation_space)().itemsize
+
+
+def _dtype(observation_space: spaces.Space[Any]) -> type[np.generic]:
+    return np.float32 if ImageInputs.of(observation_space) is None else np.uint8
+
+
 class TransitionBuffer:
     """Keeps the newest `capacity` transitions and samples batches of them.
+
+    It warns, as Stable-Baselines3's do, where memory ends before it is full.
 
     Args:
         capacity: Number of transitions kept.
@@ -36,7 +60,17 @@ class TransitionBuffer:
         self.size = 0
         self._next = 0
         shape = tuple(observation_space.shape or ())
-        dtype = np.float32 if ImageInputs.of(observation_space) is None else np.uint8
+        dtype = _dtype(observation_space)
+        n_bytes, n_free = (
+            capacity * _bytes_of_one(observation_space),
+            psutil.virtual_memory().available,
+        )
+        if n_bytes > n_free:
+            warnings.warn(
+                f"`buffer_size` of {capacity} transitions needs {n_bytes / 1e9:.1f} GB of memory, "
+                f"{n_free / 1e9:.1f} GB are free.",
+                stacklevel=2,
+            )
         # NumPy's zeros, unlike torch's, take memory and time only once they are written.
         self._columns = {
             "observations": th.from_numpy(np.zeros((capacity, *shape), dtype)),

@@ -21,7 +21,7 @@ from stable_baselines3.common.vec_env import (
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards, show, train
-from curiosity_algos.bonuses.buffer import TransitionBuffer
+from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
@@ -81,7 +81,8 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         train_interval: Transitions of all environments between two trainings.
         n_updates: Gradient steps a training.
         batch_size: Transitions a gradient step.
-        buffer_size: Transitions kept to train on, the newest.
+        buffer_size: Transitions kept to train on, the newest; None: 100,000, of large observations
+            as many as a GiB holds.
         seed: Of the networks and the draws; None: fresh entropy.
         device: Where the networks are, as in SB3.
 
@@ -110,7 +111,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         train_interval: int = 2048,
         n_updates: int = 64,
         batch_size: int = 256,
-        buffer_size: int = 100_000,
+        buffer_size: int | None = None,
         seed: int | None = None,
         device: th.device | str = "auto",
     ) -> None:
@@ -119,7 +120,9 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         check_positive(weight=weight)
         check_discount(gamma)
         check_at_least_one(train_interval=train_interval, n_updates=n_updates)
-        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+        check_at_least_one(batch_size=batch_size)
+        if buffer_size is not None:
+            check_at_least_one(buffer_size=buffer_size)
         check_seed(seed)
         check_bool(extrinsic=extrinsic)
         self._view = View(venv.observation_space, observation_key)
@@ -137,7 +140,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.train_interval = int(train_interval)
         self.n_updates = int(n_updates)
         self.batch_size = int(batch_size)
-        self.buffer_size = int(buffer_size)
+        self.buffer_size = int(buffer_size or usual_capacity(self._view.space))
         self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
         self.training = True
         self.is_new = True

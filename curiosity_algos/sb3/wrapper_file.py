@@ -97,7 +97,8 @@ def check_fits(
     if n_envs != venv.num_envs or not has_spaces:
         raise ValueError(
             f"`venv` must have {n_envs} environments with the spaces that were saved, got "
-            f"{venv.num_envs} with {venv.observation_space} and {venv.action_space}."
+            f"{venv.num_envs} with {venv.observation_space} and {venv.action_space}. For others "
+            "make a new BonusVecEnvWrapper, which has seen nothing yet."
         )
 
 

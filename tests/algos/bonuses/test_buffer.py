@@ -1,11 +1,14 @@
+from types import SimpleNamespace
+
 import numpy as np
+import psutil
 import pytest
 import torch as th
 from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.bonuses.buffer import TransitionBuffer
+from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
 
 
 def transitions(numbers):
@@ -131,3 +134,18 @@ def test_another_state_changes_nothing(assert_same, name, value):
     with pytest.raises(ValueError, match="must be"):
         buffer.load_state_dict(before | {name: value})
     assert_same(buffer.state_dict(), before)
+
+
+def test_it_warns_before_memory_ends(monkeypatch):
+    space, free = spaces.Box(0, 255, (84, 84, 4), np.uint8), SimpleNamespace(available=1e9)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: free)
+    with pytest.warns(UserWarning, match=r"`buffer_size` of 20000 .* 1\.1 GB .* 1\.0 GB are free"):
+        TransitionBuffer(20_000, space, 1, seed=np.random.SeedSequence(0))
+    make_buffer(1_000_000)
+
+
+def test_a_gibibyte_of_large_observations_is_usual():
+    frames = spaces.Box(0, 255, (84, 84, 4), np.uint8)
+    assert usual_capacity(frames) == 2**30 // (2 * 84 * 84 * 4)
+    assert usual_capacity(spaces.Box(-1, 1, (36,))) == 100_000
+    assert usual_capacity(spaces.Box(-1, 1, (10**9,))) == 1

@@ -101,7 +101,7 @@ def test_the_paper_is_linked_and_cited_alike(page):
     assert project["urls"]["Paper"] == f"https://doi.org/{cited['doi']}"
     assert f"({project['urls']['Paper']})" in text
     (entry,) = re.findall(r"^```bibtex\n@article(.*?)^```", text, flags=re.M | re.S)
-    fields = dict(re.findall(r"(\w+) = \{(.*)\}", entry))
+    fields = dict(re.findall(r"(\w+) = \{(.*?)\}", " ".join(entry.split())))
     assert all(fields[name] == str(cited[name]) for name in ("title", "journal", "year", "doi"))
     names = [f"{each['family-names']}, {each['given-names']}" for each in cited["authors"]]
     assert fields["author"] == " and ".join(names)

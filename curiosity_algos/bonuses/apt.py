@@ -41,10 +41,11 @@ class APT(NetworkBonus):
 
     The encoder learns to tell the state that follows another, up to `horizon` steps later, from
     those that follow other states: the nearer two states are in time, the nearer are their
-    features. What foretells nothing, such as noise, is left out. The bonus of a transition is the
-    mean distance of the state that it leads to from the nearest of those in a memory, a uniform
-    sample of all states that were observed; the paper takes the logarithm of that mean. The memory
-    keeps observations, not features, as the encoder learns on.
+    features. Noise that is drawn anew in each step foretells nothing, and is left out; what lasts
+    through an episode is not. The bonus of a transition is the mean distance of the state that it
+    leads to from the nearest of those in a memory, a uniform sample of all states that were
+    observed; the paper takes the logarithm of that mean. The memory keeps observations, not
+    features, as the encoder learns on.
 
     Further keywords are those of every bonus of networks, see `NetworkBonus`.
 

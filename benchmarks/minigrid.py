@@ -1,8 +1,8 @@
 """What a bonus does for PPO behind MiniGrid's doors: `python -m benchmarks.minigrid` tells.
 
-It needs the extra `dev`, or MiniGrid. A run of DoorKey is three minutes of one thread, one of KeyCorridor
-twelve; a GPU is taken where there is one. What is in the folder of runs is not done again. Measures
-are those of DEIR's code, https://github.com/swan-utokyo/deir.
+It needs MiniGrid, which the extra `dev` has. A run of DoorKey is three minutes of one thread, one
+of KeyCorridor twelve; a GPU is taken where there is one. What is in the folder of runs is not done
+again. Measures are those of DEIR's code, https://github.com/swan-utokyo/deir.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def resolve_layout(
     """Return the layout itself, or what its fields, a built-in name, a .json path or a text mean.
 
     Args:
-        layout: Which.
+        layout: Which; of a text, a backslash and an n are a line break, too.
         built_in: Those with a name.
         name: Of the argument, for the error.
 
@@ -71,13 +71,12 @@ def resolve_layout(
         return layout
     if isinstance(layout, Mapping):
         return MazeLayout.from_dict(layout)
-    if isinstance(layout, str):
-        if layout in built_in:
-            return built_in[layout]
-        if "\n" in layout:
-            return MazeLayout.from_ascii(layout)
+    if isinstance(layout, str) and layout in built_in:
+        return built_in[layout]
     if isinstance(layout, str | os.PathLike) and str(layout).endswith(".json"):
         return MazeLayout.from_json(layout)
+    if isinstance(layout, str) and "\n" in (text := layout.replace(r"\n", "\n")):
+        return MazeLayout.from_ascii(text)  # a shell passes the two characters
     raise ValueError(
         f"`{name}` must be a MazeLayout or its fields, a built-in name ({', '.join(built_in)}), a "
         f"path ending in .json, or ASCII text with a line break, got {layout!r:.60}."

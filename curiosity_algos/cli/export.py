@@ -20,13 +20,16 @@ def export(
     policies: Annotated[
         str | None,
         typer.Option(
-            help="Whose episodes: elites, rewarding, or a sample of all.", show_default="rewarding"
+            help="Policies whose episodes are written: elites, rewarding, or a sample of all.",
+            show_default="rewarding",
         ),
     ] = None,
     n_policies: Annotated[
         int | None,
         typer.Option(
-            help="Whose episodes, at most; drawn where there are more.", show_default="1000"
+            help="Number of policies whose episodes are written, at most. Of more, a sample is "
+            "drawn.",
+            show_default="1000",
         ),
     ] = None,
     trust: Trust = False,

@@ -210,7 +210,12 @@ def names(option: str, text: str) -> list[str]:
 
 
 def numbers(option: str, text: str) -> list[int]:
-    """Whole numbers of a text with commas."""
-    if not all(part.strip().isdecimal() for part in text.split(",")):
-        raise ValueError(f"--{option} must be whole numbers with commas, got {text}.")
-    return [int(part) for part in text.split(",")]
+    """Whole numbers of a text with commas; `0-4` stands for all from 0 to 4."""
+    found: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        ends = [first, last] if dash else [first, first]
+        if not all(end.isdecimal() for end in ends) or int(ends[0]) > int(ends[1]):
+            raise ValueError(f"--{option} must be whole numbers such as 0,1,2 or 0-4, got {text}.")
+        found += range(int(ends[0]), int(ends[1]) + 1)
+    return found

@@ -29,7 +29,7 @@ def reproduce(
     seeds: Annotated[
         str | None,
         typer.Option(
-            help="Seeds of the runs, with commas between them. Without it, those of the budget."
+            help="Seeds of the runs, such as 0,1,2 or 0-4. Without it, those of the budget."
         ),
     ] = None,
     log_folder: Annotated[

@@ -23,7 +23,7 @@ def sweep(
         str,
         typer.Option(help="Ids of environments, likewise.", autocompletion=options.ENVS),
     ] = "CuriosityMaze-US-v0",
-    seeds: Annotated[str, typer.Option(help="Seeds, likewise.")] = "0,1,2",
+    seeds: Annotated[str, typer.Option(help="Seeds, likewise, or as 0-4.")] = "0,1,2",
     timesteps: options.Timesteps = 1e7,
     log_folder: options.LogFolder = Path("runs"),
     env_kwargs: options.EnvKeywords = None,
@@ -65,7 +65,7 @@ def sweep(
 
     Runs that are finished are left alone, and those that were interrupted go on.
 
-    Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0,1,2
+    Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0-4
 
     Example: curiosity sweep --algos nses --hyperparams sigma:0.1 --hyperparams sigma:0.3
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -51,14 +52,19 @@ def train(
         int | None, typer.Option(help="Number of threads. Without it, one for each processor.")
     ] = None,
     progress: Annotated[
-        bool, typer.Option("--progress", "-P", help="Show a progress bar.")
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--progress/--no-progress",
+            "-P",
+            help="Show a progress bar. Without it, there is one on a terminal.",
+        ),
+    ] = None,
 ) -> None:
     """Train one model, and keep its run in a folder.
 
     A run that was interrupted goes on when the same command is given again.
 
-    Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7 -P
+    Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7
 
     Example: curiosity train --algo ppo --bonus apt --n-envs 16 --repeat-action 10 -n 1e5
     """
@@ -80,6 +86,8 @@ def train(
         repeat_action=repeat_action,
     )
     folder = run.folder(log_folder)
+    if progress is None:
+        progress = sys.stdout.isatty() and sys.stderr.isatty()
     if not training.train(run, folder, progress_bar=progress):
         typer.echo(f"{folder} is finished.")
         return

@@ -25,7 +25,8 @@ class TestResolve:
         assert resolve_layout(as_type(path)) == ROOM
 
     def test_ascii_text(self):
-        assert resolve_layout(ASCII) == MazeLayout.from_ascii(ASCII)
+        for text in (ASCII, ASCII.replace("\n", r"\n")):  # as a shell passes it
+            assert resolve_layout(text) == MazeLayout.from_ascii(ASCII)
 
     def test_fields(self):
         assert resolve_layout(ROOM.to_dict()) == ROOM

@@ -18,7 +18,7 @@ import pytest
 import curiosity_gym
 from curiosity_algos.cli import app, main
 from curiosity_algos.cli.options import names, numbers
-from curiosity_algos.experiments import film, load_final_states, load_runs
+from curiosity_algos.experiments import film, load_final_states, load_runs, training
 from curiosity_algos.experiments.labels import label_runs
 
 ROOT = pathlib.Path(__file__).parents[3]
@@ -515,3 +515,23 @@ class TestHelp:
 def test_names_and_numbers_may_have_blanks_between_them():
     assert names("algos", "nses, map_elites") == ["nses", "map_elites"]
     assert numbers("seeds", "0, 1") == [0, 1]
+    assert numbers("seeds", "0-3, 7,9-9") == [0, 1, 2, 3, 7, 9]
+
+
+@pytest.mark.parametrize("text", ["", "0,", "3-1", "-1", "1-", "0-1-2", "0_1", "a-b"])
+def test_numbers_are_whole_and_in_order(text):
+    with pytest.raises(ValueError, match="--seeds must be whole numbers such as 0,1,2 or 0-4"):
+        numbers("seeds", text)
+
+
+@pytest.mark.parametrize(
+    ("is_terminal", "words", "is_shown"),
+    [(True, [], True), (True, ["--no-progress"], False), (False, [], False), (False, ["-P"], True)],
+)
+def test_a_terminal_shows_a_bar(is_terminal, words, is_shown, run_here, monkeypatch):
+    seen = []
+    monkeypatch.setattr(training, "train", lambda *_, progress_bar: seen.append(progress_bar))
+    for name in ("stdout", "stderr"):
+        monkeypatch.setattr(getattr(sys, name), "isatty", lambda: is_terminal)
+    assert run_here("train", "--env", "CuriosityMaze-US-v0", *words)[0] == 0
+    assert seen == [is_shown]

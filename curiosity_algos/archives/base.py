@@ -138,6 +138,10 @@ class EliteArchive(ArchiveBase):
         """Whether it holds no elite."""
         return len(self) == 0
 
+    def __repr__(self) -> str:
+        best = "" if self.empty else f", best objective {self.stats.obj_max:.3f}"
+        return f"<{type(self).__name__}: {len(self):,} elites{best}>"
+
     def __len__(self) -> int:
         """Number of elites."""
         return len(self._elites)

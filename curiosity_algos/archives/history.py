@@ -46,6 +46,9 @@ class ArchiveHistory:
         check_choice(COLUMNS, column=column)
         return self._table()[:, COLUMNS.index(column)]
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self):,} generations of {', '.join(COLUMNS)}>"
+
     def __len__(self) -> int:
         """Number of generations."""
         return len(self._rows)

@@ -29,6 +29,10 @@ class Coverage:
         self._final = np.empty(0, dtype=np.int64)
         self._visited = VisitedCells(grid)
 
+    def __repr__(self) -> str:
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in self.shares.items())
+        return f"<{type(self).__name__}: {shares or 'nothing is counted'}>"
+
     def check(self, visited: Int64Array | None) -> None:
         """Raise ValueError unless an evaluator's visited cells are those of the grid."""
         if self.grid is None or visited is None or np.size(visited) == 0:

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -172,3 +172,12 @@ def env_id(env: Any) -> str | None:
         specs = [getattr(each, "spec", None) for each in (env, *_single_envs(env))]
         spec = next((each for each in specs if each is not None), None)
     return None if spec is None else str(spec.id)
+
+
+def env_name(env: Any) -> str:
+    """The id of an environment, or else its class; another process is not asked."""
+    if isinstance(env, VecEnvWrapper):
+        return env_name(env.unwrapped)
+    inner = next(iter(_single_envs(env)), env)
+    spec = getattr(inner, "spec", None)
+    return type(getattr(inner, "unwrapped", inner)).__name__ if spec is None else str(spec.id)

@@ -248,6 +248,11 @@ class MlpPolicy(BasePolicy):
         self.acted = FlatActions(action_space)
         self.flat = th.nn.Parameter(th.zeros(self.mlp.n_parameters), requires_grad=False)
 
+    def extra_repr(self) -> str:
+        """Widths of the layers, and the length of `vector`."""
+        widths = "-".join(map(str, self.mlp.sizes))
+        return f"{widths}, {self.mlp.n_parameters:,} parameters"
+
     @property
     def vector(self) -> Float32Array:
         """The flat parameter vector (n_parameters,), a view; writes go through."""

@@ -74,7 +74,7 @@ def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
     return {}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
 
@@ -110,6 +110,10 @@ class Rollouts:
     actions: Float32Array | Int64Array | None = None
     visited: Int64Array | None = None
     summaries: Mapping[str, Summary] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        found = f"{self.timesteps:,} steps, {np.sum(self.success):,} successes"
+        return f"<{type(self).__name__}: {len(self):,} episodes, {found}>"
 
     def __len__(self) -> int:
         """Number of individuals."""

@@ -54,6 +54,9 @@ class RunFolder:
         self._checkpoints = self.path / "checkpoints"
         self._lock = self.path / "lock"
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.path}>"
+
     def is_empty(self) -> bool:
         """Whether a run can begin here; what a kill left of its first file does not count."""
         held = self.path.iterdir() if self.path.exists() else ()

@@ -45,6 +45,9 @@ class NoveltyArchive:
         self._copies = np.empty(0, dtype=np.int64)  # of each distinct behavior
         self._large = self._small = _tree(np.empty((0, n_dimensions)))
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self):,} behaviors of {self.n_dimensions} entries>"
+
     def __len__(self) -> int:
         """Number of behaviors added."""
         return int(self._copies.sum())

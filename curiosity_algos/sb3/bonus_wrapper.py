@@ -31,6 +31,7 @@ from curiosity_algos.checkpoints.plain_files import fitting, plain
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.evaluation.batches import terminations
+from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.scale import BonusScale, check_discount
@@ -153,6 +154,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self._n_untrained = 0
         self._has_trained = False
         self._must_reset = False
+
+    def __repr__(self) -> str:
+        bonus = f"{self.weight:g} times {type(self.bonus).__name__}"
+        return f"<{type(self).__name__}: {bonus} around {self.num_envs} of {env_name(self.venv)}>"
 
     def _make_parts(
         self, bonus: str | Bonus, seed: np.random.SeedSequence, device: th.device | str

@@ -52,6 +52,10 @@ class OrderedReplayBuffer(ReplayBuffer):
             if not self.optimize_memory_usage:
                 self.next_observations = self.next_observations.view(held.dtype)[..., 0]
 
+    def __repr__(self) -> str:
+        size, most = (n * self.n_envs for n in (self.size(), self.buffer_size))
+        return f"<{type(self).__name__}: {size:,} of {most:,} transitions>"
+
     # -- what is collected ----------------------------------------------------------------------
 
     def add(self, obs: Any, next_obs: Any, *args: Any, **kwargs: Any) -> None:

@@ -32,7 +32,12 @@ from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
 from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
-from curiosity_algos.evaluation.environments import GymnasiumView, env_id, open_env
+from curiosity_algos.evaluation.environments import (
+    GymnasiumView,
+    env_id,
+    env_name,
+    open_env,
+)
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.validation import check_seed
@@ -59,6 +64,12 @@ class Resumable(BaseAlgorithm):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.__signature__ = inspect.Signature(_all_parameters(cls))
+
+    def __repr__(self) -> str:
+        place = "without an environment" if self.env is None else f"on {env_name(self.env)}"
+        best = getattr(self, "best_return", -np.inf)  # a subclass', which may not be there yet
+        found = f", best return {best:.3f}" if np.isfinite(best) else ""
+        return f"<{type(self).__name__} {place}: {self.num_timesteps:,} timesteps{found}>"
 
     @classmethod
     def from_preset(cls, preset: str, env: AnyEnv, **overrides: Any) -> Self:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from curiosity_algos.sb3.callbacks import (
         ExplorationCallback as ExplorationCallback,
     )
+    from curiosity_algos.sb3.callbacks import FinalBehaviors as FinalBehaviors
     from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv as GymnasiumVecEnv
     from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer as BonusReplayBuffer
 
@@ -68,6 +69,7 @@ _MODULES = {
     "CuriosityMAPElites": "algorithms.curiosity_map_elites",
     "Disagreement": "bonuses.disagreement",
     "ExplorationCallback": "sb3.callbacks",
+    "FinalBehaviors": "sb3.callbacks",
     "GymnasiumVecEnv": "sb3.gymnasium_vec_env",
     "ICMVecEnvWrapper": "sb3.bonus_wrapper",
     "MAPElites": "algorithms.map_elites",

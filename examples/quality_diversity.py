@@ -12,9 +12,15 @@ from pathlib import Path
 import gymnasium as gym
 import matplotlib
 import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback
 
-from curiosity_algos import AURORA, CMAME, NSLC, CuriosityMAPElites, MAPElites
+from curiosity_algos import (
+    AURORA,
+    CMAME,
+    NSLC,
+    CuriosityMAPElites,
+    FinalBehaviors,
+    MAPElites,
+)
 from curiosity_algos.archives.plots import plot_archive
 from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_gym.maze.plots import plot_density
@@ -22,18 +28,6 @@ from curiosity_gym.maze.plots import plot_density
 matplotlib.use("Agg")
 
 ALGORITHMS = {each.__name__: each for each in (NSLC, MAPElites, CMAME, CuriosityMAPElites, AURORA)}
-
-
-class FinalPositions(BaseCallback):
-    """Keeps every individual's final position."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.positions: list[np.ndarray] = []
-
-    def _on_step(self) -> bool:
-        self.positions.append(self.locals["rollouts"].behaviors[:, :2])
-        return True
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -68,7 +62,7 @@ def main() -> None:
     layout, names = env.unwrapped.layout, env.unwrapped.behavior_names
 
     model = ALGORITHMS[arguments.algorithm](arguments.env, seed=arguments.seed)
-    final = FinalPositions()
+    final = FinalBehaviors()
     model.learn(arguments.timesteps, callback=final, progress_bar=True)
     report = model.archive.verify(arguments.env)
     print(f"{arguments.algorithm} on {arguments.env}, {model.num_timesteps:,} environment steps")
@@ -79,7 +73,7 @@ def main() -> None:
     model.archive.save(out / "archive.npz")
     pictures = {
         "elites.png": plot_archive(model.archive, layout, behavior_names=names),
-        "final_positions.png": plot_density(np.concatenate(final.positions), layout),
+        "final_positions.png": plot_density(final.behaviors[:, :2], layout),
     }
     for name, ax in pictures.items():
         ax.figure.savefig(out / name, dpi=150, bbox_inches="tight")

@@ -18,7 +18,7 @@ from PIL import Image
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import CuriosityES
+from curiosity_algos import CuriosityES, FinalBehaviors
 from curiosity_gym.maze.plots import plot_density
 
 matplotlib.use("Agg")
@@ -29,23 +29,21 @@ STRIDE = 10
 
 
 class History(BaseCallback):
-    """Keeps every individual's final position, and coverage and best return of each generation."""
+    """Keeps coverage and best return of each generation."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.positions: list[np.ndarray] = []
         self.progress: list[tuple[float, float, float]] = []
 
     def _on_step(self) -> bool:
-        self.positions.append(self.locals["rollouts"].behaviors[:, :2])
         model = self.model
         self.progress.append((model.num_timesteps, model.coverage, model.best_return))
         return True
 
 
-def draw_positions(history: History, layout: object, path: Path) -> None:
+def draw_positions(positions: np.ndarray, layout: object, path: Path) -> None:
     """Every final position over the maze, colored by density."""
-    ax = plot_density(np.concatenate(history.positions), layout)
+    ax = plot_density(positions, layout)
     ax.figure.savefig(path, dpi=150, bbox_inches="tight")
     plt.close(ax.figure)
 
@@ -93,8 +91,8 @@ def main(
     make = CuriosityES if preset is None else partial(CuriosityES.from_preset, preset)
     model = make(env_id, seed=seed)
     model.set_logger(configure(str(out), ["csv"]))
-    history = History()
-    model.learn(timesteps, callback=history, progress_bar=True)
+    history, ends = History(), FinalBehaviors()
+    model.learn(timesteps, callback=[history, ends], progress_bar=True)
     model.save(out / "model")
 
     if model.first_success_timesteps is None:
@@ -105,7 +103,7 @@ def main(
     print(f"Best return: {model.best_return:.3f}")
 
     layout = gym.make(env_id).unwrapped.layout
-    draw_positions(history, layout, out / "final_positions.png")
+    draw_positions(ends.behaviors[:, :2], layout, out / "final_positions.png")
     draw_progress(history, out / "coverage_and_return.png")
     animate(model, env_id, out / "best_policy.gif")
     print(f"Written to {out}: {', '.join(sorted(path.name for path in out.iterdir()))}")

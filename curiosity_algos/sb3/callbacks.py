@@ -1,4 +1,4 @@
-"""Callbacks for Stable-Baselines3's own algorithms: logs of exploration, and checkpoints."""
+"""Callbacks: logs of exploration, where episodes end, and checkpoints with a bonus."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.bonuses.base import record_bonus
+from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
 from curiosity_algos.evaluation.episodes import EpisodeRecord
+from curiosity_algos.evaluation.rollouts import as_behaviors
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 
 
@@ -99,6 +101,34 @@ class ExplorationCallback(BaseCallback):
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, once `learn` has begun."""
         self._episodes.load_state_dict(state)
+
+
+class FinalBehaviors(BaseCallback):
+    """Keeps the behavior that each episode ends with, of any algorithm: in a maze, where.
+
+    Args:
+        verbose: As in SB3.
+
+    Attributes:
+        behaviors: (n, B) float64, of the n episodes that ended with an `info["behavior"]`, in their
+            order; (0, 0) before the first.
+    """
+
+    def __init__(self, verbose: int = 0) -> None:
+        super().__init__(verbose)
+        self._ended: list[Float64Array] = []
+
+    @property
+    def behaviors(self) -> Float64Array:
+        """(n, B)."""
+        return np.concatenate(self._ended or [np.empty((0, 0))])
+
+    def _on_step(self) -> bool:
+        steps = zip(self.locals["infos"], self.locals["dones"], strict=True)
+        ended = [info["behavior"] for info, is_last in steps if is_last and "behavior" in info]
+        if ended:
+            self._ended.append(as_behaviors(ended))
+        return True
 
 
 class BonusCheckpointCallback(CheckpointCallback):

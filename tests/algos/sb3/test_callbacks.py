@@ -11,9 +11,14 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
+from curiosity_algos import CanonicalES
 from curiosity_algos.bonuses.base import record_bonus
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
-from curiosity_algos.sb3.callbacks import BonusCheckpointCallback, ExplorationCallback
+from curiosity_algos.sb3.callbacks import (
+    BonusCheckpointCallback,
+    ExplorationCallback,
+    FinalBehaviors,
+)
 from curiosity_gym import BehaviorWrapper
 
 
@@ -54,6 +59,18 @@ def test_it_counts_where_episodes_end():
     assert callback.coverage.all == 5 / 50
     assert callback.first_success_timesteps == 6
     assert callback.best_return == 15.0
+
+
+def test_final_behaviors_are_those_of_the_last_steps():
+    ends = train(make_vec_env(make_walk), 15, FinalBehaviors())
+    assert ends.behaviors.tolist() == [[1], [2], [3], [4], [5]]
+    ends = train(make_vec_env(Walk), 15, FinalBehaviors())  # which have none
+    assert ends.behaviors.shape == (0, 0)
+    ends, seen = FinalBehaviors(), []
+    model = CanonicalES(make_walk, population_size=3, n_parents=1, policy_kwargs={"net_arch": [2]})
+    see = ConvertCallback(lambda values, _: seen.append(values["rollouts"].behaviors))
+    model.learn(8, callback=[ends, see])
+    np.testing.assert_array_equal(ends.behaviors, np.concatenate(seen))
 
 
 def test_it_logs_with_each_rollout(tmp_path):

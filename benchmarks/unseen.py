@@ -16,7 +16,7 @@ from curiosity_algos import make_evaluator
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.run_folder import last_checkpoint
+from curiosity_algos.experiments.run_folder import RunFolder
 
 
 def main(
@@ -35,8 +35,10 @@ def main(
 
 def count(path: Path, n_starts: int) -> int:
     """Of one run: how many of the starts of seeds 0 to `n_starts - 1` its best policy solves."""
-    described, checkpoint = last_checkpoint(path)
-    model = find_algorithm(described["algorithm"]).load(checkpoint / "model")
+    run = RunFolder(path)
+    described = run.describe()
+    algorithm = find_algorithm(described["algorithm"])
+    model = run.read(lambda checkpoint: algorithm.load(checkpoint / "model"))
     evaluator = make_evaluator(make_env(described, trust=True))
     policy = model.policy.vector[None]
     return sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))

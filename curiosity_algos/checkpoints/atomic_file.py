@@ -32,7 +32,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    _sync_folder(target.parent)
+    sync_folder(target.parent)
 
 
 def _remove_stale(folder: pathlib.Path, prefix: str) -> None:
@@ -56,8 +56,8 @@ def _is_running(process: int) -> bool:
     return True
 
 
-def _sync_folder(folder: pathlib.Path) -> None:
-    """Make the renaming itself survive a power cut, where the system can."""
+def sync_folder(folder: pathlib.Path) -> None:
+    """Let what was renamed in a folder survive a power cut, where the system can."""
     if not hasattr(os, "O_DIRECTORY"):
         return
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

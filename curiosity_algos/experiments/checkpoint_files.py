@@ -8,6 +8,7 @@ replay_buffer.pt  the transitions of an off-policy algorithm, with the bonus of 
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -28,6 +29,7 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_wrapper,
 )
 
+from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.environment_state import environment_states
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
@@ -86,12 +88,14 @@ def write_model(
 
     Of Stable-Baselines3's own algorithms also what their file lacks of the run.
     """
-    model.save(folder / "model", exclude)
+    with atomic_file(folder / "model.zip") as file:
+        model.save(file, exclude)  # to a path Stable-Baselines3 writes what a power cut may lose
     bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
     if bonus is not None:
         bonus.save(folder / "bonus.pt")
     if normalize is not None:
-        normalize.save(str(folder / "vecnormalize.pkl"))
+        with atomic_file(folder / "vecnormalize.pkl") as file:
+            pickle.dump(normalize, file)  # as its `save` does, which leaves it in the cache
     if isinstance(model, EvolutionaryAlgorithm):
         best = {
             "parameters": model.policy.vector,

@@ -72,11 +72,16 @@ def algorithm_name(model: BaseAlgorithm) -> str:
 
 
 def describe_env(env: VecEnv | None) -> dict[str, Any]:
-    """`env`, its id or else its class, and all that it was made with, as far as it says so."""
+    """`env`, its id or else its class, and all that it was made with, as far as it says so.
+
+    `env_unknown` says why `env_spec` is None.
+    """
     spec = spec_of(env)
     if spec is None:
         inner = None if env is None else env.get_attr("unwrapped", indices=0)[0]
-        unknown = {"env": None, "env_class": type(inner).__name__, "env_spec": None}
+        name = type(inner).__name__
+        unknown = {"env": None, "env_class": name, "env_spec": None}
+        unknown |= {"env_unknown": f"{name} was not made by gymnasium.make"}
         return {**unknown, "env_kwargs": {}, "wrappers": {}}
     wrappers = {each.name: _as_json(_telling(each.kwargs)) for each in spec.additional_wrappers}
     kwargs = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
@@ -86,8 +91,16 @@ def describe_env(env: VecEnv | None) -> dict[str, Any]:
         "env_class": _entry_text(spec.entry_point),
         "env_kwargs": _as_json(kwargs),
         "wrappers": wrappers,
-        "env_spec": encode_spec(spec),
+        **_encoded(spec),
     }
+
+
+def _encoded(spec: EnvSpec) -> dict[str, Any]:
+    """How to make the environment, or why no file can say it."""
+    try:
+        return {"env_spec": encode_spec(spec)}
+    except ValueError as error:
+        return {"env_spec": None, "env_unknown": str(error)}
 
 
 def _entry_text(entry: object) -> str:

@@ -14,10 +14,13 @@ import curiosity_gym
 from curiosity_algos.checkpoints.plain_json import decode, encode
 
 
-def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
-    """All of a spec but how to render; None where no file can say how to make the environment.
+def encode_spec(spec: EnvSpec) -> dict[str, Any]:
+    """All of a spec but how to render.
 
     Classes are named by their modules, so that ids which only such a module registers work too.
+
+    Raises:
+        ValueError: If no file can say how to make the environment; it says what hides it.
     """
     given = [field.name for field in dataclasses.fields(spec) if field.init]  # others follow
     fields = {name: getattr(spec, name) for name in given}
@@ -27,14 +30,26 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any] | None:
     window = _named(gym.wrappers.HumanRendering)
     wrappers = [each for each in spec.additional_wrappers if each.entry_point != window]
     fields["additional_wrappers"] = [vars(each) for each in wrappers]
-    unknown = [each.name for each in wrappers if each.kwargs is None]
-    if unknown or fields["entry_point"] is None:
-        return None
-    try:
-        encoded: dict[str, Any] = encode(fields)
-    except TypeError:  # a function among the arguments of a wrapper
-        return None
+    for wrapper in wrappers:
+        if wrapper.kwargs is None:
+            raise ValueError(
+                f"the wrapper {wrapper.name} does not record its arguments, as "
+                "gymnasium.utils.RecordConstructorArgs would"
+            )
+        _check_arguments(f"the wrapper {wrapper.name}", wrapper.kwargs)
+    if fields["entry_point"] is None:
+        raise ValueError(f"{spec.id} is made by a function that no module names")
+    _check_arguments(spec.id, fields["kwargs"])
+    encoded: dict[str, Any] = encode(fields)
     return encoded
+
+
+def _check_arguments(owner: str, kwargs: Mapping[str, Any]) -> None:
+    for name, value in kwargs.items():
+        try:
+            encode(value)
+        except TypeError as error:  # as of a function
+            raise ValueError(f"{owner} has a `{name}` that no file can hold") from error
 
 
 def _named(entry: object) -> str | None:
@@ -62,8 +77,8 @@ def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> En
         spec = EnvSpec(**fields, additional_wrappers=wrappers)
     except (AttributeError, KeyError, TypeError, ValueError, gym.error.Error) as error:
         raise ValueError(
-            "`run` must say how its environment is made: `env_spec` in run.json is damaged, or not "
-            "there, as of an environment without an id or with arguments that no file can hold."
+            "`env` must be given where a run does not say how its environment is made: `env_spec` "
+            "in run.json is damaged, or not there."
         ) from error
     registered = gym.registry.get(spec.id)
     is_known = registered is not None and _named(registered.entry_point) == spec.entry_point
@@ -101,6 +116,10 @@ def make_env(described: Mapping[str, Any], *, trust: bool, **rendering: Any) -> 
         ValueError: If it cannot be made, or needs trust.
         gymnasium.error.DependencyNotInstalled: If the extra that it needs is not installed.
     """
+    if reason := described.get("env_unknown"):
+        raise ValueError(
+            f"`env` must be given, in Python, as run.json cannot say how it is made: {reason}."
+        )
     spec = decode_spec(described.get("env_spec"), trust=trust)
     try:
         return gym.make(spec, **rendering)

@@ -6,7 +6,9 @@ All raise FileNotFoundError if there is no run, ValueError if it cannot be playe
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import gymnasium as gym
@@ -14,13 +16,15 @@ import numpy as np
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
+from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.common.names import KNOWN, find_algorithm
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
-from curiosity_algos.experiments.run_folder import last_checkpoint
+from curiosity_algos.experiments.reading import check_kind
+from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
@@ -29,12 +33,21 @@ from curiosity_gym.validation import check_choice
 SEEN_THROUGH = {"BonusVecEnvWrapper", "VecTransposeImage"}
 """Wrappers of a VecEnv below which a policy acts as it does above."""
 
+N_DIGITS = 6
+"""Of a return, as in `best_return` and SB3's Monitor: rounded otherwise, 3 of them may differ."""
+AnyEnv: TypeAlias = gym.Env[Any, Any] | None
 Source: TypeAlias = Path | tuple[str, str]
 """The folder of a run, or the algorithm and environment of a policy of the package."""
 
 
 def film(
-    source: Source, path: Path, *, stride: int, seed: int | None = None, trust: bool = False
+    source: Source,
+    path: Path,
+    *,
+    stride: int,
+    seed: int | None = None,
+    trust: bool = False,
+    env: AnyEnv = None,
 ) -> float:
     """Play one episode, and write every `stride`-th step as a frame; its return.
 
@@ -44,9 +57,11 @@ def film(
         stride: Steps from frame to frame.
         seed: Seed of the environment; None: that of the policy's best episode, if it is known.
         trust: Also run code that the folder of the run names or holds.
+        env: Environment like the run's, with the `render_mode` "rgb_array"; None: made as
+            `run.json` says.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    policy, env, best_seed = _open(source, trust, render_mode="rgb_array")
+    policy, env, best_seed = _open(source, trust, env, render_mode="rgb_array")
     frames, total = [], 0.0
     if env.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
         stride = max(1, stride // env.get_wrapper_attr("num_repeats"))
@@ -57,28 +72,34 @@ def film(
     if t % stride:  # the last one, wherever it is
         frames.append(_frame(env))
     env.close()
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_film(frames, path)
-    return total
+    return round(total, N_DIGITS)
 
 
-def watch(source: Source, *, seed: int | None = None, trust: bool = False) -> float:
+def watch(
+    source: Source, *, seed: int | None = None, trust: bool = False, env: AnyEnv = None
+) -> float:
     """Play one episode in a window; its return. Arguments are those of `film`."""
     (pygame,) = import_extra("render", "pygame")
     try:
-        return play(source, seed=seed, trust=trust, render_mode="human")
+        return play(source, seed=seed, trust=trust, env=env, render_mode="human")
     except pygame.error as error:
         raise ValueError(f"`out` must name a file where there is no screen: {error}.") from error
 
 
 def play(
-    source: Source, *, seed: int | None = None, trust: bool = False, **rendering: Any
+    source: Source,
+    *,
+    seed: int | None = None,
+    trust: bool = False,
+    env: AnyEnv = None,
+    **rendering: Any,
 ) -> float:
     """Play one episode; its return. Arguments are those of `film`."""
-    policy, env, best_seed = _open(source, trust, **rendering)
+    policy, env, best_seed = _open(source, trust, env, **rendering)
     total = sum(_rewards(policy, env, best_seed if seed is None else seed))
     env.close()
-    return total
+    return round(total, N_DIGITS)
 
 
 def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:
@@ -94,23 +115,21 @@ def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[
 
 
 def _open(
-    source: Source, trust: bool, **rendering: Any
+    source: Source, trust: bool, env: AnyEnv, **rendering: Any
 ) -> tuple[BasePolicy, gym.Env[Any, Any], int]:
     """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
     if isinstance(source, tuple):
-        env = gym.make(source[1], **rendering)
+        env = gym.make(source[1], **rendering) if env is None else env
         return load_pretrained(*source), env, pretrained_seed(*source) or 0
-    described, checkpoint = last_checkpoint(source)
+    run = RunFolder(source)
+    described = run.describe()
     cls = _algorithm(described)
-    env = make_env(described, trust=trust, **rendering)
-    seed = 0
+    env = make_env(described, trust=trust, **rendering) if env is None else env
     if is_baseline(cls) and not trust:
-        policy = load_baseline_policy(cls, checkpoint, described, env)
-    elif issubclass(cls, EvolutionaryAlgorithm):
-        model = cls.load(checkpoint / "model", allow_pickle=trust)
-        policy, seed = model.policy, model.best_episode_seed or 0
-    elif trust:
-        policy = cls.load(checkpoint / "model").policy
+        load = partial(load_baseline_policy, cls, described=described, env=env)
+        policy, seed = run.read(load), 0
+    elif trust or issubclass(cls, EvolutionaryAlgorithm):
+        policy, seed = run.read(partial(_load, cls, trust=trust))
     else:
         raise ValueError(
             f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
@@ -121,6 +140,15 @@ def _open(
         name = described["env"]
         raise ValueError(f"`run` must be of its environment: {name} has other observations.")
     return policy, env, seed
+
+
+def _load(cls: type[Any], checkpoint: Path, *, trust: bool) -> tuple[BasePolicy, int]:
+    """A model's policy, and the seed of its best episode; 0 where that is not known."""
+    check_kind(checkpoint / "model.zip")
+    if not issubclass(cls, EvolutionaryAlgorithm):
+        return cls.load(checkpoint / "model").policy, 0
+    model = cls.load(checkpoint / "model", allow_pickle=trust)
+    return model.policy, model.best_episode_seed or 0
 
 
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:
@@ -148,10 +176,15 @@ def _frame(env: gym.Env[object, object]) -> Frame:
 
 
 def write_film(frames: list[Frame], path: Path) -> None:
-    """Write frames as a .gif or .mp4, 20 a second."""
+    """Write frames as a .gif or .mp4, 20 a second, that appears once it is whole."""
     if path.suffix == ".gif":
         first, *others = [Image.fromarray(frame) for frame in frames]
-        first.save(path, save_all=True, append_images=others, duration=50, loop=0)
+        with atomic_file(path) as file:
+            first.save(file, "GIF", save_all=True, append_images=others, duration=50, loop=0)
         return
     (moviepy,) = import_extra("render", "moviepy")
-    moviepy.ImageSequenceClip(frames, fps=20).write_videofile(str(path), logger=None)
+    clip = moviepy.ImageSequenceClip(frames, fps=20)
+    with TemporaryDirectory() as folder, atomic_file(path) as file:
+        made = Path(folder, path.name)  # its encoder writes to no file that is open
+        clip.write_videofile(str(made), logger=None)
+        file.write(made.read_bytes())

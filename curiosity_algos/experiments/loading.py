@@ -17,7 +17,7 @@ from curiosity_algos.experiments.run_folder import RunFolder
 StrPath: TypeAlias = str | os.PathLike[str]
 KEYS = ("algorithm", "env", "seed")
 NOT_SHOWN = {
-    *("run", "env_spec", "behavior_names", "archive"),
+    *("run", "env_spec", "env_unknown", "behavior_names", "archive"),
     *("pending_log", "ended"),
 }
 

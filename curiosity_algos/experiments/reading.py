@@ -24,6 +24,7 @@ DESCRIPTION: Fields = {
     "env": str | None,
     "env_class?": str | None,
     "env_spec?": dict | None,
+    "env_unknown?": str | None,
     "env_kwargs?": dict,
     "wrappers?": dict,
     "behavior_names?": list | None,
@@ -48,6 +49,8 @@ FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 """Columns of final states that are read, and their dimensions."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
 """Arrays of `rewarding.npz` and `sample.npz` that are read."""
+LARGEST = 2**63
+"""Numbers of `result.json` are smaller, as numpy's integers are."""
 READ = ("time/", "coverage/", "archive/qd_score", "archive/size")
 """Beginnings of the columns of `progress.csv` that are read: they hold numbers."""
 
@@ -57,8 +60,18 @@ def damaged(path: Path) -> ValueError:
     return ValueError(f"`folder` must be that of a run, {path} is damaged.")
 
 
+def check_kind(path: Path, *, is_folder: bool = False) -> None:
+    """Raise the error of a damaged file where a path is there, and no file or no folder.
+
+    Whoever opens a pipe waits for ever.
+    """
+    if path.exists() and not (path.is_dir() if is_folder else path.is_file()):
+        raise damaged(path)
+
+
 def read_json(path: Path, fields: Fields) -> dict[str, Any]:
     """A dictionary with fields of these types."""
+    check_kind(path)
     try:
         read = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
@@ -73,8 +86,22 @@ def _has(read: dict[str, Any], name: str, kind: type | UnionType) -> bool:
     return isinstance(read[plain], kind) if plain in read else plain != name
 
 
+def read_result(path: Path) -> dict[str, Any]:
+    """The fields of a `result.json`, whose numbers and shares are such as a run comes to."""
+    read = read_json(path, RESULT)
+    shares = read["coverage"].values()
+    numbers = [*shares, *(each for each in read.values() if isinstance(each, int | float))]
+    is_sound = all(isinstance(each, int | float) and abs(each) < LARGEST for each in numbers)
+    logged = [each for each in read["pending_log"].values() if isinstance(each, list)]
+    are_pairs = len(logged) == len(read["pending_log"]) and all(len(each) == 2 for each in logged)
+    if not is_sound or not are_pairs or not all(0.0 <= share <= 1.0 for share in shares):
+        raise damaged(path)
+    return read
+
+
 def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
     """The arrays of a file, those with so many dimensions among them, which hold numbers."""
+    check_kind(path)
     try:
         with np.load(path) as file:
             arrays = dict(file)
@@ -101,6 +128,7 @@ def read_final_states(paths: list[Path]) -> Columns:
 
 def read_texts(path: Path) -> list[dict[str, str]]:
     """The rows of a log without empty entries, as they are written; none where there is no file."""
+    check_kind(path)
     try:
         read = path.read_bytes() if path.is_file() else b""
         whole = read[: read.rfind(b"\n") + 1].decode()  # a kill may leave half of the last

@@ -20,22 +20,23 @@ import os
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.checkpoints.atomic_file import atomic_file, sync_folder
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.reading import (
     DESCRIPTION,
-    RESULT,
-    damaged,
+    check_kind,
     read_final_states,
     read_json,
+    read_result,
 )
 
 FORMAT = 1
+_Read = TypeVar("_Read")
 
 
 class RunFolder:
@@ -110,10 +111,35 @@ class RunFolder:
         """The folder of the last checkpoint, or None before the first."""
         return max(self._all_checkpoints(), default=None, key=lambda path: int(path.name))
 
+    def read(self, read: Callable[[Path], _Read]) -> _Read:
+        """What a function reads of the last checkpoint.
+
+        A training may replace that meanwhile: then it reads the next one.
+
+        Args:
+            read: Function of the checkpoint's folder.
+
+        Raises:
+            ValueError: If there is no checkpoint yet.
+        """
+        while True:
+            checkpoint = self.checkpoint
+            if checkpoint is None:
+                raise ValueError(f"`run` must have a checkpoint: {self.path} has none yet.")
+            try:
+                return read(checkpoint)
+            except Exception:  # whatever a reader makes of files that vanish
+                if self.checkpoint == checkpoint:
+                    raise
+
     def _all_checkpoints(self) -> list[Path]:
-        if not self._checkpoints.is_dir():
+        check_kind(self._checkpoints, is_folder=True)
+        if not self._checkpoints.exists():
             return []
-        return [path for path in self._checkpoints.iterdir() if path.name.isdecimal()]
+        found = [path for path in self._checkpoints.iterdir() if path.name.isdecimal()]
+        for path in found:
+            check_kind(path, is_folder=True)
+        return found
 
     def commit(self, timesteps: int, write: Callable[[Path], None]) -> None:
         """Replace the last checkpoint by one that `write` fills a folder with."""
@@ -126,8 +152,9 @@ class RunFolder:
         unfinished.mkdir(parents=True)
         write(unfinished)
         os.replace(unfinished, target)
-        for path in older:
-            shutil.rmtree(path)
+        sync_folder(self._checkpoints)
+        for path in older:  # what cannot be removed now, as it is read, the next commit removes
+            shutil.rmtree(path, ignore_errors=True)
 
     def result(self) -> dict[str, Any]:
         """The fields of `result.json` in the last checkpoint; empty before the first.
@@ -137,10 +164,7 @@ class RunFolder:
         """
         if self.checkpoint is None:
             return {}
-        result = read_json(self.checkpoint / "result.json", RESULT)
-        if not all(isinstance(share, int | float) for share in result["coverage"].values()):
-            raise damaged(self.checkpoint / "result.json")
-        return result
+        return self.read(lambda checkpoint: read_result(checkpoint / "result.json"))
 
     def end(self) -> None:
         """Note that training has ended at the last checkpoint, and all of its files are there."""
@@ -162,7 +186,13 @@ class RunFolder:
         """
         return read_final_states(self._final_state_files())
 
+    def n_entries(self) -> int | None:
+        """Entries of the behaviors in the final states; None where there are none."""
+        newest = read_final_states(self._final_state_files()[-1:])
+        return newest["behavior"].shape[1] if newest else None
+
     def _final_state_files(self) -> list[Path]:
+        check_kind(self._final_states, is_folder=True)
         files = self._final_states.glob("*.npz")
         return sorted(path for path in files if path.stem.isdecimal())
 
@@ -179,17 +209,3 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write a file for `numpy.load` that appears only once it is whole."""
     with atomic_file(path) as file:
         np.savez(file, **arrays)
-
-
-def last_checkpoint(folder: Path) -> tuple[dict[str, Any], Path]:
-    """The description of a run, and its last checkpoint.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If it has no checkpoint yet, or is damaged.
-    """
-    run = RunFolder(folder)
-    described, checkpoint = run.describe(), run.checkpoint
-    if checkpoint is None:
-        raise ValueError(f"`run` must have a checkpoint: {folder} has none yet.")
-    return described, checkpoint

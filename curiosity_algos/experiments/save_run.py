@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 import time
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
+from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_plain
 from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
@@ -138,6 +141,7 @@ class SaveRun(BaseCallback):
         checkpoint = self.folder.checkpoint
         if self.folder.is_empty():
             self.folder.begin(description)
+            _warn_of_unknown_env(description)
         result = self.folder.result()
         self._n_episodes = result.get("n_episodes", 0)
         self._seconds_before: float = result.get("seconds", 0.0)
@@ -249,7 +253,8 @@ class SaveRun(BaseCallback):
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
-        (folder / "result.json").write_text(json.dumps(self._result(), indent=2))
+        with atomic_file(folder / "result.json") as file:
+            file.write(json.dumps(self._result(), indent=2).encode())
 
     def _result(self) -> dict[str, Any]:
         model, found = self.model, self._found
@@ -276,3 +281,13 @@ class SaveRun(BaseCallback):
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }
+
+
+def _warn_of_unknown_env(description: Mapping[str, Any]) -> None:
+    """Say at the beginning what would be missed when the run is over."""
+    if reason := description.get("env_unknown"):
+        warnings.warn(
+            f"run.json cannot say how to make `env`: {reason}. Whoever plays the run again, as "
+            "`play` and `export_minari` do, has to give them an `env`.",
+            stacklevel=2,
+        )

@@ -36,6 +36,7 @@ def export_minari(
     policies: str = "rewarding",
     n_policies: int = N_POLICIES,
     trust: bool = False,
+    env: gym.Env[Any, Any] | None = None,
 ) -> Any:
     """Play policies of a run again, and write their episodes as a Minari dataset.
 
@@ -54,6 +55,7 @@ def export_minari(
             "sample", of all that were evaluated. See `SaveRun` for how many of them a run keeps.
         n_policies: At most, drawn uniformly where there are more.
         trust: Also run code that the run's folder names or holds.
+        env: Environment like the run's; None: made as `run.json` says.
 
     Returns:
         The `minari.MinariDataset`.
@@ -68,19 +70,24 @@ def export_minari(
     check_choice(POLICIES, policies=policies)
     check_at_least_one(n_policies=n_policies)
     target = _new_path(dataset_id)
-    opened = PopulationRun(Path(run), trust=trust)
-    with closing(opened.env):
-        _write(opened, policies, n_policies, dataset_id, target)
+    opened = PopulationRun(Path(run), trust=trust, env=env)
+    with closing(opened.make_env()) as env:
+        _write(opened, env, policies, n_policies, dataset_id, target)
     return minari.load_dataset(dataset_id)
 
 
 def _write(
-    run: PopulationRun, policies: str, n_policies: int, dataset_id: str, target: Path
+    run: PopulationRun,
+    env: gym.Env[Any, Any],
+    policies: str,
+    n_policies: int,
+    dataset_id: str,
+    target: Path,
 ) -> None:
     """Write the dataset to a folder beside its place, and move it there once it is whole."""
     minari, storages = import_extra("minari", "minari", "minari.dataset.minari_storage")
-    chosen, env = run.policies(policies).distinct().draw(n_policies), run.env
-    about = _describe(run, policies, len(chosen.seeds))
+    chosen = run.policies(policies).distinct().draw(n_policies)
+    about = _describe(run, env.spec, policies, len(chosen.seeds))
     with TemporaryDirectory(prefix=".export-", dir=_root()) as folder:
         whole = Path(folder, "dataset")
         whole.mkdir()
@@ -135,11 +142,10 @@ def _publish(whole: Path, target: Path, dataset_id: str) -> None:
     os.rename(whole, target)
 
 
-def _describe(run: PopulationRun, policies: str, n: int) -> dict[str, Any]:
+def _describe(run: PopulationRun, spec: EnvSpec | None, policies: str, n: int) -> dict[str, Any]:
     """What Minari's metadata say of the run."""
     described = run.described
     about = {name: described.get(name) for name in DESCRIBED}
-    spec = run.env.spec
     is_ours = spec is not None and str(spec.entry_point).startswith("curiosity_gym.")
     return {
         "algorithm_name": described["algorithm"],

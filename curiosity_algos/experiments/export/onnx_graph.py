@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -42,7 +41,8 @@ def export_onnx(
 ) -> None:
     """Write the best policy of a run, the one that `curiosity enjoy` plays, as an ONNX graph.
 
-    See `policy_graph` for what goes in and comes out.
+    It needs no environment, unless that has spaces of a class of its own. See `policy_graph` for
+    what goes in and comes out.
 
     Args:
         run: Folder of the run, of a population algorithm.
@@ -59,8 +59,7 @@ def export_onnx(
     if Path(path).suffix != ".onnx":
         raise ValueError(f"`out` must end in .onnx, got {os.fspath(path)}.")
     opened = PopulationRun(Path(run), trust=trust)
-    with closing(opened.env) as env:
-        graph = policy_graph(opened.mlp, opened.best(), env.action_space)
+    graph = policy_graph(opened.mlp, opened.best(), opened.action_space)
     with atomic_file(path) as file:
         file.write(graph.SerializeToString())
 

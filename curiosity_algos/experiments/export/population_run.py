@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+import gymnasium as gym
 import numpy as np
 import pandas as pd
+from gymnasium import spaces
 
+from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_attributes
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
-from curiosity_algos.experiments.run_folder import last_checkpoint
+from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.quality_diversity import QualityDiversity
 
@@ -22,6 +27,7 @@ FILES = {"rewarding": "rewarding.npz", "sample": "sample.npz"}
 """Where a checkpoint keeps policies, by kind."""
 POLICIES = ("elites", *FILES)
 """Kinds of policies."""
+_Read = TypeVar("_Read")
 
 
 class Policies(NamedTuple):
@@ -57,31 +63,63 @@ class PopulationRun:
     Args:
         folder: Folder of the run.
         trust: Also run code that it names or holds.
+        env: Environment like the run's; None: made as `run.json` says, once it is needed.
 
     Attributes:
         described: What `run.json` says.
-        timesteps: Of the checkpoint.
-        env: An environment as the run was trained in.
+        timesteps: Of the checkpoint that was read last.
         mlp: The shape of its policies.
+        action_space: Their actions'.
 
     Raises:
         FileNotFoundError: If there is no run.
         ValueError: If it is of another algorithm, without a checkpoint or damaged, or needs trust.
     """
 
-    def __init__(self, folder: Path, *, trust: bool = False) -> None:
-        self.described, self._checkpoint = last_checkpoint(folder)
-        self.timesteps = int(self._checkpoint.name)
+    def __init__(
+        self, folder: Path, *, trust: bool = False, env: gym.Env[Any, Any] | None = None
+    ) -> None:
+        self._run = RunFolder(folder)
+        self.described = self._run.describe()
         self._algorithm = _population_algorithm(folder, self.described["algorithm"])
         self._trust = trust
+        self._env = env
         settings = self.described.get("settings", {})
         net_arch = check_policy_kwargs(settings.get("policy_kwargs"))
-        self.env = make_env(self.described, trust=trust)
-        self.mlp = build_mlp(self.env.observation_space, self.env.action_space, net_arch)
+        observation_space, self.action_space = self._read(self._spaces)
+        self.mlp = build_mlp(observation_space, self.action_space, net_arch)
+
+    def make_env(self) -> gym.Env[Any, Any]:
+        """An environment as the run was trained in."""
+        return make_env(self.described, trust=self._trust) if self._env is None else self._env
+
+    def _read(self, read: Callable[[Path], _Read]) -> _Read:
+        """What is read of the last checkpoint, whose timesteps are noted."""
+
+        def read_and_note(checkpoint: Path) -> _Read:
+            found = read(checkpoint)
+            self.timesteps = int(checkpoint.name)
+            return found
+
+        return self._run.read(read_and_note)
+
+    def _spaces(self, checkpoint: Path) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        """Observations and actions, as the model has them, or else the environment."""
+        name = self._algorithm.__name__
+        file = check_is_checkpoint(checkpoint / "model", name)
+        # Which leaves out what only running code could read, as spaces of one's own.
+        known = read_attributes(file, name, {}, fixed=set(), allow_pickle=True)
+        if known.keys() >= {"observation_space", "action_space"}:
+            return known["observation_space"], known["action_space"]
+        with closing(self.make_env()) as env:
+            return env.observation_space, env.action_space
 
     def best(self) -> Float32Array:
         """The best policy, (n_parameters,): the one that `curiosity enjoy` plays."""
-        path = self._checkpoint / "best_policy.npz"
+        return self._read(self._best)
+
+    def _best(self, checkpoint: Path) -> Float32Array:
+        path = checkpoint / "best_policy.npz"
         parameters = read_arrays(path, {"parameters": 1})["parameters"]
         best, _ = self._checked(parameters[None], np.zeros(1, np.int64), path)
         return best.reshape(-1)
@@ -96,12 +134,14 @@ class PopulationRun:
         Raises:
             ValueError: If the run keeps none.
         """
-        found = self._elites() if kind == "elites" else self._sampled(FILES[kind])
+        found = self._read(
+            self._elites if kind == "elites" else lambda last: self._sampled(last / FILES[kind])
+        )
         if not len(found.seeds):
             raise ValueError(f"`policies` must be some that the run keeps, it has no {kind}.")
         return found
 
-    def _elites(self) -> Policies:
+    def _elites(self, checkpoint: Path) -> Policies:
         if not issubclass(self._algorithm, QualityDiversity):
             raise ValueError(
                 "`policies` must be rewarding or sample of an algorithm without an archive, such "
@@ -113,12 +153,11 @@ class PopulationRun:
                 "`policies` must be rewarding or sample of a run with an `archive` or `emitters` "
                 "that were given, as its folder cannot give them back."
             )
-        model = self._algorithm.load(self._checkpoint / "model", allow_pickle=self._trust)
+        model = self._algorithm.load(checkpoint / "model", allow_pickle=self._trust)
         elites = model.archive.data(["solution", "seed"])
-        return self._checked(elites["solution"], elites["seed"], self._checkpoint / "model.zip")
+        return self._checked(elites["solution"], elites["seed"], checkpoint / "model.zip")
 
-    def _sampled(self, name: str) -> Policies:
-        path = self._checkpoint / name
+    def _sampled(self, path: Path) -> Policies:
         kept = read_arrays(path, REWARDING)
         if not len(kept["return"]):
             return Policies(np.empty((0, self.mlp.n_parameters), np.float32), np.empty(0, np.int64))

@@ -21,7 +21,7 @@ from curiosity_algos.experiments.export.population_run import Policies
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.reading import REWARDING, read_arrays
-from curiosity_algos.experiments.run_folder import last_checkpoint
+from curiosity_algos.experiments.run_folder import RunFolder
 
 N_STATES = 300
 """Last states of an episode, the paper's number."""
@@ -59,10 +59,11 @@ def replay_rewarding(run: Path) -> Rewarding:
         FileNotFoundError: If there is no run.
         ValueError: If it is damaged, or its environment is not one that is known here.
     """
-    described, checkpoint = last_checkpoint(run)
+    folder = RunFolder(run)
+    described = folder.describe()
     env = make_env(described, trust=False)
     evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
-    kept = read_arrays(checkpoint / "rewarding.npz", REWARDING)
+    kept = folder.read(lambda last: read_arrays(last / "rewarding.npz", REWARDING))
     parameters, seeds = Policies(kept["parameters"], kept["episode_seed"]).draw(N_POLICIES)
     n_observed = FlatObservations(env.observation_space).size
     states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)

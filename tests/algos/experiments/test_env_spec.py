@@ -85,13 +85,17 @@ def test_a_damaged_one_is_refused(change):
         decode_spec(encoded | change)
 
 
-def test_what_no_file_holds_is_not_made_again():
+def test_what_no_file_holds_is_named():
     gym.register("Mine-v1", lambda: Mine())
     pendulum = gym.make("Pendulum-v1")
-    for env in (
-        gym.make("Mine-v1"),
-        Unrecorded(pendulum),
-        gym.wrappers.TransformReward(pendulum, lambda reward: reward),
-    ):
-        assert encode_spec(env.spec) is None
+    unrecorded = Unrecorded(pendulum)
+    changed = gym.wrappers.TransformReward(pendulum, lambda reward: reward)
+    for env, what in [
+        (gym.make("Mine-v1"), "Mine-v1 is made by a function that no module names"),
+        (unrecorded, "the wrapper Unrecorded does not record its arguments"),
+        (changed, "the wrapper TransformReward has a `func` that no file can hold"),
+        (gym.make("Pendulum-v1", g=Mine()), "Pendulum-v1 has a `g` that no file can hold"),
+    ]:
+        with pytest.raises(ValueError, match=f"^{what}"):
+            encode_spec(env.spec)
     del gym.registry["Mine-v1"]

@@ -1,3 +1,4 @@
+import shutil
 import sys
 import warnings
 
@@ -5,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image
+from saved_files import no_space
 
 from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.evaluation import vector
@@ -158,11 +160,35 @@ def test_a_run_of_an_environment_with_a_window_is_played(tmp_path, make_model, m
     assert watch(tmp_path, seed=0) == model.best_return
 
 
-def test_what_cannot_be_made_again_is_refused(tmp_path, make_model):
-    env = gym.wrappers.TransformReward(gym.make("CuriosityMaze-US-v0", horizon=50), abs)
-    make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
-    with pytest.raises(ValueError, match="`run` must say how its environment is made"):
+def test_what_cannot_be_made_again_must_be_given(tmp_path, make_model):
+    def make_env(**rendering):
+        maze = gym.make("CuriosityMaze-US-v0", horizon=50, **rendering)
+        return gym.wrappers.TransformReward(maze, lambda _: 0.1)  # of which 50 are not 5.0
+
+    with pytest.warns(UserWarning, match="the wrapper TransformReward has a `func`"):
+        model = make_model(MAPElites, make_env()).learn(1, SaveRun(tmp_path))
+    with pytest.raises(ValueError, match="`env` must be given, in Python"):
         play(tmp_path, seed=0)
+    assert play(tmp_path, seed=0, env=make_env()) == model.best_return == 5.0
+    env = make_env(render_mode="rgb_array")
+    assert film(tmp_path, tmp_path / "best.gif", stride=50, seed=0, env=env) == 5.0
+
+
+def test_a_run_that_takes_a_checkpoint_meanwhile_is_played(folder, tmp_path, monkeypatch):
+    shutil.copytree(folder, tmp_path / "run")
+    last = RunFolder(tmp_path / "run").checkpoint
+    found = iter([last.with_name("1"), *[last] * 9])  # one that has been replaced since
+    monkeypatch.setattr(RunFolder, "checkpoint", property(lambda self: next(found)))
+    assert play(tmp_path / "run", seed=0) == play(tmp_path / "run", seed=0)
+
+
+def test_a_full_disk_leaves_the_film_before(folder, tmp_path, monkeypatch):
+    path = tmp_path / "best.gif"
+    path.write_bytes(b"before")
+    monkeypatch.setattr("os.fsync", no_space)
+    with pytest.raises(OSError, match="No space left"):
+        film(folder, path, stride=60, seed=0)
+    assert path.read_bytes() == b"before"
 
 
 def test_an_environment_that_draws_nothing_is_refused(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -7,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from saved_files import no_space
 
+from curiosity_algos.experiments import run_folder
 from curiosity_algos.experiments.reading import read_rows
 from curiosity_algos.experiments.run_folder import RunFolder
 
@@ -112,6 +115,62 @@ class TestCheckpoints:
         assert run.result()["timesteps"] == 20
         assert [path.name for path in run.checkpoint.parent.iterdir()] == ["20"]
 
+    def test_no_old_one_is_removed_before_the_new_one_is_on_disk(self, run, monkeypatch):
+        self.commit(run, 10)
+        monkeypatch.setattr(run_folder, "sync_folder", no_space)
+        with pytest.raises(OSError, match="No space left"):
+            self.commit(run, 20)
+        assert {path.name for path in run.checkpoint.parent.iterdir()} == {"10", "20"}
+
+    def test_one_that_cannot_be_removed_ends_no_run(self, run, monkeypatch):
+        self.commit(run, 10)
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "unlink", no_space)
+            self.commit(run, 20)
+        assert run.result()["timesteps"] == 20
+        self.commit(run, 30)
+        assert [path.name for path in run.checkpoint.parent.iterdir()] == ["30"]
+
+    def test_one_that_is_replaced_while_it_is_read_is_read_again(self, run):
+        self.commit(run, 10)
+        seen = []
+
+        def read(checkpoint):
+            if not seen:
+                self.commit(run, 20)
+            seen.append(checkpoint.name)
+            return (checkpoint / "result.json").read_text()
+
+        assert json.loads(run.read(read))["timesteps"] == 20
+        assert seen == ["10", "20"]
+
+    def test_an_error_of_one_that_stays_is_raised(self, run):
+        self.commit(run, 10)
+        with pytest.raises(FileNotFoundError):
+            run.read(lambda checkpoint: (checkpoint / "none").read_text())
+
+    def test_there_must_be_one_to_read(self, run):
+        with pytest.raises(ValueError, match="`run` must have a checkpoint"):
+            run.read(str)
+
+    @pytest.mark.parametrize(
+        "field",
+        [
+            {"coverage": {"reachable": 10**400}},
+            {"coverage": {"reachable": 1e24}},
+            {"coverage": {"reachable": float("nan")}},
+            {"timesteps": 10**400},
+            {"best_return": float("inf")},
+            {"seconds": 10**24},
+            {"pending_log": {"a": 3}},
+        ],
+    )
+    def test_odd_numbers_are_damage(self, run, field):
+        result = json.dumps(RESULT | {"timesteps": 10} | field)
+        run.commit(10, lambda folder: (folder / "result.json").write_text(result))
+        with pytest.raises(ValueError, match=r"result\.json is damaged"):
+            run.result()
+
     def test_of_two_that_a_kill_has_left_the_later_counts(self, run):
         self.commit(run, 10)
         (run.path / "checkpoints" / "9").mkdir()
@@ -181,3 +240,45 @@ def test_final_states_of_other_columns_are_damaged(run, changed):
     run.add_final_states(3, final_states(3) | changed)
     with pytest.raises(ValueError, match=r"0000000003\.npz is damaged"):
         run.final_states()
+
+
+class TestOddFolders:
+    """What is no file, or no folder, where one should be: a pipe would be waited for."""
+
+    @pytest.fixture
+    def whole(self, run):
+        result = json.dumps(RESULT | {"timesteps": 10})
+        run.commit(10, lambda folder: (folder / "result.json").write_text(result))
+        run.add_final_states(0, final_states(0))
+        return run
+
+    @pytest.mark.parametrize(
+        ("name", "read"),
+        [
+            ("checkpoints/10/result.json", lambda run: run.result()),
+            ("final_states/0000000000.npz", lambda run: run.final_states()),
+            ("progress.csv", lambda run: read_rows(run.progress)),
+        ],
+    )
+    def test_a_pipe(self, whole, name, read):
+        path = whole.path / name
+        path.unlink(missing_ok=True)
+        os.mkfifo(path)
+        with pytest.raises(ValueError, match=f"{name} is damaged"):
+            read(whole)
+
+    @pytest.mark.parametrize(
+        ("name", "read"),
+        [
+            ("final_states", lambda run: run.final_states()),
+            ("checkpoints", lambda run: run.result()),
+            ("checkpoints/20", lambda run: run.result()),
+        ],
+    )
+    def test_a_file_for_a_folder(self, whole, name, read):
+        path = whole.path / name
+        if path.exists():
+            shutil.rmtree(path)
+        path.touch()
+        with pytest.raises(ValueError, match=f"{name} is damaged"):
+            read(whole)

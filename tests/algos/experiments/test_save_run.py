@@ -173,7 +173,8 @@ def test_the_best_policy_is_there(make_model, folder):
 
 def test_an_env_may_have_no_id(make_model, folder):
     env = gym.wrappers.TimeLimit(PendulumEnv(), 20)
-    make_model(CuriosityES, env).learn(1, SaveRun(folder))
+    with pytest.warns(UserWarning, match="cannot say how to make `env`: PendulumEnv was not made"):
+        make_model(CuriosityES, env).learn(1, SaveRun(folder))
     assert json.loads((folder / "run.json").read_text())["env"] is None
 
 

@@ -353,6 +353,17 @@ class TestRefused:
         refused("^`policies` must be some that the run keeps, it has no rewarding", run, ID)
         refused("^`policies` must be rewarding or sample", run, ID, policies="elites")
 
+    @pytest.mark.filterwarnings("ignore:run.json cannot say")
+    def test_an_environment_that_is_needed(self, make_model, tmp_path, refused):
+        def make_env():
+            env = gym.make("CartPole-v1", max_episode_steps=20)
+            return gym.wrappers.TransformReward(env, lambda reward: 2.0 * reward)
+
+        train(make_model, make_env(), tmp_path / "doubled", 1)
+        refused("^`env` must be given, in Python", tmp_path / "doubled", ID, policies="sample")
+        dataset = export_minari(tmp_path / "doubled", ID, policies="sample", env=make_env())
+        assert all((episode.rewards == 2.0).all() for episode in dataset)
+
     def test_no_sample(self, run, refused):
         (RunFolder(run).checkpoint / "sample.npz").unlink()
         refused(

@@ -113,6 +113,19 @@ class TestRun:
             total, ended = total + reward, terminated or truncated
         assert total == play(folder, seed=3)
 
+    @pytest.mark.filterwarnings("ignore:run.json cannot say")
+    def test_no_environment_is_needed(self, tmp_path, make_model):
+        env = gym.wrappers.TransformReward(gym.make("CartPole-v1"), abs)
+        make_model(CanonicalES, env).learn(1, SaveRun(tmp_path / "run"))
+        export_onnx(tmp_path / "run", tmp_path / "best.onnx")
+        assert make_session(tmp_path / "best.onnx").get_inputs()[0].shape == ["n", 4]
+
+    def test_a_run_that_takes_a_checkpoint_meanwhile(self, folder, tmp_path, monkeypatch):
+        last = RunFolder(folder).checkpoint
+        found = iter([last.with_name("0"), last, last, last.with_name("0"), last, last])
+        monkeypatch.setattr(RunFolder, "checkpoint", property(lambda self: next(found)))
+        export_onnx(folder, tmp_path / "best.onnx")
+
     def test_another_ending_is_refused(self, folder, tmp_path):
         with pytest.raises(ValueError, match=r"^`out` must end in \.onnx"):
             export_onnx(folder, tmp_path / "best.txt")

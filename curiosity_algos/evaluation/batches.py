@@ -7,7 +7,7 @@ an episode after its end is undefined. Observations come as vectors; actions are
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -130,7 +130,7 @@ class GymnasiumBatch:
         going = np.asarray(infos.get("_behavior", False)) & active & ~ended
         behaviors = [infos["behavior"][i] for i in np.flatnonzero(going).tolist()]
         if self._mode == AutoresetMode.SAME_STEP and ended.any():
-            final = _each(infos["final_obs"], self.n)
+            final = _each(final_observations(infos), self.n)
             for i in np.flatnonzero(ended).tolist():
                 observations[i] = self._seen.one(final[i])
             infos = infos.get("final_info", {})
@@ -161,6 +161,7 @@ class Sb3Batch:
         observations, rewards, ended, infos = self._env.step(actions)
         observations = self._seen.many(observations)
         last = {i: infos[i] for i in np.flatnonzero(ended & active).tolist()}
+        check_last_observations(last.values())
         for i, info in last.items():
             observations[i] = self._seen.one(info["terminal_observation"])
         going = [infos[i] for i in np.flatnonzero(active & ~ended).tolist()]
@@ -171,6 +172,25 @@ class Sb3Batch:
 
 Batch = SingleEnvBatch | GymnasiumBatch | Sb3Batch
 """n episodes side by side."""
+
+
+def final_observations(infos: Mapping[str, Any]) -> Any:
+    """The last observations of ended episodes, in infos of a VectorEnv that reset them."""
+    if "final_obs" not in infos:
+        raise ValueError(
+            "`env` must give the last observations of episodes as `final_obs` in its infos, as "
+            "Gymnasium's VectorEnvs do that reset in the same step."
+        )
+    return infos["final_obs"]
+
+
+def check_last_observations(infos: Iterable[Mapping[str, Any]]) -> None:
+    """Raise ValueError unless infos of a VecEnv, of ended episodes, have the last observation."""
+    if not all("terminal_observation" in info for info in infos):
+        raise ValueError(
+            "`env` must give the last observation of an episode as `terminal_observation` in its "
+            "info, as Stable-Baselines3's VecEnvs do."
+        )
 
 
 def terminations(ended: Mask, infos: Sequence[Mapping[str, Any]]) -> Mask:

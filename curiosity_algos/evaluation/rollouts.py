@@ -61,6 +61,23 @@ def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
     return array
 
 
+def final_behaviors(infos: Sequence[Mapping[str, Any]]) -> Float64Array:
+    """The behaviors (P, B) of infos at the ends of P episodes, at least one; B 0 without any.
+
+    Raises:
+        ValueError: If they are not all finite numbers, of the same shape.
+    """
+    behaviors = as_behaviors([info.get("behavior", ()) for info in infos])
+    check_finite(behaviors)
+    return behaviors
+
+
+def check_finite(behaviors: Float64Array) -> None:
+    """Raise ValueError unless the behaviors at the ends of episodes are finite."""
+    if not np.isfinite(behaviors).all():
+        raise ValueError('`env` must give a finite info["behavior"], an episode\'s was not.')
+
+
 def _shape(behavior: Any) -> tuple[int, ...] | None:
     """The shape of numbers; None: it has none."""
     try:
@@ -123,8 +140,7 @@ class Rollouts:
         """Raise ValueError where the env gave what nothing can be learned from."""
         if not np.isfinite(self.returns).all():
             raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
-        if not np.isfinite(self.behaviors).all():
-            raise ValueError("`env` must give finite behaviors, an episode's was not.")
+        check_finite(self.behaviors)
         if behavior_space is not None and self.behaviors.shape[1:] != behavior_space.shape:
             raise ValueError('`env` must give an info["behavior"] of its `behavior_space`.')
 

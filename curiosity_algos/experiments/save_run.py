@@ -15,7 +15,8 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_plain
-from curiosity_algos.common.arrays import Int64Array
+from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
 from curiosity_algos.experiments.description import describe_run, with_newer_settings
 from curiosity_algos.experiments.differences import differences
@@ -146,6 +147,7 @@ class SaveRun(BaseCallback):
         self._n_episodes = result.get("n_episodes", 0)
         self._seconds_before: float = result.get("seconds", 0.0)
         self.folder.drop_after(self._n_episodes)
+        self._n_entries = self.folder.n_entries()
         if checkpoint is None:
             return
         self._rewarding.load(read_arrays(checkpoint / "rewarding.npz", REWARDING))
@@ -164,7 +166,11 @@ class SaveRun(BaseCallback):
 
     def _on_step(self) -> bool:
         self._observers.on_step()
-        ended = np.flatnonzero(self.locals["dones"])
+        infos = self.locals["infos"]
+        # For a Monitor, too: what ends for the learner alone, as with a life in Atari, goes on.
+        ended = np.array(
+            [i for i in np.flatnonzero(self.locals["dones"]) if "episode" in infos[i]], np.int64
+        )
         if len(ended):
             self._pending.append(self._final_states(ended))
             self._sample_policies()
@@ -207,8 +213,20 @@ class SaveRun(BaseCallback):
             "length": np.array([episode["l"] for episode in episodes]),
             "success": np.array([bool(info.get("is_success", False)) for info in infos]),
             "curiosity": unknown if intrinsic is None else intrinsic[ended],
-            "behavior": np.array([info.get("behavior", ()) for info in infos], dtype=np.float64),
+            "behavior": self._behaviors(infos),
         }
+
+    def _behaviors(self, infos: Sequence[Mapping[str, Any]]) -> Float64Array:
+        """The behaviors (n, B) that episodes ended with, as many entries as before."""
+        behaviors = final_behaviors(infos)
+        n_entries = behaviors.shape[1]
+        self._n_entries = n_entries if self._n_entries is None else self._n_entries
+        if n_entries != self._n_entries:
+            raise ValueError(
+                '`env` must end every episode with an info["behavior"] of as many numbers, or none '
+                f"with any: one had {n_entries}, those before {self._n_entries}."
+            )
+        return behaviors
 
     def _sample_policies(self) -> None:
         parameters = self.locals.get("parameters")

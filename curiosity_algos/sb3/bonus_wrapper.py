@@ -30,7 +30,7 @@ from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import fitting, plain
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
-from curiosity_algos.evaluation.batches import terminations
+from curiosity_algos.evaluation.batches import check_last_observations, terminations
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
@@ -422,8 +422,4 @@ def _check_infos(infos: list[dict[str, Any]], dones: Array) -> None:
     # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
     if not all(isinstance(info, dict) for info in infos):
         raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
-    if not all("terminal_observation" in infos[i] for i in np.flatnonzero(dones)):
-        raise ValueError(
-            "`env` must give the last observation of an episode as `terminal_observation` in its "
-            "info, as Stable-Baselines3's VecEnvs do."
-        )
+    check_last_observations(infos[i] for i in np.flatnonzero(dones))

@@ -5,7 +5,7 @@ from gymnasium import spaces
 from gymnasium.envs.classic_control import CartPoleEnv, PendulumEnv
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
 
 from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import vector
@@ -114,6 +114,37 @@ def test_final_infos_may_be_missing(assert_same_rollouts):
         for each in (envs, OnlyObservations(envs))
     )
     assert_same_rollouts(expected, rollouts)
+
+
+class Nothing(VectorWrapper):
+    """Says nothing of how an episode ended."""
+
+    def step(self, actions):
+        return *self.env.step(actions)[:4], {}
+
+
+class NoInfos(VecEnvWrapper):
+    """The same of Stable-Baselines3."""
+
+    def reset(self):
+        return self.venv.reset()
+
+    def step_wait(self):
+        return *self.venv.step_wait()[:3], [{}] * self.num_envs
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda fns: Nothing(SyncVectorEnv(fns, autoreset_mode="SameStep")), "final_obs"),
+        (lambda fns: NoInfos(DummyVecEnv(fns)), "terminal_observation"),
+    ],
+)
+def test_last_observations_may_not_be_missing(make, name):
+    mlp, parameters = make_policies(gym.make("CartPole-v1"))
+    evaluator = VectorEvaluator(make([lambda: gym.make("CartPole-v1")] * 2), mlp)
+    with pytest.raises(ValueError, match=f"^`env` must give the last observation.* as `{name}`"):
+        evaluator.evaluate(parameters, 3)
 
 
 def test_a_full_population_is_as_long_as_its_longest_episode():

@@ -1,7 +1,9 @@
 import csv
 import gc
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 import warnings
@@ -218,6 +220,90 @@ def test_a_monitor_must_see_the_episodes(make_model, folder):
     assert not folder.exists()
     make_model(TD3ICM, VecMonitor(envs)).learn(50, SaveRun(folder))
     assert len(load_final_states(folder)["return"]) == 3
+
+
+class Lives(gym.Wrapper):
+    """Ends an episode for the learner with each life of 10 steps, as SB3's `EpisodicLifeEnv`."""
+
+    def reset(self, **kwargs):
+        if self.env.get_wrapper_attr("needs_reset"):
+            self.t, self.seen = 0, self.env.reset(**kwargs)
+        return self.seen
+
+    def step(self, action):
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self.t, self.seen = self.t + 1, (observation, info)
+        return observation, reward, terminated or self.t % 10 == 0, truncated, info
+
+
+@pytest.mark.filterwarnings("ignore:run.json cannot say")
+def test_what_ends_for_the_learner_alone_is_no_episode(folder):
+    model = make_ppo(Lives(Monitor(gym.make(US, horizon=35))))
+    model.learn(120, SaveRun(folder))
+    states = load_final_states(folder)
+    assert states["length"].tolist() == [35] * 3
+    assert the_run(folder)["n_episodes"] == 3
+
+
+class Behaves(gym.Wrapper):
+    """Ends each episode after a step, with the next of some behaviors; None: with none."""
+
+    def __init__(self, behaviors):
+        super().__init__(gym.make("Pendulum-v1"))
+        self.behaviors = iter(behaviors)
+
+    def step(self, action):
+        observation, reward, *_ = self.env.step(action)
+        behavior = next(self.behaviors)
+        return observation, reward, True, False, {"behavior": behavior} if behavior else {}
+
+
+@pytest.mark.parametrize(
+    ("behaviors", "words"),
+    [
+        ([[1.0], [float("nan")]], 'give a finite info["behavior"]'),
+        ([[1.0], None], "of as many numbers, or none with any: one had 0, those before 1."),
+        ([None, [1.0, 2.0]], "of as many numbers, or none with any: one had 2, those before 0."),
+        (["fast"], "of numbers, of the same shape"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:run.json cannot say")
+def test_a_wrong_behavior_is_an_error_at_once(folder, behaviors, words):
+    model = make_ppo(Behaves(behaviors))
+    with pytest.raises(ValueError, match=rf"^`env` must .*{re.escape(words)}"):
+        model.learn(60, SaveRun(folder))
+
+
+@pytest.mark.filterwarnings("ignore:run.json cannot say")
+def test_a_run_that_goes_on_keeps_the_entries_of_its_behaviors(folder):
+    make_ppo(Behaves([[1.0]] * 60)).learn(60, SaveRun(folder))
+    checkpoint = RunFolder(folder).checkpoint / "model"
+    model = PPO.load(checkpoint, env=Monitor(Behaves([[1.0, 2.0]])))
+    with pytest.raises(ValueError, match="one had 2, those before 1"):
+        model.learn(60, SaveRun(folder), reset_num_timesteps=False)
+
+
+def test_a_checkpoint_is_on_disk_before_the_one_before_is_removed(folder, monkeypatch):
+    synced, checked = [], []
+    fsync, rmtree = os.fsync, shutil.rmtree
+
+    def note(file):
+        synced.append(os.fstat(file).st_ino)
+        fsync(file)
+
+    def check(path, *arguments, **kwargs):
+        if path.name.isdecimal():
+            new = max(path.parent.iterdir(), key=lambda each: int(each.name))
+            checked.extend(each.name for each in new.iterdir())
+            assert {each.stat().st_ino for each in new.iterdir()} <= set(synced)
+            assert synced[-1] == path.parent.stat().st_ino
+        rmtree(path, *arguments, **kwargs)
+
+    monkeypatch.setattr(os, "fsync", note)
+    monkeypatch.setattr(shutil, "rmtree", check)
+    model = make_ppo(VecNormalize(make_mazes(bonus="rnd")))
+    model.learn(240, SaveRun(folder, interval=1e-9))
+    assert {"bonus.pt", "found.pt", "result.json", "vecnormalize.pkl", "model.zip"} <= {*checked}
 
 
 US = "CuriosityMaze-US-v0"

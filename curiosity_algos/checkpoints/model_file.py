@@ -48,7 +48,6 @@ _PROGRESS: dict[str, Any] = {
     "_best_return": Real,
     "_best_seed": Integral | None,
     "_has_reward": bool,
-    "first_success_timesteps": Integral | None,
     "_user_parts": dict,
     "_lacks_transitions": bool,
 }

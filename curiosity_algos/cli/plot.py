@@ -15,7 +15,8 @@ def plot(
         typer.Option(
             *("--y", "-y", "--y-axis"),
             help="What is drawn: coverage, best-return, qd-score, which is the sum of the elites' "
-            "returns, or survival, which is the share of runs without a success yet.",
+            "returns, or survival, which is the share of runs without a success yet, or where none "
+            "had one without a reward.",
         ),
     ] = "coverage",
     x: Annotated[

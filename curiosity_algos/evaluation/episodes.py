@@ -1,4 +1,4 @@
-"""Coverage, best return and first success of algorithms that step a VecEnv themselves."""
+"""What episodes have found: first reward, first success, best return and coverage."""
 
 from __future__ import annotations
 
@@ -7,14 +7,51 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.coverage import Coverage
-from curiosity_algos.evaluation.rollouts import as_behaviors
+from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_gym.core import CoverageGrid
 
 
+class Firsts:
+    """When an episode first had a reward, and when one first was a success.
+
+    Attributes:
+        reward: Timesteps when an episode first ended with a return above 0, or None. This says
+            something of sparse rewards: CartPole pays for every step, Pendulum for none.
+        success: Timesteps when an episode first ended with `info["is_success"]`, or None.
+    """
+
+    def __init__(self) -> None:
+        self.reward: int | None = None
+        self.success: int | None = None
+
+    def add(self, ends: int | Int64Array, returns: Float64Array, success: Mask) -> None:
+        """Count episodes: returns (n,) and successes (m,), and the timesteps at their ends."""
+        for name, is_first in {"reward": returns > 0.0, "success": success}.items():
+            if getattr(self, name) is None and is_first.any():
+                at = np.broadcast_to(ends, is_first.shape)[np.argmax(is_first)]
+                setattr(self, name, int(at))
+
+    @property
+    def metrics(self) -> dict[str, int]:
+        """Those that are known, by their names in a log."""
+        return {f"time/first_{name}": at for name, at in vars(self).items() if at is not None}
+
+    def state_dict(self) -> dict[str, int | None]:
+        """Both, for a checkpoint."""
+        return dict(vars(self))
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        for name in vars(self):
+            if not isinstance(state[name], int | None):
+                raise ValueError(f"`{name}` must be a number of timesteps or None.")
+            setattr(self, name, state[name])
+
+
 class EpisodeRecord:
-    """Counts coverage, the best return and the first success over the steps of a VecEnv.
+    """Counts what episodes find over the steps of a VecEnv, for who steps it.
 
     Args:
         grid: Cells that coverage counts; None: nothing.
@@ -23,24 +60,26 @@ class EpisodeRecord:
         coverage: Of the behaviors that episodes ended with and those after each step, where infos
             have a "behavior".
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
-        first_success_timesteps: Timesteps when an episode first succeeded, or None.
+        firsts: First reward, of an episode that a Monitor saw, and first success.
     """
 
     def __init__(self, grid: CoverageGrid | None) -> None:
         self.coverage = Coverage(grid)
         self.best_return = -np.inf
-        self.first_success_timesteps: int | None = None
+        self.firsts = Firsts()
 
     def add(self, infos: Sequence[Mapping[str, Any]], dones: Array, num_timesteps: int) -> None:
         """Count one step of a VecEnv, `num_timesteps` of the run, and the episodes that ended."""
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
         self.coverage.add_steps(_behaviors(infos))
-        behaviors = _behaviors(ended)
-        if behaviors and self.coverage.grid is not None:
-            self.coverage.add(as_behaviors(behaviors))
-        if self.first_success_timesteps is None and any(info.get("is_success") for info in ended):
-            self.first_success_timesteps = num_timesteps
+        with_behavior = [info for info in ended if "behavior" in info]
+        if with_behavior and self.coverage.grid is not None:
+            self.coverage.add(final_behaviors(with_behavior))
+        if not ended:
+            return
         returns = [float(info["episode"]["r"]) for info in ended if "episode" in info]
+        success = [bool(info.get("is_success")) for info in ended]
+        self.firsts.add(num_timesteps, np.array(returns), np.array(success))
         self.best_return = max([self.best_return, *returns])
 
     def state_dict(self) -> dict[str, Any]:
@@ -48,14 +87,14 @@ class EpisodeRecord:
         return {
             "coverage": self.coverage.state_dict(),
             "best_return": self.best_return,
-            "first_success_timesteps": self.first_success_timesteps,
+            "firsts": self.firsts.state_dict(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
         self.coverage.load_state_dict(state["coverage"])
         self.best_return = state["best_return"]
-        self.first_success_timesteps = state["first_success_timesteps"]
+        self.firsts.load_state_dict(state["firsts"])
 
 
 def _behaviors(infos: Sequence[Mapping[str, Any]]) -> list[Any]:

@@ -60,7 +60,8 @@ def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     Returns:
         `run`, its folder; `algorithm`, `env`, `seed` and what else `run.json` says of it, its
         settings as `settings.sigma`; what it has come to at its last checkpoint: `timesteps`,
-        `best_return`, `first_success_timesteps` (NaN: never), `coverage.reachable`, `seconds`.
+        `best_return`, `first_reward_timesteps` and `first_success_timesteps` (NaN: never),
+        `coverage.reachable`, `seconds`.
 
     Raises:
         FileNotFoundError: If there is no run.
@@ -68,7 +69,8 @@ def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """
     rows = [_row(path) for path in find_runs(folders)]
     runs = pd.json_normalize(rows)
-    for name in {"first_success_timesteps", "best_return"} & set(runs.columns):
+    firsts = {"first_reward_timesteps", "first_success_timesteps"}
+    for name in {*firsts, "best_return"} & set(runs.columns):
         runs[name] = runs[name].astype(float)  # None: NaN
     return runs
 

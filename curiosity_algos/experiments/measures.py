@@ -77,19 +77,28 @@ def told_apart(names: pd.Series, texts: pd.DataFrame) -> pd.Series:
     return titles
 
 
-def reports_success(runs: pd.DataFrame) -> bool:
-    """Whether runs on one environment show that its episodes can be a success.
+def first_of(runs: pd.DataFrame) -> str | None:
+    """The event whose first time measures runs on one environment: "success" or "reward".
 
-    They do not where returns differ from 0 and no episode of any run was a success: such a task
-    has no `info["is_success"]`, and nothing can be said of first successes.
+    It is the reward, a return above 0, where some run had one and none a success, as on a task that
+    has no `info["is_success"]`. None: returns differ from 0 and none was above, as on a task of
+    costs, where nothing can be said.
     """
-    found_none = runs["first_success_timesteps"].isna().all()
-    return not (found_none and runs["best_return"].fillna(0.0).any())
+    for event in ("success", "reward"):
+        if first_timesteps(runs, event).notna().any():
+            return event
+    return None if runs["best_return"].fillna(0.0).any() else "success"
 
 
-def times_to_success(runs: pd.DataFrame, x: str = "timesteps") -> Survival:
-    """Kaplan-Meier estimate of how long runs go without a success, in "timesteps" or "seconds"."""
-    times = runs[["first_success_timesteps", "timesteps"]].to_numpy(dtype=np.float64)
+def first_timesteps(runs: pd.DataFrame, event: str) -> pd.Series:
+    """Timesteps of the first "success" or "reward" of each run; NaN: never, or not known."""
+    column = f"first_{event}_timesteps"
+    return runs.reindex(columns=[column])[column].astype(float)
+
+
+def times_to_first(runs: pd.DataFrame, event: str, x: str = "timesteps") -> Survival:
+    """Kaplan-Meier estimate of how long runs go without an event, in "timesteps" or "seconds"."""
+    times = np.c_[first_timesteps(runs, event), runs["timesteps"].to_numpy(dtype=np.float64)]
     if x == "seconds":
         times = np.array([in_seconds(*each) for each in zip(runs["run"], times, strict=True)])
     return survival(times[:, 0], times[:, 1])

@@ -38,6 +38,7 @@ RESULT: Fields = {
     "total_timesteps": int,
     "n_episodes": int,
     "best_return": float | int | None,
+    "first_reward_timesteps?": int | None,
     "first_success_timesteps": int | None,
     "coverage": dict,
     "seconds": float | int,

@@ -118,7 +118,7 @@ class SaveRun(BaseCallback):
 
     @property
     def _found(self) -> EvolutionaryAlgorithm | ResumableTD3 | ExplorationCallback:
-        """The object that knows of coverage, best return and first success."""
+        """The object that knows of coverage, best return, first reward and success."""
         # Algorithms of Stable-Baselines3's own, which know nothing of it, have an observer; the
         # hints of both attributes name their base classes.
         return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
@@ -281,6 +281,7 @@ class SaveRun(BaseCallback):
             "total_timesteps": int(model._total_timesteps),  # SB3 keeps `1e6` as it was given
             "n_episodes": self._n_episodes,
             "best_return": found.best_return if np.isfinite(found.best_return) else None,
+            "first_reward_timesteps": found.first_reward_timesteps,
             "first_success_timesteps": found.first_success_timesteps,
             "coverage": found.coverage_shares,
             "n_rewarding": self._rewarding.n_seen,

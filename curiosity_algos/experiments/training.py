@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
 from curiosity_algos.common.interrupt import HeldInterrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import is_baseline
 from curiosity_algos.experiments.description import describe_run, with_newer_settings
 from curiosity_algos.experiments.differences import differences
+from curiosity_algos.experiments.reading import read_result
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
@@ -104,16 +106,24 @@ def _learn(run: RunSpec, folder: Path, *, interval: float, progress_bar: bool) -
 
 
 def summary(folder: Path) -> str:
-    """A run's result in a line."""
-    result = RunFolder(folder).result()
-    first = result["first_success_timesteps"]
+    """A run's result in a line.
+
+    Raises:
+        ValueError: If there is no checkpoint yet, or it is damaged.
+    """
+    result = RunFolder(folder).read(lambda checkpoint: read_result(checkpoint / "result.json"))
     best = result["best_return"]
-    words = [f"best return {'none' if best is None else f'{best:.3f}'}"]
-    if first is not None:
-        words.append(f"first success after {first:,} timesteps")
-    elif not best:  # as `measures.reports_success`, of many runs
-        words.append("no success")
+    words = [f"best return {'none' if best is None else f'{best:.3f}'}", _first(result)]
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
     if shares:
         words.append(f"coverage {', '.join(shares)}")
     return f"{folder}: {', '.join(words)}"
+
+
+def _first(result: Mapping[str, Any]) -> str:
+    """When a run first had a success, or else a reward, a return above 0."""
+    for event in ("success", "reward"):
+        timesteps = result.get(f"first_{event}_timesteps")
+        if timesteps is not None:
+            return f"first {event} after {timesteps:,} timesteps"
+    return "no return above 0" if (result["best_return"] or 0.0) < 0.0 else "no success"

@@ -33,6 +33,7 @@ from curiosity_algos.evaluation.blocks import play
 from curiosity_algos.evaluation.choice import choose_evaluator
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe, open_env
+from curiosity_algos.evaluation.episodes import Firsts
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, check_policy_kwargs
 from curiosity_algos.evaluation.policies import MlpPolicy, build_mlp
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
@@ -91,6 +92,7 @@ class EvolutionaryAlgorithm(PopulationModel):
             does; -inf before the first generation.
         best_episode_seed: Seed of the reset that the individual's episode began with; None before
             a reward. From another start it may come to another return.
+        first_reward_timesteps: Timesteps when an individual first had a return above 0, or None.
         first_success_timesteps: Timesteps when an individual first succeeded, or None.
 
     Raises:
@@ -263,7 +265,7 @@ class EvolutionaryAlgorithm(PopulationModel):
     def _forget_best(self) -> None:
         self._best_return = -np.inf
         self._best_seed: int | None = None
-        self.first_success_timesteps: int | None = None
+        self._firsts = Firsts()
         self._best_parameters = None
         self._has_reward = False
 
@@ -388,10 +390,9 @@ class EvolutionaryAlgorithm(PopulationModel):
         }
 
     def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
-        """Update timesteps, first success, coverage and the best policy."""
-        if self.first_success_timesteps is None and rollouts.success.any():
-            steps = np.cumsum(rollouts.lengths)[np.argmax(rollouts.success)]
-            self.first_success_timesteps = self.num_timesteps + int(steps)
+        """Update timesteps, the first reward and success, coverage and the best policy."""
+        ends = self.num_timesteps + np.cumsum(rollouts.lengths)
+        self._firsts.add(ends, rollouts.returns, rollouts.success)
         self.num_timesteps += rollouts.timesteps
         self.generation += 1
         self._coverage.add(rollouts.behaviors, rollouts.visited)
@@ -418,12 +419,12 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     def dump_logs(self) -> None:
         """Write the log of the last generation."""
-        fps = int((self.num_timesteps - self._num_timesteps_at_start) / self._seconds())
         values: dict[str, Any] = {
             **self._generation_values,
-            "time/fps": fps,
+            "time/fps": int((self.num_timesteps - self._num_timesteps_at_start) / self._seconds()),
             "time/generations": self.generation,
             "time/total_timesteps": self.num_timesteps,
+            **self._firsts.metrics,
         }
         values |= {f"coverage/{name}": share for name, share in self.coverage_shares.items()}
         if self.n_workers is not None:
@@ -435,7 +436,8 @@ class EvolutionaryAlgorithm(PopulationModel):
 
 def _info(rollouts: Rollouts, i: int, seconds: float) -> dict[str, Any]:
     """The info of the last step of an individual's episode, as a Monitor would give it."""
-    info: dict[str, Any] = {
+    behavior = rollouts.behaviors[i]
+    return {
         "episode": {
             "r": round(float(rollouts.returns[i]), 6),
             "l": int(rollouts.lengths[i]),
@@ -443,7 +445,5 @@ def _info(rollouts: Rollouts, i: int, seconds: float) -> dict[str, Any]:
         },
         "is_success": bool(rollouts.success[i]),
         "terminal_observation": rollouts.final_observations[i],
+        **({"behavior": behavior} if len(behavior) else {}),
     }
-    if rollouts.behaviors.shape[1]:
-        info["behavior"] = rollouts.behaviors[i]
-    return info

@@ -14,12 +14,13 @@ from stable_baselines3.common.type_aliases import TensorDict
 
 from curiosity_algos.checkpoints.model_file import read_attributes, read_model
 from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.evaluation.episodes import Firsts
 from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.validation import check_choice
 
-_BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_fitness", "_motivation"}
+_BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_firsts", "_fitness", "_motivation"}
 """Names of parts that do not say where a search stands."""
 
 
@@ -30,6 +31,7 @@ class PopulationModel(Resumable):
     evaluator: Evaluator | None
     _evaluator_choice: Evaluator | str
     _best_parameters: Float32Array | None
+    _firsts: Firsts
     _attributes: ClassVar = {
         "policy": "policy_class",
         "evaluator": "_evaluator_choice",
@@ -38,6 +40,16 @@ class PopulationModel(Resumable):
     """By argument of the constructor, the attribute of another name that it is kept in."""
     _user_parts: dict[str, list[str]]
     """By argument, the kinds of parts that the user passed; no file holds them."""
+
+    @property
+    def first_reward_timesteps(self) -> int | None:
+        """Timesteps when an individual first had a return above 0, or None."""
+        return self._firsts.reward
+
+    @property
+    def first_success_timesteps(self) -> int | None:
+        """Timesteps when an individual first succeeded, or None."""
+        return self._firsts.success
 
     @abstractmethod
     def _show_best(self) -> None:

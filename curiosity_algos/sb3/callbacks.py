@@ -24,7 +24,8 @@ class ExplorationCallback(BaseCallback):
 
     With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended in
     and those that they visited on their way (`coverage/visited`), where environments give
-    `info["behavior"]` as those of `curiosity_gym` do. With each rollout it logs `intrinsic/mean`
+    `info["behavior"]` as those of `curiosity_gym` do; and once they are known
+    `time/first_reward` and `time/first_success`. With each rollout it logs `intrinsic/mean`
     and `intrinsic/max` of the steps since the last log, and the losses of the last training of a
     `BonusVecEnvWrapper`; of a `BonusReplayBuffer` all are those of its last training. It warns
     where a model that has trained goes on with a new wrapper.
@@ -35,6 +36,8 @@ class ExplorationCallback(BaseCallback):
     Attributes:
         coverage: Its `reachable` and `all` are the shares of cells in which episodes ended, its
             `visited` that of the cells in which any step ended.
+        first_reward_timesteps: Timesteps when an episode that a Monitor saw first ended with a
+            return above 0, or None: what there is to measure where a task reports no success.
         first_success_timesteps: Timesteps when an episode first succeeded, or None.
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
     """
@@ -55,9 +58,14 @@ class ExplorationCallback(BaseCallback):
         return self.coverage.shares
 
     @property
+    def first_reward_timesteps(self) -> int | None:
+        """Timesteps, or None."""
+        return self._episodes.firsts.reward
+
+    @property
     def first_success_timesteps(self) -> int | None:
         """Timesteps, or None."""
-        return self._episodes.first_success_timesteps
+        return self._episodes.firsts.success
 
     @property
     def best_return(self) -> float:
@@ -74,14 +82,14 @@ class ExplorationCallback(BaseCallback):
         infos = self.locals["infos"]
         self._episodes.add(infos, self.locals["dones"], self.num_timesteps)
         if any(self.locals["dones"]):  # off-policy algorithms log before their rollout ends
-            self._log_coverage()
+            self._log_found()
         self._intrinsic += [
             info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info
         ]
         return True
 
     def _on_rollout_end(self) -> None:
-        self._log_coverage()
+        self._log_found()
         if self._intrinsic:
             record_bonus(self.logger, np.array(self._intrinsic))
             self._intrinsic.clear()
@@ -90,9 +98,10 @@ class ExplorationCallback(BaseCallback):
             for name, value in getattr(learner, "metrics", {}).items():
                 self.logger.record(name, value)
 
-    def _log_coverage(self) -> None:
-        for name, share in self.coverage_shares.items():
-            self.logger.record(f"coverage/{name}", share)
+    def _log_found(self) -> None:
+        shares = {f"coverage/{name}": share for name, share in self.coverage_shares.items()}
+        for name, value in (shares | self._episodes.firsts.metrics).items():
+            self.logger.record(name, value)
 
     def state_dict(self) -> dict[str, Any]:
         """Everything found so far, for a checkpoint."""

@@ -231,9 +231,14 @@ class ResumableTD3(Resumable, TD3):
         return self._record.best_return
 
     @property
+    def first_reward_timesteps(self) -> int | None:
+        """Timesteps when an episode that a Monitor saw first had a return above 0, or None."""
+        return self._record.firsts.reward
+
+    @property
     def first_success_timesteps(self) -> int | None:
         """Timesteps when an episode first succeeded, or None."""
-        return self._record.first_success_timesteps
+        return self._record.firsts.success
 
     # -- the loop -------------------------------------------------------------------------------
 
@@ -395,9 +400,10 @@ class ResumableTD3(Resumable, TD3):
             self._begin_rollout()
 
     def dump_logs(self) -> None:
-        """Write log data, coverage with it."""
-        for name, share in self.coverage_shares.items():
-            self.logger.record(f"coverage/{name}", share)
+        """Write log data, with it coverage, and when the first reward and success came."""
+        shares = {f"coverage/{name}": share for name, share in self.coverage_shares.items()}
+        for name, value in (shares | self._record.firsts.metrics).items():
+            self.logger.record(name, value)
         super().dump_logs()
 
     # -- save and load --------------------------------------------------------------------------

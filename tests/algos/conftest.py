@@ -109,7 +109,8 @@ def assert_same(one, other):
 
 def progress(model):
     """What a run has come to, beside its parameters."""
-    names = ["num_timesteps", "generation", "best_return", "coverage", "first_success_timesteps"]
+    names = ["num_timesteps", "generation", "best_return", "coverage"]
+    names += ["first_reward_timesteps", "first_success_timesteps"]
     return {name: getattr(model, name, None) for name in names}
 
 

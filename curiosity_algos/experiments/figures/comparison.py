@@ -30,10 +30,10 @@ from curiosity_algos.experiments.measures import (
     Measure,
     best_return,
     coverage,
+    first_of,
     load_compared,
     read_curves,
-    reports_success,
-    times_to_success,
+    times_to_first,
 )
 from curiosity_gym.validation import check_choice
 
@@ -41,7 +41,7 @@ MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
     "coverage": (coverage, "Coverage", "coverage (%)", 0.01),
     "best-return": (best_return, "Highest return so far", "highest return so far", 1.0),
     "qd-score": (qd_score, "QD score", "QD score", 1.0),
-    "survival": (None, "Time to first success", "runs without success (%)", 0.01),
+    "survival": (None, "Time to first {}", "runs without {} (%)", 0.01),
 }
 """By name the reader, the titles of figure and axis, and the value that is 1 on it."""
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
@@ -68,7 +68,7 @@ def compare(
         folders: A folder of runs, or several, or what such are in.
         y: "coverage", "best-return" (so far), "qd-score" (a panel for each archive, as
             `with_archives` tells them apart, of runs that have a score) or "survival" (share of
-            runs without success yet; none on a task that reports no success).
+            runs without success yet, or where none had any without reward; see `first_of`).
         x: "timesteps" or "seconds".
 
     Raises:
@@ -98,9 +98,11 @@ def compare(
         ax.set(title=fill(short_name(str(env)), TITLE_WIDTH), xlabel=X[x][0])
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
+    events = {first_of(here) or "success" for _, here in panels} if measure is None else set()
+    words = " or ".join(sorted(events, reverse=True))
     for ax in axes[:, 0]:
-        ax.set_ylabel(y_label)
-    add_title(figure, title, legend_handles(_samples(runs, colors)))
+        ax.set_ylabel(y_label.format(words))
+    add_title(figure, title.format(words), legend_handles(_samples(runs, colors)))
     add_note(figure, note)
     return figure
 
@@ -143,11 +145,12 @@ def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x
 
 
 def _draw_survival(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
-    if not reports_success(runs):
+    event = first_of(runs)
+    if event is None:
         draw_nothing(ax)
         return
     for label, here in runs.groupby("label", sort=False):
-        curve, color = times_to_success(here, x).curve, colors[str(label)]
+        curve, color = times_to_first(here, event, x).curve, colors[str(label)]
         times, low, high = curve.x / X[x][1], 100.0 * curve.low, 100.0 * curve.high
         ax.fill_between(times, low, high, step="post", color=color, alpha=0.18, linewidth=0)
         ax.step(times, 100.0 * curve.estimate, where="post", color=color, linewidth=2.0)

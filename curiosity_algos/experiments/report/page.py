@@ -61,18 +61,19 @@ NOTES = {
     "Who is ahead of whom": (
         "The probability of improvement (Agarwal et al. 2021): the share of the pairs of a run of "
         "the first and a run of the second in which the first has the higher best return, the "
-        "higher coverage at its end, or the earlier first success; ties count one half. Runs "
+        "higher coverage at its end, or the earlier first success or reward; ties count one half. "
+        "Runs "
         "without a success count as later than all that had one before the shorter of the two "
         "budgets was spent, and as late as those that had one after. The interval says what other "
         "seeds might have given: with three or four runs it is too narrow, and of twenty pairs "
         "that are alike about one is marked by chance. There is a row for each two with three "
         "runs or more."
     ),
-    "Success": (
-        "That an episode ended in, where the environment reports it; where returns differ from 0 "
-        "and no run had a success, the environment does not. Runs that had none are not dropped: "
-        "the Kaplan-Meier estimate counts them as without success for as long as they ran. The "
-        "median is missing where more than half of the runs are without success to the end."
+    "Success, or reward": (
+        "That an episode ended in, where the environment reports it. Where no run had one, a "
+        "reward takes its place: a return above 0, if there was any. Runs that had none are not "
+        "dropped: the Kaplan-Meier estimate counts them as without it for as long as they ran. The "
+        "median is missing where more than half of the runs are without it to the end."
     ),
     "Coverage": (
         "The share of the reachable cells in which an episode has ended. The area under its curve "

@@ -20,9 +20,9 @@ from curiosity_algos.experiments.measures import (
     best_return,
     coverage,
     final_states,
+    first_of,
     read_curves,
-    reports_success,
-    times_to_success,
+    times_to_first,
 )
 from curiosity_algos.experiments.report.tables import has_coverage
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -61,14 +61,14 @@ AXIS: Figure = {"automargin": True, "gridcolor": GRID, "zerolinecolor": GRID}
 
 
 def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
-    """Coverage, best return and share of runs without a success, one above the other.
+    """Coverage, best return and share of runs without a success or reward, one above the other.
 
     Those that an environment does not tell are left out.
     """
     panels: list[Panel] = [("best return so far", best_return, "~g")]
     if has_coverage(runs):
         panels.insert(0, ("coverage", coverage, "~%"))
-    return _draw(runs, colors, panels, has_successes=reports_success(runs))
+    return _draw(runs, colors, panels, event=first_of(runs))
 
 
 def draw_elites(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
@@ -77,7 +77,7 @@ def draw_elites(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
 
 
 def _draw(
-    runs: pd.DataFrame, colors: dict[str, str], panels: list[Panel], has_successes: bool = False
+    runs: pd.DataFrame, colors: dict[str, str], panels: list[Panel], event: str | None = None
 ) -> Figure:
     axes = [(title, ticks) for title, _, ticks in panels]
     traces = []
@@ -87,11 +87,11 @@ def _draw(
             curves = read_curves(here, measure)
             traces.append(_runs(curves, *style, i))
             traces += _band_and_mean(curve_interval(curves), *style, i)
-        if has_successes:
-            survival = times_to_success(here).curve
+        if event:
+            survival = times_to_first(here, event).curve
             traces += _band_and_mean(survival, *style, len(panels), "hv")
-    if has_successes:
-        axes.append(("runs without success", "~%"))
+    if event:
+        axes.append((f"runs without {event}", "~%"))
     return {"data": traces, "layout": _panels(axes, runs["label"].nunique())}
 
 

@@ -10,7 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.measures import coverage, reports_success, times_to_success
+from curiosity_algos.experiments.measures import (
+    coverage,
+    first_of,
+    first_timesteps,
+    times_to_first,
+)
 from curiosity_algos.experiments.statistics import (
     LEAST_RUNS,
     area_under_curve,
@@ -24,15 +29,15 @@ NOTHING = "\N{EN DASH}"
 AHEAD, BEHIND = "\N{BLACK UP-POINTING TRIANGLE}", "\N{BLACK DOWN-POINTING TRIANGLE}"
 """Mark a pair whose interval is above one half, and one whose interval is below."""
 MARK = '\N{NO-BREAK SPACE}<span role="img" aria-label="the {} is ahead">{}</span>'
-FIRST = "First success"
+FIRST = "First {}"
 ABOUT = "How likely a run of one algorithm is ahead of a run of another, with 95 % intervals"
 
 
 def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
-    """A row for each label: successes of its runs, best returns and coverage."""
-    has_successes = reports_success(runs)
+    """A row for each label: successes or rewards of its runs, best returns and coverage."""
+    event = first_of(runs)
     rows = {
-        f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, has_successes)
+        f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, event)
         for label, here in runs.groupby("label")
     }
     return scrolling(rows, "Interquartile means (IQM) of runs, with 95 % intervals")
@@ -51,14 +56,16 @@ def swatch(color: str) -> str:
     return f'<span class="swatch" style="background: {color}"></span>'
 
 
-def _row(runs: pd.DataFrame, has_successes: bool) -> dict[str, str]:
-    n_successful = runs["first_success_timesteps"].notna().sum()
-    median = times_to_success(runs).median if has_successes else None
+def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
+    n_found = first_timesteps(runs, event or "success").notna().sum()
+    median = times_to_first(runs, event).median if event else None
     return {
         "Runs": f"{len(runs)}",
         "Timesteps of a run": _span(runs["timesteps"]),
-        "Runs with a success": f"{n_successful} of {len(runs)}" if has_successes else NOTHING,
-        "First success, median timesteps": NOTHING if median is None else f"{median:,.0f}",
+        f"Runs with a {event or 'success'}": f"{n_found} of {len(runs)}" if event else NOTHING,
+        f"First {event or 'success'}, median timesteps": NOTHING
+        if median is None
+        else f"{median:,.0f}",
         "Best return, IQM": _interval(runs["best_return"], "{:,.3f}".format),
         "Coverage, IQM": _interval(_coverage(runs), percent),
         "Area under coverage, IQM": _interval(_areas(runs), percent),
@@ -113,9 +120,11 @@ def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
     """A row for each two labels with three runs or more on an environment; "" without such two.
 
     It is the probability of improvement of Agarwal et al. 2021; its columns are best return,
-    coverage, and first success, of which the earlier is ahead.
+    coverage, and first success or reward, of which the earlier is ahead.
     """
-    scores = _scores(runs).groupby(runs["label"])
+    event = first_of(runs)
+    first = FIRST.format(event or "success")
+    scores = _scores(runs, event).rename(columns={FIRST: first}).groupby(runs["label"])
     known = {str(label): here for label, here in scores if len(here) >= LEAST_RUNS}
     names = {label: f"{swatch(colors[label])}{escape(label)}" for label in known}
     budgets, rows = runs.groupby("label")["timesteps"].min(), {}
@@ -123,21 +132,20 @@ def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
         # Of a success after the shortest run nobody knows whether that would have been earlier.
         last = -1.0 - min(budgets[one], budgets[other])
         pair = [
-            known[each].assign(**{FIRST: known[each][FIRST].clip(last)}) for each in (one, other)
+            known[each].assign(**{first: known[each][first].clip(last)}) for each in (one, other)
         ]
         cells = {title: _cell(*(each[title] for each in pair)) for title in known[one]}
         rows[f"{names[one]}<br>over {names[other]}"] = cells
     return scrolling(rows, ABOUT, kind="pairs") if rows else ""
 
 
-def _scores(runs: pd.DataFrame) -> pd.DataFrame:
+def _scores(runs: pd.DataFrame, event: str | None) -> pd.DataFrame:
     """What is compared of each run, the higher the better; NaN where it is not known."""
-    earliness = -runs["first_success_timesteps"].fillna(np.inf)
     return pd.DataFrame(
         {
             "Best return": runs["best_return"],
             "Coverage": _coverage(runs),
-            FIRST: earliness if reports_success(runs) else np.nan,
+            FIRST: -first_timesteps(runs, event).fillna(np.inf) if event else np.nan,
         },
         index=runs.index,
     )

@@ -1,6 +1,7 @@
 import numpy as np
+import pytest
 
-from curiosity_algos.evaluation.episodes import EpisodeRecord
+from curiosity_algos.evaluation.episodes import EpisodeRecord, Firsts
 from curiosity_gym.core import CoverageGrid
 
 GRID = CoverageGrid((0,), np.zeros(1), np.full(1, 50.0))
@@ -15,12 +16,13 @@ def test_it_counts_ended_episodes_alone():
     record.add(infos, np.array([False, True]), 10)
     assert record.coverage.all == 1 / 50
     assert record.best_return == -1.0
-    assert record.first_success_timesteps is None
+    assert (record.firsts.reward, record.firsts.success) == (None, None)
     record.add(infos, np.array([True, True]), 12)
     record.add(infos, np.array([True, False]), 14)
     assert record.coverage.all == 2 / 50
     assert record.best_return == 9.0
-    assert record.first_success_timesteps == 12
+    assert (record.firsts.reward, record.firsts.success) == (12, 12)
+    assert record.firsts.metrics == {"time/first_reward": 12, "time/first_success": 12}
 
 
 def test_it_counts_the_cells_of_every_step():
@@ -51,4 +53,33 @@ def test_it_goes_on_from_a_saved_state():
     record.add([info], np.array([True]), 5)
     other.load_state_dict(record.state_dict())
     assert other.coverage.all == 1 / 50
-    assert (other.best_return, other.first_success_timesteps) == (9.0, 5)
+    assert (other.best_return, other.firsts.reward, other.firsts.success) == (9.0, 5, 5)
+
+
+def test_a_task_without_success_has_a_first_reward():
+    record = EpisodeRecord(None)
+    for timesteps, reward in [(4, 0.0), (8, -3.0), (12, 0.5), (16, 0.9)]:
+        record.add([{"episode": {"r": reward}}, {}], np.array([True, False]), timesteps)
+    assert (record.firsts.reward, record.firsts.success) == (12, None)
+
+
+def test_of_a_generation_each_episode_has_its_own_end():
+    firsts = Firsts()
+    firsts.add(np.array([10, 15, 35]), np.array([0.0, 0.2, 0.1]), np.array([False, False, True]))
+    assert (firsts.reward, firsts.success) == (15, 35)
+    firsts.add(np.array([40]), np.ones(1), np.ones(1, dtype=bool))
+    assert (firsts.reward, firsts.success) == (15, 35)
+
+
+@pytest.mark.parametrize("wrong", [{"reward": "5", "success": None}, {"reward": 5}])
+def test_a_damaged_state_is_refused(wrong):
+    with pytest.raises((KeyError, ValueError)):
+        Firsts().load_state_dict(wrong)
+
+
+@pytest.mark.parametrize("behavior", [np.array([np.nan]), np.array([np.inf])])
+def test_a_behavior_that_is_not_finite_is_refused(behavior):
+    record = EpisodeRecord(GRID)
+    record.add([{"behavior": behavior}], np.array([False]), 1)  # on its way it may be unknown
+    with pytest.raises(ValueError, match=r'^`env` must give a finite info\["behavior"\]'):
+        record.add([{"behavior": behavior}], np.array([True]), 2)

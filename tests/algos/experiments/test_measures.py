@@ -13,11 +13,11 @@ from curiosity_algos.experiments.measures import (
     EPISODES,
     best_return,
     coverage,
+    first_of,
     generation_return,
     in_seconds,
     load_compared,
-    reports_success,
-    times_to_success,
+    times_to_first,
 )
 from curiosity_algos.experiments.run_folder import RunFolder
 
@@ -91,27 +91,31 @@ def test_runs_without_a_seed_or_with_other_settings_are_no_repetition(copied):
     assert not runs["is_repeated"].any()
 
 
-def table(firsts, best):
-    return pd.DataFrame({"first_success_timesteps": firsts, "best_return": best})
+def table(success, reward, best):
+    found = {"first_success_timesteps": success, "first_reward_timesteps": reward}
+    return pd.DataFrame(found | {"best_return": best})
 
 
-def test_a_task_shows_whether_it_reports_success():
+def test_a_task_shows_what_there_is_to_find():
     nan = float("nan")
-    assert reports_success(table([5.0, nan], [1.0, 0.0]))
-    assert reports_success(table([nan, nan], [0.0, nan]))  # that is: none yet
-    assert not reports_success(table([nan, nan], [9.0, 10.0]))
-    assert not reports_success(table([nan], [-9.0]))
+    assert first_of(table([5.0, nan], [5.0, 3.0], [1.0, 0.0])) == "success"
+    assert first_of(table([nan, nan], [nan, 4.0], [0.0, 0.5])) == "reward"
+    assert first_of(table([nan, nan], [nan, nan], [0.0, nan])) == "success"  # that is: none yet
+    assert first_of(table([nan], [nan], [-9.0])) is None
+    before = table([nan, nan], [nan, nan], [9.0, 10.0]).drop(columns="first_reward_timesteps")
+    assert first_of(before) is None  # of a version that noted no rewards
 
 
-def test_first_successes_in_timesteps_and_seconds(copied):
+@pytest.mark.parametrize("event", ["success", "reward"])
+def test_firsts_in_timesteps_and_seconds(copied, event):
     for run in copied:  # a clock of their own: else one may end before the other comes to 600
         end = RunFolder(run).result()["timesteps"]
         log = f"time/total_timesteps,time/seconds\n{end},{end / 1000}\n"
         (run / "progress.csv").write_text(log)
     runs = load_compared(copied)
-    runs["first_success_timesteps"] = [600.0, np.nan]
+    runs[f"first_{event}_timesteps"] = [600.0, np.nan]
     for x, first in [("timesteps", 600.0), ("seconds", pytest.approx(0.6))]:
-        curve = times_to_success(runs, x).curve
+        curve = times_to_first(runs, event, x).curve
         assert (curve.x[1], curve.estimate[1]) == (first, 0.5)
         assert curve.estimate[-1] == 0.5
 

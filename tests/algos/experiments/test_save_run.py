@@ -387,11 +387,12 @@ class TestStableBaselines:
         state = th.load(found, weights_only=True)
         cells = {"final": th.arange(30), "visited": th.arange(40)}
         state["coverage"], state["best_return"] = cells, 7.0
-        th.save(state | {"first_success_timesteps": 5}, found)
+        th.save(state | {"firsts": {"reward": 4, "success": 5}}, found)
         model = PPO.load(RunFolder(folder).checkpoint / "model", env=make_mazes())
         model.learn(120, SaveRun(folder), reset_num_timesteps=False)
         run = the_run(folder)
         assert (run["best_return"], run["first_success_timesteps"]) == (7.0, 5)
+        assert run["first_reward_timesteps"] == 4
         assert 30 / 2500 <= run["coverage.all"] <= 33 / 2500
         assert run["coverage.visited"] > run["coverage.reachable"]
 

@@ -56,13 +56,25 @@ def test_a_run_of_a_version_without_a_setting_goes_on(tmp_path, assert_same):
     assert_same(load_final_states(grown), load_final_states(whole))
 
 
-def test_success_is_spoken_of_where_it_is_reported(tmp_path):
-    train(small(), tmp_path / "maze")
-    assert ": best return 0.000, no success, coverage reachable" in summary(tmp_path / "maze")
-    cart = RunSpec("canonical_es", "CartPole-v1", 0, 100, {}, SMALL | {"n_parents": 2})
-    train(cart, tmp_path / "cart")
-    text = summary(tmp_path / "cart")
-    assert re.fullmatch(r".+: best return [1-9]\d*\.000(, coverage .+)?", text), text
+def test_what_was_found_first_is_always_said(tmp_path):
+    train(small(), tmp_path)
+    assert ": best return 0.000, no success, coverage reachable" in summary(tmp_path)
+    path = RunFolder(tmp_path).checkpoint / "result.json"
+    result = json.loads(path.read_text())
+    reward, success = {"first_reward_timesteps": 1500}, {"first_success_timesteps": 1700}
+    for found, words in [
+        (reward | {"best_return": 0.5}, "best return 0.500, first reward after 1,500 timesteps,"),
+        (reward | success, "best return 0.000, first success after 1,700 timesteps,"),
+        ({"best_return": -200.0}, "best return -200.000, no return above 0,"),
+    ]:
+        path.write_text(json.dumps(result | found))
+        assert words in summary(tmp_path)
+
+
+def test_a_run_without_a_checkpoint_has_no_summary(tmp_path):
+    RunFolder(tmp_path).begin({"algorithm": "NSES", "env": None})
+    with pytest.raises(ValueError, match="`run` must have a checkpoint"):
+        summary(tmp_path)
 
 
 def test_another_run_is_refused(tmp_path):

@@ -145,6 +145,7 @@ class TestLearn:
         assert model.best_return == round(returns.max(), 6) > 0
         first = np.flatnonzero(returns > 0)[0]
         assert model.first_success_timesteps == lengths[: first + 1].sum()
+        assert model.first_reward_timesteps == model.first_success_timesteps
 
     def test_coverage_counts_final_behaviors(self, algorithm, make_model, make_maze):
         env = make_maze()

@@ -57,7 +57,7 @@ def train(env, n_steps, callback, logger=None):
 def test_it_counts_where_episodes_end():
     callback = train(make_vec_env(make_walk), 15, ExplorationCallback())  # 1 + 2 + 3 + 4 + 5 steps
     assert callback.coverage.all == 5 / 50
-    assert callback.first_success_timesteps == 6
+    assert (callback.first_reward_timesteps, callback.first_success_timesteps) == (1, 6)
     assert callback.best_return == 15.0
 
 
@@ -119,6 +119,7 @@ def test_there_may_be_nothing_to_count():
     callback = train(make_vec_env("CartPole-v1"), 100, ExplorationCallback())
     assert callback.coverage.all is None
     assert callback.first_success_timesteps is None
+    assert 0 < callback.first_reward_timesteps < 100
     assert callback.best_return > 0
 
 

@@ -104,10 +104,23 @@ def test_qd_scores_of_each_archive(runs, lost, make_runs):
         compare(without, y="qd-score")
 
 
-def test_a_task_without_success_has_no_survival(tmp_path):
+def train_on(env_id, folder):
     settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [2]}}
-    env = gym.make("CartPole-v1", max_episode_steps=20)
-    CanonicalES(env, seed=0, **settings).learn(100, SaveRun(tmp_path))
+    env = gym.make(env_id, max_episode_steps=20)
+    CanonicalES(env, seed=0, **settings).learn(100, SaveRun(folder))
+
+
+def test_survival_is_of_rewards_where_there_is_no_success(runs, tmp_path):
+    train_on("CartPole-v1", tmp_path)
+    figure = compare([tmp_path], y="survival")
+    assert thick(figure.axes[0])[0].get_ydata()[-1] == 0.0
+    assert figure.axes[0].get_ylabel() == "runs without reward (%)"
+    figure = compare([tmp_path, *runs], y="survival")
+    assert figure.axes[0].get_ylabel() == "runs without success or reward (%)"
+
+
+def test_a_task_of_costs_has_no_survival(tmp_path):
+    train_on("Pendulum-v1", tmp_path)
     (ax,) = compare([tmp_path], y="survival").axes
     assert not thick(ax)
     assert [text.get_text() for text in ax.texts] == ["none"]

@@ -143,14 +143,22 @@ def test_two_algorithms_with_three_runs_each_are_compared(page, runs_folder, tmp
     assert [text[:4] for text in row[1:]] == ["0.50"] * 3
 
 
-def test_a_task_without_success_has_no_count_of_successes(runs_folder, tmp_path):
+def test_a_task_without_success_has_its_first_reward(runs_folder, tmp_path):
     write_report([runs_folder / "CanonicalES"], tmp_path / "report.html")
     head, row = cells(tmp_path / "report.html")
-    assert dict(zip(head, row, strict=True))["Runs with a success"] == "\N{EN DASH}"
-    text = (tmp_path / "report.html").read_text()
-    assert "0 of 2" not in text
+    row = dict(zip(head, row, strict=True))
+    assert row["Runs with a reward"] == "2 of 2"
+    assert 0 < int(row["First reward, median timesteps"]) < 1500
     titles = [axis["title"]["text"] for axis in yaxes(figures(tmp_path / "report.html"))]
-    assert titles == ["best return so far"]
+    assert titles == ["best return so far", "runs without reward"]
+
+
+def test_a_task_of_costs_has_no_count(runs_folder, tmp_path):
+    (mountain,) = (runs_folder / "MAPElites").glob("Mountain*")
+    write_report([mountain], tmp_path / "report.html")
+    head, row = cells(tmp_path / "report.html")
+    assert dict(zip(head, row, strict=True))["Runs with a success"] == "\N{EN DASH}"
+    assert "runs without" not in str(figures(tmp_path / "report.html"))
 
 
 def yaxes(drawn):

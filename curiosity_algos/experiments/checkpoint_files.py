@@ -2,7 +2,8 @@
 
 Of Stable-Baselines3's own algorithms these hold, too, what their `model.zip` lacks of a run:
 
-under_way.pt      the states of the global generators, of random actions and of the episodes
+under_way.pt      the states of the global generators, of random actions, of the episodes, and what
+                  a recurrent policy remembers of them
 replay_buffer.pt  the transitions of an off-policy algorithm, with the bonus of a buffer
 """
 
@@ -117,6 +118,8 @@ def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
         "draws": global_state(model.device),
         "actions": SpaceGenerator(model.action_space).state_dict(),
         "episodes": encode(environment_states(_below(model))),
+        # Of sb3-contrib's RecurrentPPO: pairs of tensors, which its own file leaves out.
+        "memory": [list(pair) for pair in getattr(model, "_last_lstm_states", None) or ()],
     }
     write_plain(folder / UNDER_WAY, state, _KIND)
 
@@ -152,6 +155,10 @@ def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
     state = read_plain(folder / UNDER_WAY, _KIND, what="run")
     if not resume_episodes(_below(model), decode(state["episodes"])):
         model._last_obs = None
+    elif state.get("memory"):
+        learner: Any = model
+        pairs = [tuple(part.to(model.device) for part in pair) for pair in state["memory"]]
+        learner._last_lstm_states = type(learner._last_lstm_states)(*pairs)
     SpaceGenerator(model.action_space).load_state_dict(state["actions"])
     load_global_state(state["draws"], model.device)
 

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from sb3_contrib import RecurrentPPO
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.save_util import load_from_zip_file
 
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
@@ -181,6 +183,29 @@ def test_a_script_goes_on_too(tmp_path, monkeypatch):
     model = load_baseline(find_algorithm("ppo"), checkpoint, run._make_env(), device="cpu")
     assert model.num_timesteps == stood
     assert len(model.get_env().buffer) == stood
+
+
+def test_a_memory_goes_on_in_mid_episode(tmp_path, assert_same):
+    """That of a recurrent policy, which its own file leaves out."""
+
+    def make_envs():
+        return make_vec_env(US, 2, seed=0, env_kwargs={"horizon": 50})
+
+    def begin(folder, timesteps):
+        small = {"n_steps": 30, "batch_size": 30, "n_epochs": 1, "seed": 0, "device": "cpu"}
+        kwargs = {"lstm_hidden_size": 8, "net_arch": [8]}
+        model = RecurrentPPO("MlpLstmPolicy", make_envs(), policy_kwargs=kwargs, **small)
+        return model.learn(timesteps, SaveRun(folder))
+
+    whole, grown = tmp_path / "whole", tmp_path / "grown"
+    begin(whole, 180)
+    begin(grown, 120)  # 60 steps of each environment, in mid-episode
+    model = load_baseline(RecurrentPPO, RunFolder(grown).checkpoint, make_envs(), device="cpu")
+    assert any(part.any() for pair in model._last_lstm_states for part in pair)
+    model.learn(60, SaveRun(grown), reset_num_timesteps=False)
+    assert_same(load_final_states(grown), load_final_states(whole))
+    one, other = parameters(grown), parameters(whole)
+    assert all(th.equal(one[name], other[name]) for name in other)
 
 
 class TestPlayed:

@@ -133,7 +133,9 @@ class MazeLayout:
         walls = json.dumps(values.pop("walls")).replace("], [", "],\n    [")
         lines = [f'  "{key}": {json.dumps(value)}' for key, value in values.items()]
         text = "{\n" + ",\n".join([*lines, f'  "walls": {walls}']) + "\n}\n"
-        Path(path).write_text(text, encoding="utf-8")
+        half = Path(path).with_name(f".{Path(path).name}.tmp")  # a full disk leaves an older file
+        half.write_text(text, encoding="utf-8")
+        half.replace(path)
 
     @property
     def digest(self) -> str:

@@ -65,7 +65,10 @@ class SaveRun(BaseCallback):
     Raises:
         ValueError: When `learn` begins: if the model steps no VecEnv, as sb3-contrib's ARS, or no
             Monitor sees its episodes; if the folder holds another run, or another process trains
-            there.
+            there. While it goes on: if a behavior is not finite, or of other entries than before.
+
+    Warns:
+        UserWarning: When a run begins in an environment that `run.json` cannot say how to make.
     """
 
     model: Recordable

@@ -1,10 +1,12 @@
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from saved_files import no_space
 
 from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.layouts import (
@@ -189,6 +191,14 @@ class TestJson:
         layout.to_json(path)
         assert MazeLayout.from_json(path) == layout
         assert json.loads(path.read_text())["walls"] == layout.walls.tolist()
+
+    def test_a_full_disk_leaves_the_layout_before(self, tmp_path, monkeypatch):
+        path = tmp_path / "layout.json"
+        path.write_text("before")
+        monkeypatch.setattr(Path, "write_text", no_space)
+        with pytest.raises(OSError, match="No space left"):
+            BUILT_IN["us"].to_json(path)
+        assert path.read_text() == "before"
 
     def test_missing_keys_are_named(self):
         for key in FIELDS:

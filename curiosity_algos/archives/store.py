@@ -34,6 +34,11 @@ class EliteStore(ArrayStore):
         values: Array = self.retrieve(slots, name)[1]
         return values
 
+    def view(self, name: str) -> Array:
+        """A field (n, ...) of all rows, which is not copied, and holds until the next `write`."""
+        values: Array = self._fields[name][: len(self)]
+        return values
+
     @property
     def best_objective(self) -> Any:
         """The highest objective of the rows, of which there is one at least."""

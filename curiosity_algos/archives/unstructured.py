@@ -14,7 +14,8 @@ from scipy.spatial.distance import cdist
 
 from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, ArchiveKeywords, EliteArchive
 from curiosity_algos.archives.fields import Batch
-from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
+from curiosity_algos.common.neighbors import ClosestPairs, check_points, nearest_others
 from curiosity_gym.validation import check_at_least_one, check_not_negative
 
 SLACK = 0.1
@@ -30,7 +31,8 @@ class UnstructuredArchive(EliteArchive):
     more, the closest pairs lose their worse half until `target_size` are left, and the threshold
     becomes the smallest distance that is left.
 
-    Further keywords are those of every archive, see `EliteArchive`.
+    Measures are below 1e150 in size: the squares of larger ones overflow. Further keywords are
+    those of every archive, see `EliteArchive`.
 
     Args:
         measure_dim: See `EliteArchive`.
@@ -80,15 +82,13 @@ class UnstructuredArchive(EliteArchive):
         """
         all_measures = np.concatenate([measures, self.data("measures")])
         all_objectives = np.concatenate([objective, self.data("objective")])
-        distances = cdist(measures, all_measures)
-        np.fill_diagonal(distances, np.inf)  # nobody is a neighbor of its own
         assert self.k_neighbors is not None
         k = min(self.k_neighbors, len(all_measures) - 1)
         if k < 1:
             return np.zeros(len(measures)), np.zeros(len(measures), dtype=np.int64)
-        neighbors = np.argsort(distances, axis=1, kind="stable")[:, :k]
-        novelty = np.take_along_axis(distances, neighbors, axis=1).mean(axis=1)
-        return novelty, np.sum(all_objectives[neighbors] < objective[:, None], axis=1)
+        distances, neighbors = nearest_others(all_measures, len(measures), k)
+        is_beaten = all_objectives[neighbors] < objective[:, None]
+        return distances.mean(axis=1), np.sum(is_beaten, axis=1)
 
     def set_measures(self, measures: Float64Array) -> None:
         """Move the elites to new measures (n, measure_dim), as when an encoder has learned."""
@@ -97,6 +97,7 @@ class UnstructuredArchive(EliteArchive):
 
     def _insert(self, data: Batch) -> Batch:
         """Add as pyribs does; also gives `novelty` and `local_competition` (n,), see `compete`."""
+        check_points(measures=data["measures"])
         told: Batch = {}
         if self.k_neighbors is not None:
             scores = self.compete(data["measures"], data["objective"])
@@ -117,26 +118,32 @@ class UnstructuredArchive(EliteArchive):
         if self.empty:
             self._elites.write(np.array([0]), one)
             return NEW, objective
-        distances = cdist(one["measures"], self.data("measures"))[0]
+        distances = cdist(one["measures"], self._elites.view("measures"))[0]
         nearest = int(np.argmin(distances))
         if distances[nearest] > self.threshold:
             self._elites.write(np.array([len(self)]), one)
             return NEW, objective
-        improvement = objective - float(self.data("objective")[nearest])
+        improvement = objective - float(self._elites.view("objective")[nearest])
         if improvement > 0.0:
             self._elites.write(np.array([nearest]), one)
             return IMPROVED, improvement
         return NOT_ADDED, improvement
 
+    def _put(self, data: Mapping[str, Array]) -> None:
+        check_points(measures=data["measures"])
+        super()._put(data)
+
     def _thin_out(self) -> None:
         """Leave at most `target_size` elites, and set the threshold by what is left."""
-        distances = cdist(self.data("measures"), self.data("measures"))
-        np.fill_diagonal(distances, np.inf)
-        kept = _drop_closest(distances, self.data("objective"), self.target_size)
-        if len(kept) < len(self):
-            self._put(self._read(kept))
-        is_full = 1 < len(kept) >= self.target_size
-        self.threshold = float(distances[np.ix_(kept, kept)].min()) if is_full else 0.0
+        objective, n_left = self.data("objective"), min(len(self), self.target_size)
+        pairs = ClosestPairs(self.data("measures"))
+        for _ in range(len(self) - n_left):
+            _, one, other = pairs.closest()
+            pairs.remove(one if objective[one] < objective[other] else other)
+        if n_left < len(self):
+            self._put(self._read(np.flatnonzero(pairs.is_left)))
+        is_full = 1 < n_left >= self.target_size
+        self.threshold = pairs.closest()[0] if is_full else 0.0
 
     def clear(self) -> None:
         """Forget all elites, and the distance between them."""
@@ -172,23 +179,3 @@ class UnstructuredArchive(EliteArchive):
         check_not_negative(threshold=state["threshold"])
         super().load_state_dict(state)
         self.threshold = state["threshold"]
-
-
-def _drop_closest(distances: Float64Array, objective: Float64Array, n_kept: int) -> Int64Array:
-    """Positions, ascending, of the `n_kept` that are left when the closest pairs lose their worse.
-
-    Of equals the later one goes. `distances` (n, n) has infinity on its diagonal.
-    """
-    left = distances.copy()
-    is_kept = np.ones(len(left), dtype=bool)
-    nearest = left.argmin(axis=1)
-    gaps = left.min(axis=1)
-    for _ in range(len(left) - n_kept):
-        one = int(np.argmin(gaps))
-        pair = sorted((one, int(nearest[one])))
-        loser = pair[0] if objective[pair[0]] < objective[pair[1]] else pair[1]
-        is_kept[loser] = False
-        left[loser], left[:, loser], gaps[loser] = np.inf, np.inf, np.inf
-        bereft = np.flatnonzero(is_kept & (nearest == loser))
-        nearest[bereft], gaps[bereft] = left[bereft].argmin(axis=1), left[bereft].min(axis=1)
-    return np.flatnonzero(is_kept)

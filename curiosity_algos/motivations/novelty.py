@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from scipy.spatial.distance import cdist
 
 from curiosity_algos.common.arrays import Float64Array
+from curiosity_algos.common.neighbors import nearest_others
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_summarizers
 from curiosity_algos.motivations.novelty_archive import NoveltyArchive
@@ -75,8 +75,8 @@ class NoveltyMotivation:
         if len(self.archive):
             distances = self.archive.nearest(behaviors, self.k)
         elif len(behaviors) > 1:
-            # The nearest of all is the individual itself.
-            distances = np.sort(cdist(behaviors, behaviors), axis=1)[:, 1 : self.k + 1]
+            n = len(behaviors)
+            distances, _ = nearest_others(behaviors, n, min(self.k, n - 1))
         else:
             distances = np.zeros((1, 1))
         novelty: Float64Array = distances.mean(axis=1)

@@ -15,12 +15,11 @@ import torch as th
 from scipy.spatial import KDTree
 
 from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.common.neighbors import LARGEST, check_points
 from curiosity_gym.validation import check_at_least_one
 
 REBUILD_SHARE = 0.03
 """Distinct behaviors since the large tree was built, as a share of it, that make it built anew."""
-LARGEST = 1e150
-"""Bound of the entries of a behavior: the squares of larger ones overflow."""
 
 
 class NoveltyArchive:
@@ -116,8 +115,7 @@ class NoveltyArchive:
             raise ValueError(
                 f"`behaviors` must have the shape (n, {self.n_dimensions}), got {rows.shape}."
             )
-        if not (np.abs(rows) < LARGEST).all():
-            raise ValueError(f"`behaviors` must be finite and below {LARGEST:g} in size.")
+        check_points(behaviors=rows)
         return rows
 
     def state_dict(self) -> dict[str, Any]:

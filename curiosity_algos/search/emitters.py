@@ -17,6 +17,9 @@ from curiosity_algos.search.pareto import pareto_best
 
 Batch = dict[str, Array]
 
+TOGETHER = 64
+"""Tournaments held at once: candidates are copies of elites, trajectories and all."""
+
 
 class Emitters:
     """pyribs' emitters, held where a checkpoint asks for `state_dict`.
@@ -116,10 +119,16 @@ class TournamentEmitter(GaussianEmitter):
         """Mutants (batch_size, n_parameters) of the winners; of `x0` while there are no elites."""
         if self.archive.empty:
             return super().ask()
-        candidates = self.archive.sample_elites(self._tournament_size * self.batch_size)
-        scores = self._score(candidates).reshape(self.batch_size, self._tournament_size)
-        winners = np.arange(self.batch_size) * self._tournament_size + scores.argmax(axis=1)
-        return _mutate(self._rng, candidates["solution"][winners], self.sigma)
+        begins = range(0, self.batch_size, TOGETHER)
+        parents = [self._winners(min(TOGETHER, self.batch_size - begin)) for begin in begins]
+        return _mutate(self._rng, np.concatenate(parents), self.sigma)
+
+    def _winners(self, n: int) -> Float32Array:
+        """Those of n tournaments, (n, n_parameters)."""
+        candidates = self.archive.sample_elites(self._tournament_size * n)
+        scores = self._score(candidates).reshape(n, self._tournament_size)
+        winners = np.arange(n) * self._tournament_size + scores.argmax(axis=1)
+        return candidates["solution"][winners]  # type: ignore[no-any-return]
 
 
 class ParetoEmitter(EmitterBase):

@@ -1,6 +1,7 @@
 """The oracles are plain Python: what the docstrings say, with lists and loops."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from saved_files import through_a_file
 
 from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED
-from curiosity_algos.archives.unstructured import UnstructuredArchive, _drop_closest
+from curiosity_algos.archives.unstructured import UnstructuredArchive
 
 EXTRA = {"seed": ((), np.int64), "states": ((2, 3), np.float32)}
 
@@ -308,30 +309,34 @@ class TestInsertion:
             make_archive(**{name: value})
 
 
-class TestDropClosest:
-    @settings(deadline=None)
-    @given(st.lists(OFFERS, min_size=1, max_size=14), st.data())
-    def test_it_is_brute_force(self, offers, data):
-        n_kept = data.draw(st.integers(1, len(offers)))
-        offers = [one | {"place": place} for place, one in enumerate(offers)]
-        gaps = [[distance(a["measures"], b["measures"]) for b in offers] for a in offers]
-        distances = np.array(gaps).reshape(len(offers), len(offers))
-        np.fill_diagonal(distances, np.inf)
-        before = distances.copy()
-        kept = _drop_closest(distances, np.array([one["objective"] for one in offers]), n_kept)
-        assert kept.tolist() == [one["place"] for one in drop_closest(offers, n_kept)]
-        np.testing.assert_array_equal(distances, before)
-
+class TestThinning:
     def test_by_hand(self):
-        places = np.array([0.0, 1.0, 3.0, 4.0, 9.0])
-        distances = np.abs(places[:, None] - places)
-        np.fill_diagonal(distances, np.inf)
+        places = [0.0, 1.0, 3.0, 4.0, 9.0]
+        objective = [1.0, 1.0, 2.0, 3.0, 0.0]
         # 0 and 1 tie: the later goes; then 3 and 4, of which 3 is worse; then 0 and 4.
-        objective = np.array([1.0, 1.0, 2.0, 3.0, 0.0])
-        assert _drop_closest(distances, objective, 4).tolist() == [0, 2, 3, 4]
-        assert _drop_closest(distances, objective, 3).tolist() == [0, 3, 4]
-        assert _drop_closest(distances, objective, 2).tolist() == [3, 4]
-        assert _drop_closest(distances, objective, 1).tolist() == [3]
+        for n_left, left in [(4, [0, 3, 4, 9]), (3, [0, 4, 9]), (2, [4, 9]), (1, [4])]:
+            archive = make_archive(measure_dim=1, target_size=n_left)
+            archive.add([[0]] * 5, objective, [[place] for place in places])
+            assert archive.data("measures")[:, 0].tolist() == left
+
+    def test_many_elites_need_no_matrix(self):
+        n, rng = 2201, np.random.default_rng(0)
+        archive = make_archive(target_size=2000)
+        tracemalloc.start()
+        archive.add(np.zeros((n, 1)), rng.normal(size=n), rng.normal(size=(n, 2)))
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert len(archive) == 2000
+        assert peak < n**2  # an eighth of a matrix
+
+    @pytest.mark.parametrize("entry", [1e150, -1e200])
+    def test_what_is_too_far_away_is_refused(self, entry):
+        archive, twin = make_full(), make_full()
+        with pytest.raises(ValueError, match="`measures` must be finite and below 1e"):
+            archive.add(**make_batch(3) | {"measures": np.full((3, 2), entry)})
+        with pytest.raises(ValueError, match="`measures` must be finite and below 1e"):
+            archive.set_measures(np.full((len(archive), 2), entry))
+        assert_same_elites(archive, twin)
 
 
 class TestRemeasure:

@@ -84,6 +84,18 @@ class TestTournament:
             {"solution": (120, 3), "objective": (120,), "measures": (120, 1), "index": (120,)}
         ]
 
+    def test_few_candidates_are_copied_at_once(self):
+        sizes = []
+
+        def score(elites):
+            sizes.append(len(elites["objective"]))
+            return elites["objective"]
+
+        parents = np.round(make_tournament(score=score, batch_size=150).ask()[:, 0])
+        assert sizes == [4 * 64, 4 * 64, 4 * 22]
+        drawn = make_grid().sample_elites(4 * 150)["solution"][:, 0].reshape(150, 4)
+        assert parents.tolist() == [max(row, key=np.sin) for row in drawn]
+
     def test_offspring_are_of_x0_while_there_are_no_elites(self):
         asked = make_tournament(make_grid(0), score=None).ask()
         np.testing.assert_allclose(asked, np.full((30, N_PARAMETERS), 5.0), rtol=1e-6)

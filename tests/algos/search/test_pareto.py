@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,8 +9,8 @@ from hypothesis.extra.numpy import arrays
 from curiosity_algos.search.pareto import crowding_distances, pareto_best, pareto_fronts
 
 # So few values that many rows are equal, wholly or in one objective.
-OBJECTIVES = st.tuples(st.integers(0, 14), st.integers(1, 3)).flatmap(
-    lambda shape: arrays(np.float64, shape, elements=st.integers(-2, 3).map(float))
+OBJECTIVES = st.integers(0, 14).flatmap(
+    lambda n: arrays(np.float64, (n, 2), elements=st.integers(-2, 3).map(float))
 )
 
 
@@ -67,13 +69,42 @@ def test_fronts_by_hand():
     assert as_lists(pareto_fronts(objectives)) == [[0, 1, 2, 5], [3, 6], [4]]
 
 
-@pytest.mark.parametrize("n_objectives", [1, 2])
-def test_no_rows_have_no_fronts(n_objectives):
-    nothing = np.empty((0, n_objectives))
+def test_no_rows_have_no_fronts():
+    nothing = np.empty((0, 2))
     assert pareto_fronts(nothing) == []
     assert crowding_distances(nothing).shape == (0,)
     best = pareto_best(nothing, 0)
     assert (best.shape, best.dtype) == ((0,), np.int64)
+
+
+def fronts_by_matrix(objectives):
+    """Front by front, from which row dominates which."""
+    no_worse = np.all(objectives[:, None] >= objectives[None], axis=2)
+    dominates = no_worse & ~no_worse.T
+    rest, fronts = np.arange(len(objectives)), []
+    while len(rest):
+        is_dominated = dominates[np.ix_(rest, rest)].any(axis=0)
+        fronts.append(rest[~is_dominated].tolist())
+        rest = rest[is_dominated]
+    return fronts
+
+
+@pytest.mark.parametrize("n_values", [1, 3, 200])
+def test_fronts_of_many_rows_are_those_of_a_matrix(n_values):
+    rng = np.random.default_rng(n_values)
+    objectives = np.stack([rng.normal(size=200), rng.integers(n_values, size=200)], axis=1)
+    assert as_lists(pareto_fronts(objectives)) == fronts_by_matrix(objectives)
+
+
+def test_many_fronts_need_no_matrix():
+    n = 3000
+    objectives = np.stack([np.arange(n), np.zeros(n)], axis=1)  # as while there is no reward
+    tracemalloc.start()
+    best = pareto_best(objectives, n)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert best.tolist() == list(range(n))[::-1]
+    assert peak < n**2 // 2  # half of a matrix of truth values
 
 
 @given(OBJECTIVES, st.integers(-5, 5), st.sampled_from([0.25, 0.5, 2.0, 8.0]))

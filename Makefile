@@ -5,6 +5,8 @@ SEED ?= 1
 
 # Workers take tests from each other when they have none left; tests/conftest.py says how many.
 PYTEST = .venv/bin/python -m pytest --numprocesses auto --dist worksteal
+INSTALL = .venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt
+COMPILE = .venv/bin/python -m compileall -qq -j 0 .venv/lib || true
 
 .DEFAULT_GOAL := help
 .PHONY: help demo check test shuffle gpu fuzz lint docs bench clean
@@ -12,7 +14,7 @@ PYTEST = .venv/bin/python -m pytest --numprocesses auto --dist worksteal
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
 
-demo: .venv/.installed  ## train on a maze and write the figures to runs/demo
+demo: .venv/.demo  ## train on a maze and write the figures to runs/demo
 	.venv/bin/python examples/train_curiosity_es.py --preset tuned --seed 0 --out runs/demo
 
 check: lint  ## before a commit: lint, and the tests that are fast
@@ -42,14 +44,21 @@ bench: .venv/.bench  ## measure speed side by side with peers
 clean:  ## remove the environment, caches and built documentation
 	rm -rf .venv .hypothesis .mypy_cache .pytest_cache .ruff_cache docs/_build
 
+# The demo needs a fraction of what the tests do, which come on top.
 # Compiled on all cores: pip does it on one, for half of its time. A file for a newer Python stays as it is.
-.venv/.installed: pyproject.toml constraints.txt
-	@echo "Installing the pinned dependencies into .venv: several minutes the first time."
+.venv/.demo: pyproject.toml constraints.txt
+	@echo "Installing the pinned dependencies of the demo into .venv: a minute or two."
 	$(PYTHON) -m venv --clear .venv
-	.venv/bin/python -m pip install --disable-pip-version-check --no-compile -c constraints.txt -e ".[dev]"
-	@.venv/bin/python -m compileall -qq -j 0 .venv/lib || true
+	$(INSTALL) --no-compile -e ".[render]"
+	@$(COMPILE)
+	@touch $@
+
+.venv/.installed: .venv/.demo
+	@echo "Installing the pinned dependencies of the tests into .venv: several minutes the first time."
+	$(INSTALL) --no-compile -e ".[dev]"
+	@$(COMPILE)
 	@touch $@
 
 .venv/.bench: .venv/.installed
-	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt -e ".[bench]"
+	$(INSTALL) -e ".[bench]"
 	@touch $@

@@ -2,6 +2,8 @@
 
 import importlib
 import re
+import shutil
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -65,6 +67,14 @@ def test_commands_that_install_a_package_of_others_are_found():
     right = [f"install {DISTRIBUTION}", f'install "{DISTRIBUTION}[render]"', "use curiosity[best]"]
     assert all(ANOTHER_DISTRIBUTION.search(f"pip {command}") for command in wrong)
     assert not any(ANOTHER_DISTRIBUTION.search(f"pip {command}") for command in right)
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
+@pytest.mark.parametrize(("target", "extras"), [("demo", ["render"]), ("test", ["render", "dev"])])
+def test_a_target_installs_what_it_needs(target, extras):
+    make = ["make", "--dry-run", "--always-make", target]
+    done = subprocess.run(make, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert re.findall(r'-e "\.\[(\w+)\]"', done.stdout) == extras
 
 
 def test_every_extra_for_users_is_here():

@@ -7,10 +7,15 @@ from functools import partial
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.fixed import fixed
 from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_choice
 
+SETTINGS = ("task", "success_threshold", "random_start", "width", "height")
+"""The settings of a control task that cannot be changed."""
 
+
+@fixed(*SETTINGS)
 class ControlEnv(EpisodicEnv):
     """A task of the DeepMind Control Suite, rewarded only when it is solved.
 

@@ -8,13 +8,18 @@ from functools import partial
 from typing import Any
 
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.fixed import fixed
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.locomotion.original import make_simulation
 from curiosity_gym.locomotion.tasks import TASKS
 from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
 
+SETTINGS = ("env_id", "task", "behavior", "world", "layout", "env_kwargs", "width", "height")
+"""The settings of a robot that cannot be changed."""
 
+
+@fixed(*SETTINGS)
 class LocomotionEnv(EpisodicEnv):
     """A MuJoCo environment of Gymnasium, version 5, with a behavior, and with walls if asked for.
 

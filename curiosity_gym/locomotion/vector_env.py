@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
-from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.fixed import fixed
+from curiosity_gym.locomotion.locomotion_env import SETTINGS, LocomotionEnv
 from curiosity_gym.locomotion.tasks import LocomotionTask
 
 
+@fixed(*SETTINGS)
 class LocomotionVectorEnv(EpisodicVectorEnv):
     """An `EpisodicVectorEnv`; its other arguments are those of `LocomotionEnv`.
 

@@ -10,6 +10,7 @@ from typing import Any
 from curiosity_gym.built_in import resolve_layout
 from curiosity_gym.core import Float32Array
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.fixed import fixed
 from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach
 from curiosity_gym.maze.dynamics import build_maze, step
 from curiosity_gym.maze.simulation import MazeSimulation
@@ -20,6 +21,14 @@ LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
 
 
+SETTINGS = (
+    *("layout", "maze", "max_speed", "max_acceleration", "n_beams", "lidar_range", "restitution"),
+    "goal_radius",
+)
+"""The settings of a maze that cannot be changed."""
+
+
+@fixed(*SETTINGS)
 class MazeEnv(EpisodicEnv):
     """A point robot with a ring of LIDAR beams looks for the goal of a maze, rewarded only there.
 
@@ -146,7 +155,7 @@ class MazeEnv(EpisodicEnv):
 
     def _advance(self, action: Float32Array) -> tuple[bool, bool]:
         states, observations = self.simulation.states, self.simulation.observations
-        success = step(self.maze, states[0], action, observations[0])
+        success = step(self.simulation.maze, states[0], action, observations[0])
         self.simulation.success[0] = success
         return success, success
 

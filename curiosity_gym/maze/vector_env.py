@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
+from curiosity_gym.fixed import fixed
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.dynamics import Maze
-from curiosity_gym.maze.maze_env import MazeEnv
+from curiosity_gym.maze.maze_env import SETTINGS, MazeEnv
 
 
+@fixed(*SETTINGS)
 class MazeVectorEnv(EpisodicVectorEnv):
     """An `EpisodicVectorEnv`; its other arguments are those of `MazeEnv`.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import gymnasium as gym
@@ -43,10 +43,10 @@ def make_simulation(
     It was begun and stepped: Gymnasium checks none of its options.
     """
     check_choice(BEHAVIORS, behavior=behavior)
-    original = _make_original(TASKS[env_id], env_kwargs)
-    made = None if world is None else World(world)
-    task = TASKS[env_id](original, behavior=behavior, world=made)
-    with _options_of(env_id):
+    with closing(_make_original(TASKS[env_id], env_kwargs)) as original:
+        made = None if world is None else World(world)
+        task = TASKS[env_id](original, behavior=behavior, world=made)
+    with _options_of(env_id, env_kwargs):
         simulation = LocomotionSimulation(task, 1, n_threads=1)
         simulation.reset(rngs=[np.random.default_rng(0)])
         simulation.step(np.zeros((1, task.n_actions), np.float32))
@@ -67,17 +67,19 @@ def _make_original(task: type[LocomotionTask], keywords: object) -> gym.Env[Any,
     check_at_least_one(**{"env_kwargs['frame_skip']": given.get("frame_skip", 1)})
     import_extra("locomotion", "mujoco", "imageio")
     make = load_env_creator(task.entry_point)
-    with _options_of(task.env_id):
+    with _options_of(task.env_id, given):
         original: gym.Env[Any, Any] = make(**copy.deepcopy(dict(given)))  # type: ignore[assignment]
     return original
 
 
 @contextmanager
-def _options_of(env_id: str) -> Iterator[None]:
-    """Errors of any kind, as a sentence."""
+def _options_of(env_id: str, env_kwargs: Mapping[str, Any] | None) -> Iterator[None]:
+    """Errors of any kind, as a sentence about the options, if there are any."""
     try:
         yield
     except Exception as error:
+        if not env_kwargs:
+            raise
         raise ValueError(
             f"`env_kwargs` must be what Gymnasium's {env_id} can be made and stepped with "
             f"({type(error).__name__}: {error})."

@@ -116,6 +116,15 @@ class TestMistakes:
             with pytest.raises(ValueError, match=words):
                 LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
 
+    def test_without_keywords_an_error_is_not_of_them(self, monkeypatch):
+        def fail(self, **given):
+            raise MemoryError("no room")
+
+        monkeypatch.setattr("gymnasium.envs.mujoco.ant_v5.AntEnv.__init__", fail)
+        for env_kwargs, error in ((None, MemoryError), ({}, MemoryError), ({"a": 1}, ValueError)):
+            with pytest.raises(error, match="no room"):
+                LocomotionEnv("Ant-v5", env_kwargs=env_kwargs)
+
     def test_a_body_that_is_not_there(self):
         for main_body in ["nope", 99]:
             with pytest.raises(ValueError, match="`main_body` must be a body of the model"):

@@ -7,6 +7,7 @@ Stored elites that do not do again what they were kept for are a known trouble o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,8 @@ import numpy as np
 
 from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.common.arrays import Float64Array, Int64Array
-from curiosity_algos.evaluation.evaluator import AnyEnv, make_evaluator, replay
+from curiosity_algos.evaluation.environments import open_env
+from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator, replay
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,12 @@ def verify(
     """
     net_arch = getattr(archive, "net_arch", None) if net_arch is None else net_arch
     kwargs = None if net_arch is None else {"net_arch": net_arch}
-    evaluator = make_evaluator(env, kwargs, n_threads)
+    opened = open_env(env)
+    with nullcontext() if opened is env else closing(opened):
+        return _verify(archive, make_evaluator(opened, kwargs, n_threads))
+
+
+def _verify(archive: Any, evaluator: Evaluator) -> Verification:
     if evaluator.n_parameters != archive.solution_dim:
         raise ValueError(
             f"`env` asks for policies of {evaluator.n_parameters} parameters, "

@@ -11,7 +11,7 @@ from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
 from curiosity_algos.checkpoints.plain_files import plain
@@ -68,6 +68,17 @@ def check_learning(
         )
     if env is None:
         raise ValueError("`env` must be set before learning: call set_env(env).")
+
+
+def check_no_options(env: VecEnv | None) -> None:
+    """Raise ValueError if the next reset of an environment has options, which no episode gets."""
+    while isinstance(env, VecEnvWrapper):
+        env = env.venv
+    if any(getattr(env, "_options", ())):
+        raise ValueError(
+            "`set_options` does not reach the episodes of a population, which begin with a seed "
+            "alone: make the environment with keywords, or in a wrapper, that do the same."
+        )
 
 
 def _is_callback(callback: object) -> bool:

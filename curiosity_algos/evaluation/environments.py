@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import weakref
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
 
@@ -11,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, VectorEnv, VectorWrapper
-from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
@@ -32,11 +33,33 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 
 
 class MadeVecEnv(SingleVecEnv):
-    """An environment that an id or a function made, and how to make more of its kind."""
+    """An environment that an id or a function made, and how to make more of its kind.
+
+    Attributes:
+        make: Makes another.
+        others: Those that were made: they are closed with it, or when nobody has it any more.
+        processes: What plays on more of them: closed with it.
+    """
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
-        super().__init__(Monitor(env))
+        self.others: list[gym.Env[Any, Any]] = []
+        self.processes: list[Any] = []
+        weakref.finalize(self, _close_all, self.others)
+        super().__init__(env)
+
+    def close(self) -> None:
+        """Close the environment, and all that was made beside it."""
+        opened = [super(), *self.processes, *self.others]
+        self.others.clear()
+        _close_all(opened)
+
+
+def _close_all(opened: list[Any]) -> None:
+    """Close them all, even if one of them raises."""
+    with ExitStack() as stack:
+        for each in opened:
+            stack.callback(each.close)
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:
@@ -63,12 +86,18 @@ def _needs_no_arguments(function: Any) -> bool:
 class GymnasiumView(SingleVecEnv):
     """A Gymnasium VectorEnv for SB3, which does not take it: one env of the same kind.
 
-    The VectorEnv itself, `vector_env`, is what evaluates populations.
+    The VectorEnv itself, `vector_env`, is what evaluates populations; both are closed together.
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
         self.vector_env = vector_env
-        super().__init__(Monitor(_single_env_maker(vector_env)()))
+        super().__init__(_single_env_maker(vector_env)())
+        self._close_own = weakref.finalize(self, self.envs[0].close)
+
+    def close(self) -> None:
+        """Close the VectorEnv, and the environment beside it."""
+        with closing(self.vector_env):
+            self._close_own()
 
 
 def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:

@@ -9,6 +9,7 @@ import numpy as np
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.evaluation.environments import (
+    GymnasiumView,
     MadeEnv,
     MadeVecEnv,
     MakeEnv,
@@ -16,10 +17,16 @@ from curiosity_algos.evaluation.environments import (
     open_env,
 )
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, build_mlp
+from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
-from curiosity_algos.evaluation.transparent import known_task, without_monitors
+from curiosity_algos.evaluation.transparent import (
+    KnownTask,
+    as_played,
+    check_constant,
+    known_task,
+    warn_of_empty_files,
+)
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one
 
@@ -55,7 +62,7 @@ class Evaluator(Protocol):
 def make_evaluator(
     env: AnyEnv, policy_kwargs: dict[str, Any] | None = None, n_threads: int | None = None
 ) -> Evaluator:
-    """The fastest evaluator that fits `env`.
+    """The fastest evaluator that fits `env` as it is now.
 
     Args:
         env: An id, a function that makes an environment, a Gymnasium env or VectorEnv, or an SB3
@@ -66,26 +73,38 @@ def make_evaluator(
             id or a function that has none of these: processes; None: this one alone.
 
     Raises:
-        ValueError: If the env's spaces or its VecEnv wrappers are not supported, or another
-            argument is out of its range.
+        ValueError: If the env's spaces or its VecEnv wrappers are not supported, it has running
+            statistics, or another argument is out of its range.
     """
     if n_threads is not None:
         check_at_least_one(n_threads=n_threads)
     opened = open_env(env)
     mlp = build_mlp(*describe(opened), check_policy_kwargs(policy_kwargs))
-    inner = without_monitors(opened)
+    inner = as_played(opened)
+    check_constant(inner)
+    if isinstance(opened, GymnasiumView):
+        opened.unreached = "call `set_attr` or `call` of the VectorEnv, which is its `vector_env`"
     known = known_task(inner)
+    warn_of_empty_files(opened, is_compiled=known is not None)
     if known is None:
-        make_env = opened.make if isinstance(opened, MadeVecEnv) else None
-        return VectorEvaluator(inner, mlp, make_env, n_threads or 1)
+        played = opened if isinstance(opened, MadeVecEnv) else inner
+        return VectorEvaluator(played, mlp, n_threads or 1)
+    return _compiled(known, mlp, n_threads)
+
+
+def _compiled(known: KnownTask, mlp: Mlp, n_threads: int | None) -> Evaluator:
     keywords: dict[str, Any] = {
         "horizon": known.horizon,
         "max_steps": known.max_steps,
         "n_threads": n_threads,
     }
+    evaluator: MazeEvaluator | SimulationEvaluator
     if known.simulate is None:
-        return MazeEvaluator(known.task, known.grid, mlp, **keywords)
-    return SimulationEvaluator(known.task, known.simulate, mlp, **keywords)
+        evaluator = MazeEvaluator(known.task, known.grid, mlp, **keywords)
+    else:
+        evaluator = SimulationEvaluator(known.task, known.simulate, mlp, **keywords)
+    evaluator.known = known
+    return evaluator
 
 
 def replay(

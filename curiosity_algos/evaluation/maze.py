@@ -14,6 +14,7 @@ from curiosity_algos.evaluation.rollouts import (
     check_parameters,
     sparse_returns,
 )
+from curiosity_algos.evaluation.transparent import KnownTask
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
@@ -67,9 +68,13 @@ class MazeEvaluator:
         horizon: T of the reward, 1 - t / T for a success after t steps.
         max_steps: Steps after which an episode ends.
         n_threads: None: as many as there are processors.
+
+    Attributes:
+        known: The maze in an environment that it was made for, if it was.
     """
 
     draws = False
+    known: KnownTask | None = None
 
     def __init__(
         self,

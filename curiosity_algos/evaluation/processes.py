@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import math
 import os
@@ -50,17 +51,20 @@ class Processes:
         try:
             return concatenate([each.result() for each in self._submit(parameters, seed)])
         except BrokenProcessPool as error:
-            self.close()
+            self._shut_down(kill_workers=True)
             raise RuntimeError(f"`env` has ended a process that played it ({error}).") from error
         except BaseException:  # of the environment, or Ctrl-C: the others would go on
-            self.close()
+            self._shut_down(kill_workers=True)
             raise
 
     def close(self) -> None:
-        """Let the processes go; the next episodes would start new ones."""
+        """Let the processes close what they play, and end; new episodes would start new ones."""
+        self._shut_down(kill_workers=False)
+
+    def _shut_down(self, *, kill_workers: bool) -> None:
         if self._pool is not None:
             self._end.detach()
-            self._pool.shutdown(kill_workers=True)
+            self._pool.shutdown(kill_workers=kill_workers)
             self._pool = None
 
     def _submit(self, parameters: Float32Array, seed: int) -> list[Future[Rollouts]]:
@@ -106,6 +110,7 @@ def _play(parameters: Float32Array, seed: int) -> Rollouts:
     try:
         if _player is None:
             _player = cloudpickle.loads(_packed)()
+            atexit.register(_player.close)
             gc.freeze()  # loky collects garbage once a second: .15 s, of all that is imported now
         rollouts: Rollouts = _player.evaluate(parameters, seed)
         return rollouts

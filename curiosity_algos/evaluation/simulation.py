@@ -18,6 +18,7 @@ from curiosity_algos.evaluation.rollouts import (
     concatenate,
     sparse_returns,
 )
+from curiosity_algos.evaluation.transparent import KnownTask
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
@@ -43,7 +44,12 @@ class SimulationEvaluator:
         horizon: T of the reward, 1 - t / T for a success after t steps; None: rewards are those of
             the simulation, added up.
         n_threads: None: as many as there are processors.
+
+    Attributes:
+        known: The task of an environment that it was made for, if it was.
     """
+
+    known: KnownTask | None = None
 
     def __init__(
         self,

@@ -8,7 +8,10 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import concatenate, create_empty_array
+from stable_baselines3.common.env_util import is_wrapped
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from curiosity_algos.evaluation.flat_spaces import (
     FlatObservations,
@@ -24,13 +27,21 @@ class SingleVecEnv(DummyVecEnv):
     and entries of a Dict that are no numbers, which are left out with a warning.
 
     Args:
-        env: The environment.
+        env: The environment; it is put into a Monitor, unless it is in one.
+
+    Attributes:
+        played: The environment as it was given: nobody reads a Monitor that nobody asked for.
+        unreached: What to do as others play that it does not reach; "": it plays itself.
 
     Raises:
         ValueError: If its observations cannot become vectors, see `FlatObservations`.
     """
 
+    unreached = ""
+
     def __init__(self, env: gym.Env[Any, Any]) -> None:
+        self.played = env
+        env = env if is_wrapped(env, Monitor) else Monitor(env)
         space = env.observation_space
         FlatObservations(space)  # raises where SB3 would not say what is wrong
         warn_of_what_is_left_out(space)
@@ -44,6 +55,32 @@ class SingleVecEnv(DummyVecEnv):
         self.buf_dones, self.buf_rews = np.zeros(1, dtype=np.bool_), np.zeros(1, dtype=np.float32)
         self.buf_infos = [{}]
         self.metadata = env.metadata
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute where the environment or its wrappers have it.
+
+        Raises:
+            AttributeError: If they have none of that name.
+            ValueError: If other environments play.
+        """
+        self._check_plays("set_attr")
+        for env in self._get_target_envs(indices):
+            if not env.has_wrapper_attr(attr_name):
+                raise AttributeError(f"`env` has no attribute {attr_name!r} to set.")
+            env.set_wrapper_attr(attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the environment; raises ValueError if other environments play."""
+        self._check_plays("env_method")
+        return super().env_method(method_name, *args, indices=indices, **kwargs)
+
+    def _check_plays(self, method: str) -> None:
+        if self.unreached:
+            raise ValueError(
+                f"`{method}` does not reach all environments that play: {self.unreached}."
+            )
 
     def _save_obs(self, env_idx: int, obs: Any) -> None:
         if not self._stacks_itself:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +13,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.evaluation.environments import env_attributes
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
@@ -22,9 +25,11 @@ from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
 from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.validation import check_at_least_one
 from curiosity_gym.wrappers.sparse import time_limit
 
 _TRANSPARENT = (
+    Monitor,
     wrappers.HumanRendering,
     wrappers.OrderEnforcing,
     wrappers.PassiveEnvChecker,
@@ -33,29 +38,77 @@ _TRANSPARENT = (
 """Wrappers that change neither dynamics nor rewards nor observations; `max_steps` knows limits."""
 
 
-def without_monitors(env: Any) -> Any:
-    """The environment without what Stable-Baselines3 put around it to record episodes.
+SIMULATIONS = {
+    MazeEnv: None,
+    MazeVectorEnv: None,
+    ControlEnv: Simulation,
+    ControlVectorEnv: Simulation,
+    LocomotionEnv: LocomotionSimulation,
+    LocomotionVectorEnv: LocomotionSimulation,
+}
+"""What simulates the tasks of this package's environments; None: compiled mazes need nothing."""
+NORMALIZE = "pass `normalize_observations=True` to an evolution strategy instead"
+
+
+def as_played(env: Any) -> Any:
+    """The environment as it is played: without a Monitor that nobody asked for.
 
     A DummyVecEnv whose envs are all the same maze, task or robot, or that holds one, becomes its
-    first; so does what an id or a function made.
+    first; so does what an id or a function made. A VecMonitor is taken off.
 
     Raises:
         ValueError: If a wrapper of a whole batch of environments remains.
     """
     vector_env = getattr(env, "vector_env", None)  # of a GymnasiumView, or a GymnasiumVecEnv
     if isinstance(env, VecEnv) and isinstance(vector_env, VectorEnv):
-        return without_monitors(vector_env)
+        return as_played(vector_env)
     if isinstance(env, VecMonitor):
-        return without_monitors(env.venv)
+        return as_played(env.venv)
     if isinstance(env, VecEnvWrapper | VectorWrapper):
+        name = type(env).__name__
+        instead = NORMALIZE if "Normalize" in name else "wrap each environment before it is in one"
         raise ValueError(
-            f"`env` is wrapped in {type(env).__name__}, which the evaluators cannot see through: "
-            "wrap each environment before it is vectorized instead."
+            f"`env` is wrapped in {name}, which the evaluators cannot see through: {instead}."
         )
-    if isinstance(env, SingleVecEnv) or (type(env) is DummyVecEnv and _are_alike(env.envs)):
-        return without_monitors(env.envs[0])
-    # What it records is SB3's, not ours.
-    return without_monitors(env.env) if isinstance(env, Monitor) else env
+    if isinstance(env, SingleVecEnv):
+        return env.played
+    is_one = type(env) is DummyVecEnv and _are_alike(env.envs)
+    return env.envs[0] if is_one else env
+
+
+def check_constant(env: Any) -> None:
+    """Raise ValueError if a wrapper changes from episode to episode what policies meet."""
+    has_statistics = any(env_attributes(env, name) for name in ("obs_rms", "return_rms"))
+    if has_statistics and any(env_attributes(env, "update_running_mean")):
+        raise ValueError(
+            "`env` must be in no NormalizeObservation or NormalizeReward: the statistics of each "
+            "environment change while policies are compared. For observations, "
+            f"{NORMALIZE}."
+        )
+
+
+def warn_of_empty_files(env: Any, *, is_compiled: bool) -> None:
+    """Warn if Stable-Baselines3's recorders of a user have files, and nothing steps them."""
+    if any(each.results_writer is not None for each in _bypassed(env, is_compiled)):
+        warnings.warn(
+            "`env` is in a Monitor or VecMonitor with a file that gets no rows: policies are "
+            "played below it. Record the run with SaveRun instead, or read the `infos` of a "
+            "callback.",
+            stacklevel=2,
+        )
+
+
+def _bypassed(env: Any, is_compiled: bool) -> Iterator[VecMonitor | Monitor]:
+    """The recorders that an evaluator does not step."""
+    while isinstance(env, VecMonitor):
+        yield env
+        env = env.venv
+    envs = [env] if isinstance(env, gym.Env) else getattr(env, "envs", [])
+    for each in envs if is_compiled else []:
+        while isinstance(each, gym.Wrapper):
+            if isinstance(each, Monitor):
+                yield each
+            each = each.env
 
 
 def bare(env: Any) -> Any:
@@ -102,13 +155,16 @@ def known_task(env: Any) -> KnownTask | None:
     inner = bare(env)
     if any(callable(getattr(type(inner), name, None)) for name in vars(inner)):
         return None
-    if type(inner) in (MazeEnv, MazeVectorEnv):
-        return KnownTask(inner.maze, None, inner.coverage_grid, inner.horizon, max_steps(env))
-    if type(inner) in (ControlEnv, ControlVectorEnv):
-        return KnownTask(inner.task, Simulation, None, inner.horizon, max_steps(env))
-    if type(inner) in (LocomotionEnv, LocomotionVectorEnv):
-        horizon = inner.horizon if inner.sparse else None
-        return KnownTask(inner.task, LocomotionSimulation, None, horizon, max_steps(env))
+    if type(inner) in SIMULATIONS:
+        check_at_least_one(horizon=inner.horizon)  # which may be set
+        is_maze = SIMULATIONS[type(inner)] is None
+        return KnownTask(
+            inner.maze if is_maze else inner.task,
+            SIMULATIONS[type(inner)],
+            inner.coverage_grid if is_maze else None,
+            inner.horizon if inner.sparse else None,
+            max_steps(env),
+        )
     make_task, limit = task_class(inner), time_limit(env)
     if make_task is None or limit is None or env.render_mode == "human":
         return None
@@ -130,5 +186,5 @@ def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
     """Whether one env can stand for all: it is alone, or they are the same maze, task or robot."""
     if len(envs) == 1:
         return True
-    first, *others = [known_task(env.env if isinstance(env, Monitor) else env) for env in envs]
+    first, *others = map(known_task, envs)
     return first is not None and all(map(first.is_same, others))

@@ -22,7 +22,13 @@ from curiosity_algos.evaluation.batches import (
 )
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.coverage import coverage_grid, goal_space
-from curiosity_algos.evaluation.environments import MadeEnv, MakeEnv, describe, step_limit
+from curiosity_algos.evaluation.environments import (
+    MadeEnv,
+    MadeVecEnv,
+    MakeEnv,
+    describe,
+    step_limit,
+)
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.policies import Mlp, act
 from curiosity_algos.evaluation.processes import Processes
@@ -44,6 +50,10 @@ HINT = (
     "`env` is one environment, which plays one episode after the other: give its id, or a function "
     "that makes it, and as many as pay play side by side."
 )
+OTHERS = (
+    "others are made by the same id or function. Pass a VecEnv of as many as shall play, such as "
+    "make_vec_env(env, n_envs=16), or give `set_env` one of other settings"
+)
 LOGGER = logging.getLogger(__name__)
 
 
@@ -58,24 +68,19 @@ class VectorEvaluator:
     of a higher limit that the env has (a TimeLimit, or a `horizon`), is an error.
 
     Args:
-        env: The environment.
+        env: The environment. Of a single env that an id or a function made, `N_ENVS` step side by
+            side; another one plays one episode after the other.
         mlp: The policies' shape.
-        make: Makes more like a single env, of which `N_ENVS` step side by side; None: it plays one
-            episode after the other.
-        n_processes: Processes that play on envs of their own, made by `make`; 1: this one plays. It
-            also plays a policy that is alone, and episodes without a seed.
+        n_processes: Processes that play on envs of their own, if more can be made; 1: this one
+            plays. It also plays a policy that is alone, and episodes without a seed.
 
     Raises:
-        ValueError: If there are processes, and `make` cannot be sent to them.
+        ValueError: If there are processes, and what makes envs cannot be sent to them.
     """
 
-    def __init__(
-        self,
-        env: MadeEnv,
-        mlp: Mlp,
-        make: MakeEnv | None = None,
-        n_processes: int = 1,
-    ) -> None:
+    def __init__(self, env: MadeEnv, mlp: Mlp, n_processes: int = 1) -> None:
+        self._made = env if isinstance(env, MadeVecEnv) else None
+        env = env.played if isinstance(env, MadeVecEnv) else env
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._grid = coverage_grid(env)
@@ -85,18 +90,20 @@ class VectorEvaluator:
         self._achieved = self._seen.columns("achieved_goal") if has_goal else None
         self._batch = _as_batch(env, self._seen)
         self._envs = [env] if isinstance(env, gym.Env) else []
-        self._make = make
-        self._hints_at_more = make is None and bool(self._envs) and env.render_mode is None
+        self._hints_at_more = not self._made and bool(self._envs) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # A vector env may have one generator: who plays beside whom then says where one starts.
         self.batch_size = self._batch.n
         self._max_steps = most_steps(env)
         self.make_another: Callable[[], VectorEvaluator] | None = None
         self._processes: Processes | None = None
-        if make is not None:
+        if self._made is not None:
+            self._made.unreached = OTHERS
+            make = self._made.make
             self.make_another = partial(_evaluator_of, make, mlp, n_processes)
             if n_processes > 1:
                 self._processes = Processes(partial(_evaluator_of, make, mlp, 1), n_processes)
+                self._made.processes.append(self._processes)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed.
@@ -117,14 +124,20 @@ class VectorEvaluator:
         starts = range(0, n, batch.n)
         return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
 
+    def close(self) -> None:
+        """Close the envs that it plays on, where an id or a function made them."""
+        if self._made is not None:
+            self._made.close()
+
     def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
         """The batch that plays so many policies; where more envs can be made, as many as pay."""
-        if self._make is None:
+        if self._made is None:
             return self._batch
         # Without a seed, envs that have had the same one before would begin alike.
         n = 1 if seed is None else min(n_policies, N_ENVS)
         while len(self._envs) < n:
-            self._envs.append(_new(self._make, self._envs))
+            self._envs.append(_new(self._made.make, self._envs))
+            self._made.others.append(self._envs[-1])
         return SingleEnvBatch(self._envs[:n], self._seen)
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
@@ -201,7 +214,7 @@ def _new(make: MakeEnv, others: list[gym.Env[Any, Any]]) -> gym.Env[Any, Any]:
 
 
 def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:
-    return VectorEvaluator(make(), mlp, make, n_processes)
+    return VectorEvaluator(MadeVecEnv(make(), make), mlp, n_processes)
 
 
 def _as_batch(env: MadeEnv, seen: FlatObservations) -> Batch:

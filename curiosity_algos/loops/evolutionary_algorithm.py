@@ -12,8 +12,6 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
-from stable_baselines3.common.env_util import is_wrapped
-from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.utils import check_for_correct_spaces
@@ -26,11 +24,12 @@ from curiosity_algos.evaluation.arguments import (
     check_common,
     check_keywords_known,
     check_learning,
+    check_no_options,
     check_order,
     use_python_numbers,
 )
 from curiosity_algos.evaluation.blocks import play
-from curiosity_algos.evaluation.choice import choose_evaluator
+from curiosity_algos.evaluation.choice import choose_evaluator, follow_env
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe, open_env
 from curiosity_algos.evaluation.episodes import Firsts
@@ -176,12 +175,10 @@ class EvolutionaryAlgorithm(PopulationModel):
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
         # SB3 would transpose images: policies see vectors, and `predict` what the env has itself.
-        if isinstance(env, VecEnv):
-            return env
-        if not isinstance(env, gym.Env):
-            return PopulationModel._wrap_env(env, verbose, monitor_wrapper)
-        has_monitor = is_wrapped(env, Monitor) or not monitor_wrapper
-        return SingleVecEnv(env if has_monitor else Monitor(env))
+        if isinstance(env, gym.Env):
+            return SingleVecEnv(env)
+        is_vec_env = isinstance(env, VecEnv)
+        return env if is_vec_env else PopulationModel._wrap_env(env, verbose, monitor_wrapper)
 
     def _check_settings(self) -> None:
         """Check what the constructor was given, and what `load` may have replaced."""
@@ -314,10 +311,11 @@ class EvolutionaryAlgorithm(PopulationModel):
 
         Raises:
             ValueError: If the budget is negative or not finite, `log_interval` is below 1,
-                `callback` is none, or no env is set.
+                `callback` is none, no env is set, or `set_options` was called of it.
             RuntimeError: If a model learns in another thread.
         """
         check_learning(self.env, total_timesteps, log_interval, callback)
+        check_no_options(self.env)
         name = tb_log_name or type(self).__name__
         with self._learning():
             total, callback = self._setup_learn(
@@ -358,6 +356,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         """Run a generation; the entries of callbacks' `locals`."""
         assert self.evaluator is not None
         assert self.env is not None
+        given = self.env, self.policy_kwargs, self.n_threads
+        self.evaluator = follow_env(self.evaluator, self._evaluator_choice, *given)
         parameters = self._ask()
         rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())
         if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again

@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
+from tracked import Tracked
 
 import curiosity_gym  # noqa: F401
 from curiosity_algos import (
@@ -234,3 +235,13 @@ def has_ink():
         return all((inside != inside[0, 0]).any() for inside in insides)
 
     return check
+
+
+@pytest.fixture
+def tracked():
+    """The id of environments that are counted while they are open, in `Tracked.opened`."""
+    gym.register("Tracked-v0", Tracked)
+    yield "Tracked-v0"
+    del gym.registry["Tracked-v0"]
+    left, Tracked.opened = Tracked.opened, set()
+    assert not left

@@ -1,10 +1,17 @@
+import gc
+
 import gymnasium as gym
 import pytest
+from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from gymnasium.wrappers import TimeLimit, TransformReward
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
+from tracked import Tracked
 
+from curiosity_algos import CanonicalES, MAPElites
+from curiosity_algos.archives.verify import verify
 from curiosity_algos.evaluation.environments import env_attribute, env_id, step_limit
+from curiosity_gym import BehaviorWrapper
 
 
 def make_scaled():
@@ -41,6 +48,64 @@ def test_a_limit_of_one_env_is_a_limit(opened, vector):
     env = vector([make_unlimited, lambda: TimeLimit(make_unlimited(), 12)])
     opened.append(env)
     assert step_limit(env) == 12
+
+
+@pytest.mark.parametrize("way", ["close", "drop", "set_env"])
+@pytest.mark.parametrize("kind", ["id", "function"])
+def test_all_that_were_made_are_closed(way, kind, tracked, make_model):
+    model = make_model(CanonicalES, tracked if kind == "id" else Tracked).learn(1)
+    assert len(Tracked.opened) == 6
+    env = model.get_env()
+    if way != "close":
+        own, env = env.envs[0], None  # which is in the hands of the user
+        if way == "set_env":
+            model.set_env(other := Tracked())
+        else:
+            model, other = None, Tracked()
+        gc.collect()
+        assert Tracked.opened == {id(own.unwrapped), id(other)}
+        own.close()
+        env = other
+    env.close()
+
+
+def test_they_are_even_if_one_of_them_cannot_be(tracked, make_model):
+    class Sticking(Tracked):
+        def close(self):
+            super().close()
+            raise OSError("it sticks")
+
+    env = make_model(CanonicalES, Sticking).learn(1).get_env()
+    assert len(Tracked.opened) == 6
+    with pytest.raises(OSError, match="it sticks"):
+        env.close()
+    assert not Tracked.opened
+
+
+@pytest.mark.parametrize("way", ["close", "drop"])
+def test_a_vector_env_and_the_env_beside_it_are_closed(way, tracked, make_model):
+    vector = SyncVectorEnv([Tracked] * 3)
+    model = make_model(CanonicalES, vector).learn(1)
+    assert len(Tracked.opened) == 4
+    if way == "close":
+        model.get_env().close()
+        assert not Tracked.opened
+    del model
+    gc.collect()
+    assert len(Tracked.opened) == (3 if way == "drop" else 0)
+    vector.close()
+
+
+def test_elites_are_verified_in_envs_that_are_closed(tracked, make_model):
+    make = lambda: BehaviorWrapper(gym.make(tracked), last, spaces.Box(-1.0, 1.0, (2,)))  # noqa: E731
+    model = make_model(MAPElites, make).learn(1)
+    model.get_env().close()
+    verify(model.archive, make)
+    assert not Tracked.opened
+
+
+def last(env, observation, info):
+    return observation
 
 
 def test_ids_of_single_envs_are_found(opened):

@@ -2,10 +2,16 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces, wrappers
-from gymnasium.vector import SyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import (
+    DummyVecEnv,
+    SubprocVecEnv,
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+)
 
 from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.environments import GymnasiumView
@@ -162,6 +168,37 @@ def test_wrapped_vec_envs_are_refused(wrapper):
     env = wrapper(DummyVecEnv([lambda: gym.make("CartPole-v1")]))
     with pytest.raises(ValueError, match=r"`env` is wrapped in Vec(Normalize|FrameStack)"):
         make_evaluator(env)
+
+
+NORMALIZED = {
+    "observations": lambda: wrappers.NormalizeObservation(gym.make("CartPole-v1")),
+    "rewards": lambda: wrappers.TimeLimit(wrappers.NormalizeReward(gym.make("CartPole-v1")), 9),
+}
+ENVS = {
+    "env": lambda make: make(),
+    "function": lambda make: make,
+    "SyncVectorEnv": lambda make: SyncVectorEnv([make] * 2),
+    "AsyncVectorEnv": lambda make: AsyncVectorEnv([make] * 2),
+    "DummyVecEnv": lambda make: DummyVecEnv([make] * 2),
+    "SubprocVecEnv": lambda make: SubprocVecEnv([make] * 2, start_method="fork"),
+}
+
+
+@pytest.mark.parametrize("kind", ENVS)
+@pytest.mark.parametrize("what", NORMALIZED)
+def test_running_statistics_are_refused(what, kind):
+    env = ENVS[kind](NORMALIZED[what])
+    try:
+        with pytest.raises(ValueError, match=r"`env` must be in no .*pass `normalize_observations"):
+            make_evaluator(env)
+    finally:
+        getattr(env, "close", lambda: None)()
+
+
+def test_statistics_that_stay_are_as_good_as_none():
+    env = NORMALIZED["observations"]()
+    env.update_running_mean = False
+    assert make_evaluator(wrappers.TimeLimit(env, 9), SMALL).evaluate(np.zeros((2, 30))).timesteps
 
 
 @pytest.mark.parametrize("env", [3, gym.make, lambda: 3])

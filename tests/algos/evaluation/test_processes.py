@@ -21,9 +21,17 @@ from curiosity_algos import CanonicalES, make_evaluator
 
 
 class Doubled(gym.Wrapper):
-    """A wrapper of a script, whose class no other process can import."""
+    """A wrapper of a script, whose class no other process can import; it leaves a file if open."""
 
     __module__ = "__main__"
+
+    def __init__(self, env, folder):
+        gym.Wrapper.__init__(self, env)
+        self._file = Path(folder, f"{os.getpid()}-{id(self)}")
+        self._file.touch()
+
+    def close(self):
+        self._file.unlink()
 
     def step(self, action):
         observation, reward, *rest = self.env.step(action)
@@ -63,9 +71,9 @@ def apart():
 
 
 class TestSameBits:
-    def test_of_rollouts(self, assert_same_rollouts):
+    def test_of_rollouts(self, assert_same_rollouts, tmp_path):
         def make():
-            return Doubled(Walk())
+            return Doubled(Walk(), tmp_path)
 
         apart, alone = (make_evaluator(make, n_threads=n) for n in (2, None))
         parameters = make_parameters(alone, 70)
@@ -73,10 +81,15 @@ class TestSameBits:
             expected = alone.evaluate(parameters[:n], seed)
             assert_same_rollouts(apart.evaluate(parameters[:n], seed), expected)
         assert len(pids_of(apart)) == 2
+        # Wherever they are, all of them are closed.
+        assert len(list(tmp_path.iterdir())) == 1 + 2 * 16 + 16
+        for evaluator in (apart, alone):
+            evaluator.close()
+        assert list(tmp_path.iterdir()) == []
 
-    def test_of_a_search(self, make_model):
+    def test_of_a_search(self, make_model, tmp_path):
         """By an id that nobody knows in the processes, and that is unknown here by then."""
-        gym.register("Registered-v0", entry_point=lambda: Doubled(Walk()))
+        gym.register("Registered-v0", entry_point=lambda: Doubled(Walk(), tmp_path))
         alone, apart = (make_model(CanonicalES, "Registered-v0", n_threads=n) for n in (None, 2))
         gym.registry.pop("Registered-v0")
         for model in (alone, apart):

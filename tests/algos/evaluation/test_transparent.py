@@ -5,7 +5,8 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 from curiosity_algos.evaluation.environments import GymnasiumView
-from curiosity_algos.evaluation.transparent import bare, known_task, max_steps, without_monitors
+from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
+from curiosity_algos.evaluation.transparent import as_played, bare, known_task, max_steps
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 
@@ -14,7 +15,7 @@ def limited(n):
     return wrappers.TimeLimit(MazeEnv("hard", horizon=20), n)
 
 
-def test_monitors_are_taken_off_to_the_last():
+def test_monitors_are_seen_through_to_the_last():
     env = limited(5)
     for outside in (
         env,
@@ -22,18 +23,35 @@ def test_monitors_are_taken_off_to_the_last():
         DummyVecEnv([lambda: Monitor(env)]),
         VecMonitor(DummyVecEnv([lambda: Monitor(env)])),
     ):
-        assert without_monitors(outside) is env
+        assert bare(as_played(outside)) is env.unwrapped
+        assert known_task(as_played(outside)).max_steps == 5
+
+
+class Halving(Monitor):
+    def step(self, action):
+        observation, reward, *rest = super().step(action)
+        return observation, reward / 2, *rest
+
+
+def test_a_monitor_that_changes_something_is_not():
+    assert known_task(Halving(limited(5))) is None
+
+
+def test_what_nobody_asked_for_is_taken_off():
+    env, monitored = limited(5), Monitor(limited(5))
+    assert as_played(SingleVecEnv(env)) is env
+    assert as_played(SingleVecEnv(monitored)) is monitored
     envs = MazeVectorEnv("hard", num_envs=2)
-    assert without_monitors(GymnasiumView(envs)) is envs
+    assert as_played(GymnasiumView(envs)) is envs
 
 
 def test_envs_that_differ_in_their_limit_stay_together():
     alike = DummyVecEnv([lambda n=n: Monitor(limited(n)) for n in (25, 30)])
-    assert without_monitors(alike) is alike.envs[0].env
+    assert as_played(alike) is alike.envs[0]
     different = DummyVecEnv([lambda n=n: limited(n) for n in (5, 6)])
-    assert without_monitors(different) is different
+    assert as_played(different) is different
     others = DummyVecEnv([lambda: gym.make("CartPole-v1")] * 2)
-    assert without_monitors(others) is others
+    assert as_played(others) is others
 
 
 def robots(*keywords):
@@ -46,14 +64,14 @@ def robots(*keywords):
 @pytest.mark.extra("locomotion")
 def test_robots_that_are_the_same_become_one():
     alike = robots({}, {}, {})
-    assert without_monitors(alike) is alike.envs[0].env
+    assert as_played(alike) is alike.envs[0]
 
 
 @pytest.mark.extra("locomotion")
 @pytest.mark.parametrize("given", [{"reset_noise_scale": 0.0}, {"max_episode_steps": 9}])
 def test_robots_that_differ_stay_together(given):
     different = robots({}, given)
-    assert without_monitors(different) is different
+    assert as_played(different) is different
 
 
 @pytest.mark.extra("locomotion")
@@ -65,13 +83,13 @@ def test_robots_that_were_changed_stay_together():
             last.model.opt.gravity[2] = -3.0
         else:
             last.set_state = lambda qpos, qvel: None
-        assert without_monitors(changed) is changed
+        assert as_played(changed) is changed
 
 
 def test_other_wrappers_of_a_batch_are_refused():
     env = VecMonitor(VecNormalize(DummyVecEnv([lambda: limited(5)])))
     with pytest.raises(ValueError, match="`env` is wrapped in VecNormalize"):
-        without_monitors(env)
+        as_played(env)
 
 
 def test_a_window_is_no_part_of_a_task():

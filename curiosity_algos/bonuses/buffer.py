@@ -16,7 +16,6 @@ from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.randomness import integer_seed
 
-
 USUAL_CAPACITY = 100_000
 """Transitions that a buffer keeps unless a user says how many, if they fit `USUAL_BYTES`."""
 USUAL_BYTES = 2**30

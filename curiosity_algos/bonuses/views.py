@@ -18,7 +18,6 @@ from curiosity_algos.evaluation.flat_spaces import (
 )
 from curiosity_gym.validation import check_choice
 
-
 MAX_COUNTED = 65_536
 """Values that are counted in an observation, each a number of its own: bonuses keep thousands."""
 

@@ -16,6 +16,7 @@ from stable_baselines3.common.logger import Logger
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import RunningNormalizer, check_gradients, torch_device
+from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
 
@@ -243,6 +244,24 @@ def show(bonus: Bonus, before: Array, ends: Array) -> None:
     if getattr(bonus, "observes_ends", True):
         before = np.concatenate([before, ends])
     bonus.observe(th.from_numpy(before))
+
+
+LARGEST_OBSERVED = 1e18
+"""Squares of larger numbers leave float32."""
+
+
+def check_scores(scores: Array, *observations: Array) -> None:
+    """Raise ValueError, which names who is at fault, unless scores of observations are finite."""
+    if np.isfinite(scores).all():
+        return
+    for observed in observations:
+        check_observations(observed)
+    largest = max(float(np.abs(observed).max()) for observed in observations)
+    if largest > LARGEST_OBSERVED:
+        raise ValueError(
+            f"`env` must give observations of at most {LARGEST_OBSERVED:g}, it gave {largest:g}."
+        )
+    raise ValueError("`bonus` must give finite scores, it gave others.")
 
 
 def check_rewards(rewards: Array) -> None:

@@ -12,7 +12,7 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from curiosity_algos.bonuses.base import Bonus, NetworkBonus, show, train
+from curiosity_algos.bonuses.base import Bonus, NetworkBonus, check_scores, show, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.episodes import EpisodicBonus
 from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
@@ -61,7 +61,9 @@ class OfTrajectories:
             length = rollouts.lengths[i]
             seen, taken = observations[i, : length + 1], actions[i, :length]
             check_observations(seen)  # a bonus may bound what it takes, and see no infinity
-            scores[i] = self.reduce(self.bonus.score_trajectory(seen, taken))
+            curiosity = self.bonus.score_trajectory(seen, taken)
+            check_scores(curiosity, seen)
+            scores[i] = self.reduce(curiosity)
 
         on_threads(self.pool, score_one, len(rollouts))
         return (scores,)
@@ -203,9 +205,7 @@ class CuriosityMotivation:
     def score(self, rollouts: Rollouts) -> Float64Array:
         """Curiosity of each individual's trajectory, shape (P,)."""
         summary = rollouts.summary(self._scored, self.scoring)
-        scores = summary[0] if self._is_whole else self._of_some(*summary)
-        check_observations(scores)  # they are finite where all that they come from is
-        return scores
+        return summary[0] if self._is_whole else self._of_some(*summary)
 
     def _of_some(self, begins: Array, actions: Array, ends: Array) -> Float64Array:
         """The mean of the highest quarter of the transitions (P, n, ...) of each, (P,)."""
@@ -218,6 +218,7 @@ class CuriosityMotivation:
             curiosity[some] = scores.reshape(-1, n_states)
 
         on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
+        check_scores(curiosity, begins, ends)
         return _highest_quarter(curiosity)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:

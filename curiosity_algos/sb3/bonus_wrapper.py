@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import (
 )
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, show, train
+from curiosity_algos.bonuses.base import Bonus, check_rewards, check_scores, show, train
 from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
@@ -266,8 +266,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             if self._has_trained or self._episodes is not None:
                 scorer = self._episodes or self.bonus
                 score = scorer.score(before, self._actions, after)
-                if not np.isfinite(score).all():
-                    raise ValueError("`bonus` must give finite scores, it gave others.")
+                check_scores(score, before, after)
             if self._has_trained:
                 bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
             if self.training:

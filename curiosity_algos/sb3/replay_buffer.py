@@ -14,7 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, show, train
+from curiosity_algos.bonuses.base import Bonus, check_rewards, check_scores, show, train
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
@@ -309,12 +309,12 @@ class BonusReplayBuffer(OrderedReplayBuffer):
 
     def _score(self, rows: Int64Array, envs: Int64Array) -> Array:
         """Bonus (n,) of the transitions of these places, as the module gives it."""
-        parts = self._parts(len(rows))
-        scores = [self.bonus.score(*self._transitions(rows[i], envs[i])) for i in parts]
-        bonus = np.concatenate(scores)
-        if not np.isfinite(bonus).all():
-            raise ValueError("`bonus` must give finite scores, it gave others.")
-        return bonus
+        scores = []
+        for some in self._parts(len(rows)):
+            before, actions, after = self._transitions(rows[some], envs[some])
+            scores.append(self.bonus.score(before, actions, after))
+            check_scores(scores[-1], before, after)
+        return np.concatenate(scores)
 
     def _parts(self, n: int) -> list[slice]:
         """Parts of n transitions whose layers fit the cache, or the memory."""

@@ -6,6 +6,7 @@ All raise FileNotFoundError if there is no run, ValueError if it cannot be playe
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -61,17 +62,17 @@ def film(
             `run.json` says.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    policy, env, best_seed = _open(source, trust, env, render_mode="rgb_array")
     frames, total = [], 0.0
-    if env.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
-        stride = max(1, stride // env.get_wrapper_attr("num_repeats"))
-    for t, reward in enumerate(_rewards(policy, env, best_seed if seed is None else seed)):
-        total += reward
-        if t % stride == 0:
-            frames.append(_frame(env))
-    if t % stride:  # the last one, wherever it is
-        frames.append(_frame(env))
-    env.close()
+    with _open(source, trust, env, render_mode="rgb_array") as (policy, played, best_seed):
+        if played.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
+            stride = max(1, stride // played.get_wrapper_attr("num_repeats"))
+        rewards = _rewards(policy, played, best_seed if seed is None else seed)
+        for t, reward in enumerate(rewards):
+            total += reward
+            if t % stride == 0:
+                frames.append(_frame(played))
+        if t % stride:  # the last one, wherever it is
+            frames.append(_frame(played))
     write_film(frames, path)
     return round(total, N_DIGITS)
 
@@ -96,9 +97,8 @@ def play(
     **rendering: Any,
 ) -> float:
     """Play one episode; its return. Arguments are those of `film`."""
-    policy, env, best_seed = _open(source, trust, env, **rendering)
-    total = sum(_rewards(policy, env, best_seed if seed is None else seed))
-    env.close()
+    with _open(source, trust, env, **rendering) as (policy, played, best_seed):
+        total = sum(_rewards(policy, played, best_seed if seed is None else seed))
     return round(total, N_DIGITS)
 
 
@@ -114,32 +114,40 @@ def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[
             return
 
 
+@contextmanager
 def _open(
     source: Source, trust: bool, env: AnyEnv, **rendering: Any
-) -> tuple[BasePolicy, gym.Env[Any, Any], int]:
+) -> Iterator[tuple[BasePolicy, gym.Env[Any, Any], int]]:
     """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
     if isinstance(source, tuple):
-        env = gym.make(source[1], **rendering) if env is None else env
-        return load_pretrained(*source), env, pretrained_seed(*source) or 0
+        with closing(gym.make(source[1], **rendering) if env is None else env) as made:
+            yield load_pretrained(*source), made, pretrained_seed(*source) or 0
+        return
     run = RunFolder(source)
     described = run.describe()
     cls = _algorithm(described)
-    env = make_env(described, trust=trust, **rendering) if env is None else env
+    with closing(make_env(described, trust=trust, **rendering) if env is None else env) as made:
+        policy, seed = _read_policy(run, cls, made, trust)
+        sizes = {FlatObservations(each.observation_space).size for each in (policy, made)}
+        if len(sizes) > 1:
+            name = described["env"]
+            raise ValueError(f"`run` must be of its environment: {name} has other observations.")
+        yield policy, made, seed
+
+
+def _read_policy(
+    run: RunFolder, cls: type[Any], env: gym.Env[Any, Any], trust: bool
+) -> tuple[BasePolicy, int]:
+    """The policy of a run, and the seed of its best episode; 0 where that is not known."""
     if is_baseline(cls) and not trust:
-        load = partial(load_baseline_policy, cls, described=described, env=env)
-        policy, seed = run.read(load), 0
-    elif trust or issubclass(cls, EvolutionaryAlgorithm):
-        policy, seed = run.read(partial(_load, cls, trust=trust))
-    else:
-        raise ValueError(
-            f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
-            "run any code."
-        )
-    sizes = {FlatObservations(each.observation_space).size for each in (policy, env)}
-    if len(sizes) > 1:
-        name = described["env"]
-        raise ValueError(f"`run` must be of its environment: {name} has other observations.")
-    return policy, env, seed
+        load = partial(load_baseline_policy, cls, described=run.describe(), env=env)
+        return run.read(load), 0
+    if trust or issubclass(cls, EvolutionaryAlgorithm):
+        return run.read(partial(_load, cls, trust=trust))
+    raise ValueError(
+        f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
+        "run any code."
+    )
 
 
 def _load(cls: type[Any], checkpoint: Path, *, trust: bool) -> tuple[BasePolicy, int]:

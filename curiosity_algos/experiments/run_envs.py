@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -15,6 +16,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
+from curiosity_algos.sb3.held_observations import check_sb3_takes
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 Wrapping: TypeAlias = tuple[str, Mapping[str, Any]]
@@ -74,7 +76,11 @@ def open_envs(
     kwargs: Mapping[str, Any],
     wrappers: Sequence[Wrapping] = (),
 ) -> VecEnv:
-    """Environments in a VecMonitor, stepped at once where they can be: several, as they are."""
+    """Environments in a VecMonitor, stepped at once where they can be: several, as they are.
+
+    Raises:
+        ValueError: If Stable-Baselines3's policies do not take their observations.
+    """
     if n_envs > 1 and repeat_action == 1 and not wrappers and _is_batched(env):
         made = gym.make_vec(
             env,
@@ -85,7 +91,20 @@ def open_envs(
         )
         return VecMonitor(GymnasiumVecEnv(made))
     make = partial(make_single, env, repeat_action, kwargs, wrappers)
-    return VecMonitor(DummyVecEnv([make] * n_envs))
+    first = make()  # apart: its own errors are none of Stable-Baselines3's
+    with closed_on_error(first):
+        check_sb3_takes(first.observation_space)
+        return VecMonitor(DummyVecEnv([lambda: first, *[make] * (n_envs - 1)]))
+
+
+@contextmanager
+def closed_on_error(env: gym.Env[Any, Any] | VecEnv) -> Iterator[None]:
+    """Close an environment if the block raises."""
+    try:
+        yield
+    except BaseException:
+        env.close()
+        raise
 
 
 def _is_batched(env: str) -> bool:

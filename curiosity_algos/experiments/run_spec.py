@@ -8,6 +8,7 @@ import os
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,7 @@ from curiosity_algos.experiments.differences import MAY_DIFFER
 from curiosity_algos.experiments.run_envs import (
     Wrapping,
     check_wrapping,
+    closed_on_error,
     make_single,
     open_envs,
 )
@@ -107,8 +109,8 @@ class RunSpec:
             find_known("env", self.env, gym.registry, hint=ELSEWHERE)
         cls = find_algorithm(self.algorithm)
         self._check_settings(cls)
-        with warnings.catch_warnings(action="ignore"):  # the run itself warns
-            venv = self._make_env()
+        # The run itself warns.
+        with warnings.catch_warnings(action="ignore"), closing(self._make_env()) as venv:
             try:
                 model = self._make_model(venv)
             except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
@@ -136,7 +138,9 @@ class RunSpec:
 
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""
-        return self._make_model(self._make_env())
+        venv = self._make_env()
+        with closed_on_error(venv):
+            return self._make_model(venv)
 
     def _make_model(self, venv: VecEnv) -> BaseAlgorithm:
         cls = find_algorithm(self.algorithm)
@@ -164,22 +168,30 @@ class RunSpec:
         return {**given, **({"bonus_kwargs": {**self.bonus_kwargs}} if self.bonus_kwargs else {})}
 
     def _make_env(self) -> VecEnv:
+        """The environments; errors of their own pass, but of keywords that they do not take."""
         cls = find_algorithm(self.algorithm)
-        as_said = self.repeat_action, self.env_kwargs, self.wrappers
+        if self.n_envs > 1 and not is_baseline(cls):
+            raise ValueError(
+                f"`n_envs` must be 1 for {cls.__name__}: several are for algorithms of "
+                "Stable-Baselines3's own."
+            )
         try:
-            if is_baseline(cls):
-                return open_envs(self.env, self.n_envs, *as_said)
-            if self.n_envs > 1:
-                raise ValueError(
-                    f"`n_envs` must be 1 for {cls.__name__}: several are for algorithms of "
-                    "Stable-Baselines3's own."
-                )
-            if self.repeat_action > 1 or self.wrappers:
-                env: VecEnv = open_env(partial(make_single, self.env, *as_said))
-            else:
-                env = open_env(self.env, **self.env_kwargs)
+            return self._open_env(is_baseline(cls))
         except TypeError as error:
-            raise ValueError(f"`env_kwargs` must be keywords of {self.env}: {error}.") from error
+            message = str(error.__cause__ or error)  # Gymnasium repeats all keywords in its own
+            named = [f"{quote}{name}{quote}" for name in self.env_kwargs for quote in "'`"]
+            if not any(name in message for name in named):
+                raise
+            raise ValueError(f"`env_kwargs` must be keywords of {self.env}: {message}.") from error
+
+    def _open_env(self, is_theirs: bool) -> VecEnv:
+        as_said = self.repeat_action, self.env_kwargs, self.wrappers
+        if is_theirs:
+            return open_envs(self.env, self.n_envs, *as_said)
+        if self.repeat_action > 1 or self.wrappers:
+            changed: VecEnv = open_env(partial(make_single, self.env, *as_said))
+            return changed
+        env: VecEnv = open_env(self.env, **self.env_kwargs)
         return env
 
     def load(self, checkpoint: Path) -> BaseAlgorithm:
@@ -187,7 +199,8 @@ class RunSpec:
         passed_again = MAY_DIFFER | {"evaluator", "archive", "emitters", "search"}
         free = {name: value for name, value in self.settings.items() if name in passed_again}
         cls, venv = find_algorithm(self.algorithm), self._make_env()
-        if is_baseline(cls):
-            return load_baseline(cls, checkpoint, venv, **free)
-        model: BaseAlgorithm = cls.load(checkpoint / "model", env=venv, **free)
-        return model
+        with closed_on_error(venv):
+            if is_baseline(cls):
+                return load_baseline(cls, checkpoint, venv, **free)
+            model: BaseAlgorithm = cls.load(checkpoint / "model", env=venv, **free)
+            return model

@@ -5,9 +5,12 @@ from __future__ import annotations
 import traceback
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
+
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.interrupt import HeldInterrupt
 from curiosity_algos.common.networks import single_torch_thread
@@ -31,6 +34,7 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
         return False
     with warnings.catch_warnings(action="ignore"):  # the run itself warns
         model = run.make()
+    with _its_env(model):
         described = describe_run(model)
     there = with_newer_settings(stored.describe(), model)
     if others := differences(there, described):
@@ -91,18 +95,24 @@ def _traceback_kept(folder: Path) -> Iterator[None]:
 
 def _learn(run: RunSpec, folder: Path, *, interval: float, progress_bar: bool) -> None:
     checkpoint = RunFolder(folder).checkpoint
+    save = SaveRun(folder, interval=interval, save_replay_buffer=True)
     model = run.make() if checkpoint is None else run.load(checkpoint)
     rest = max(0, int(run.timesteps) - model.num_timesteps)
-    save = SaveRun(folder, interval=interval, save_replay_buffer=True)
     is_theirs = is_baseline(type(model))
-    try:
-        with single_torch_thread() if is_theirs else nullcontext():
-            model.learn(rest, callback=save, reset_num_timesteps=False, progress_bar=progress_bar)
-    except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
-        save.save()
-        raise
-    finally:
-        save.close()
+    with _its_env(model), closing(save):
+        try:
+            with single_torch_thread() if is_theirs else nullcontext():
+                model.learn(rest, save, reset_num_timesteps=False, progress_bar=progress_bar)
+        except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
+            save.save()
+            raise
+
+
+def _its_env(model: BaseAlgorithm) -> closing[VecEnv]:
+    """Close a model's environments after a block."""
+    env = model.get_env()
+    assert env is not None
+    return closing(env)
 
 
 def summary(folder: Path) -> str:

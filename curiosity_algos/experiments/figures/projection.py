@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,15 +62,15 @@ def replay_rewarding(run: Path) -> Rewarding:
     """
     folder = RunFolder(run)
     described = folder.describe()
-    env = make_env(described, trust=False)
-    evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
     kept = folder.read(lambda last: read_arrays(last / "rewarding.npz", REWARDING))
     parameters, seeds = Policies(kept["parameters"], kept["episode_seed"]).draw(N_POLICIES)
-    n_observed = FlatObservations(env.observation_space).size
-    states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)
     returns = np.empty(len(seeds))
-    for batch, rollouts in replay(evaluator, parameters, seeds):
-        states[batch], returns[batch] = last_states(rollouts), rollouts.returns
+    with closing(make_env(described, trust=False)) as env:
+        evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
+        n_observed = FlatObservations(env.observation_space).size
+        states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)
+        for batch, rollouts in replay(evaluator, parameters, seeds):
+            states[batch], returns[batch] = last_states(rollouts), rollouts.returns
     return Rewarding(states, returns)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -209,7 +210,8 @@ def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     if not set(described.get("wrappers", {})) <= {"RepeatAction"}:
         return None
     try:
-        env = make_env(described, trust=False).unwrapped
+        with closing(make_env(described, trust=False)) as made:
+            env = made.unwrapped
     except (gym.error.Error, ValueError):
         return None
     return env if isinstance(env, MazeEnv) else None

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from saved_files import no_space
+from tracked import Tracked
 
 from curiosity_algos import TD3ICM, MAPElites
 from curiosity_algos.evaluation import vector
@@ -65,6 +66,19 @@ def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
 
 def test_an_episode_needs_no_picture(folder):
     assert play(folder, seed=0) == RunFolder(folder).result()["best_return"]
+
+
+@pytest.mark.extra("render")
+def test_environments_are_closed_whatever_happens(tracked, tmp_path, monkeypatch):
+    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    train(RunSpec("canonical_es", tracked, 0, 1, {}, settings), tmp_path)
+    assert play(tmp_path) == film(tmp_path, tmp_path / "best.gif", stride=1) == 0.0
+    other = gym.spaces.Box(-1.0, 1.0, (3,))
+    for name, wrong in (("step", None), ("render", None), ("observation_space", other)):
+        with monkeypatch.context() as patch:
+            patch.setattr(Tracked, name, wrong)
+            with pytest.raises((TypeError, ValueError)):
+                film(tmp_path, tmp_path / "best.gif", stride=1)
 
 
 def test_the_best_episode_is_played_where_starts_differ(tmp_path):

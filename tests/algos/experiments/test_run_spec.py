@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import gymnasium as gym
 import pytest
+from tracked import Tracked
 
 from curiosity_algos.experiments import load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec, variant_of
@@ -66,7 +69,7 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
             RunSpec("ppo", US, 0, 1, {}, {"policy_kwargs": {"net_arch": [-1]}}),
             "`env` and `hyperparams` must fit PPO: .*negative dimension",
         ),
-        (RunSpec("ppo", "Blackjack-v1", 0, 1), "`env` and `hyperparams` must fit PPO"),
+        (RunSpec("ppo", "Blackjack-v1", 0, 1), r"space Tuple\(.*\) is not supported"),
         (RunSpec("dqn", US, 0, 1), "`env` and `hyperparams` must fit DQN"),
         (
             RunSpec("ppo", US, 0, 1, {}, {"policy": "MultiInputPolicy"}),
@@ -92,6 +95,49 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
 def test_mistakes_are_found_before_it_begins(run, message):
     with pytest.raises(ValueError, match=message):
         run.check()
+
+
+@pytest.mark.parametrize("algorithm", ["nses", "ppo"])
+@pytest.mark.parametrize("error", [TypeError, RuntimeError])
+def test_errors_of_the_environment_are_its_own(algorithm, error, tracked):
+    kwargs = {"fails": "__init__", "error": error.__name__}
+    for make in ("check", "make"):
+        with pytest.raises(error, match="its own"):
+            getattr(RunSpec(algorithm, tracked, 0, 1, kwargs), make)()
+
+
+def test_keywords_that_are_passed_on_are_the_environments_too(tracked):
+    gym.register("Passed-v0", lambda **kwargs: Tracked(**kwargs))
+    try:
+        with pytest.raises(ValueError, match=r"^`env_kwargs` must be .*argument 'fail'\.$"):
+            RunSpec("nses", "Passed-v0", 0, 1, {"fail": "step"}).check()
+    finally:
+        del gym.registry["Passed-v0"]
+
+
+@pytest.mark.parametrize(("toy", "n_envs"), [("mission", 1), ("nested", 2), ("tuple", 1)])
+def test_observations_that_stable_baselines_does_not_take_are_named(toy, n_envs):
+    gym.register("Odd-v0", "toys:Toy", kwargs={"name": toy})
+    try:
+        with pytest.raises(ValueError, match=r"space .* is not supported"):
+            RunSpec("ppo", "Odd-v0", 0, 1, n_envs=n_envs).check()
+    finally:
+        del gym.registry["Odd-v0"]
+
+
+@pytest.mark.parametrize("algorithm", ["canonical_es", "ppo"])
+def test_environments_are_closed(algorithm, tracked, tmp_path):
+    small = {"n_steps": 4, "batch_size": 4}
+    own = {"canonical_es": {"population_size": 4, "n_parents": 2}, "ppo": small}
+    run = RunSpec(algorithm, tracked, 0, 4, settings=own[algorithm] | {"device": "cpu"})
+    run.check()
+    assert train(run, tmp_path)
+    assert not train(run, tmp_path)  # which looks whether it is finished
+    assert train(replace(run, timesteps=40), tmp_path)
+    with pytest.raises(TypeError, match="its own"):
+        train(replace(run, env_kwargs={"fails": "step"}), tmp_path / "failed")
+    with pytest.raises(TypeError, match="nonsense"):
+        replace(run, settings={"nonsense": 1}).make()
 
 
 def test_what_is_right_passes():

@@ -20,6 +20,7 @@ SECTIONS = {
     "vector": "benchmarks.vector",
     "control": "benchmarks.control",
     "locomotion": "benchmarks.locomotion",
+    "envpool": "benchmarks.beside_envpool",
     "processes": "benchmarks.processes",
     "learn": "benchmarks.training",
     "td3": "benchmarks.off_policy",
@@ -32,7 +33,10 @@ SECTIONS = {
 }
 """The module of each section, imported late: spawned workers import this file again."""
 PACKAGES = ("numpy", "numba", "torch", "gymnasium", "stable-baselines3")
-PEERS = ("gymnasium-robotics", "mujoco", "dm-control", "shimmy", "kheperax", "jax", "sbx-rl")
+PEERS = (
+    *("gymnasium-robotics", "mujoco", "dm-control", "shimmy", "envpool", "kheperax", "jax"),
+    "sbx-rl",
+)
 
 
 def main(

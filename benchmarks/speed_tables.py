@@ -17,6 +17,7 @@ _VECTOR, _LEARN = "vector: CuriosityMaze-Hard-v0", "learn: CuriosityMaze-Hard-v0
 _CUP, _FINGER, _STACKER = (
     f"control: CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")
 )
+_POOL = "envpool: a batch of environments"
 _START, _NOVELTY = "cold_start: fresh processes", "novelty: the archive"
 HEADLINES = (
     (
@@ -46,16 +47,30 @@ HEADLINES = (
     ),
     *(
         (
-            f"{name}, 56 policies, {threads}",
-            f"{{{title} | {threads}}} steps/s",
-            f"{words}: {{{title} | {peer}}} steps/s",
-            f"{{{title} | {threads} over {peer}}}",
+            f"{name}, 56 policies, one thread",
+            f"{{{title} | one thread}} steps/s",
+            f"bare physics as dm_control steps it, one thread: {{{title} | bare physics}} steps/s",
+            f"{{{title} | one thread over bare physics}}",
         )
         for name, title in {"Ball-in-cup": _CUP, "Finger": _FINGER, "Stacker": _STACKER}.items()
-        for threads, peer, words in (
-            ("one thread", "bare physics", "bare physics as dm_control steps it, one thread"),
-            ("all threads", "AsyncVectorEnv of 8", "`AsyncVectorEnv` of 8 Shimmy envs"),
+    ),
+    (
+        "Stacker, 56 policies, two threads",
+        f"{{{_STACKER} | all threads}} steps/s",
+        f"`AsyncVectorEnv` of 8 Shimmy envs: {{{_STACKER} | AsyncVectorEnv of 8}} steps/s",
+        f"{{{_STACKER} | all threads over AsyncVectorEnv of 8}}",
+    ),
+    *(
+        (
+            f"{words}, `make_vec` of 56, two threads",
+            f"{{{_POOL} | {name}, here}} steps/s",
+            f"EnvPool of 56, two threads: {{{_POOL} | {name}, EnvPool}} steps/s",
+            f"{{{_POOL} | {name}, over EnvPool}}",
         )
+        for name, words in {
+            "BallInCup": "Ball-in-cup",
+            **{name: name for name in ("Finger", "HalfCheetah", "Ant", "Humanoid")},
+        }.items()
     ),
     ("`CuriosityES(...).learn(1e6)`", f"{{{_LEARN} | CuriosityES, learn(1,000,000)}} s", "", ""),
     (

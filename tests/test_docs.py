@@ -135,3 +135,12 @@ def test_what_one_writes_oneself_is_short():
     blocks = re.findall(r"^```python\n(.*?)^```", OWN.read_text(), flags=re.M | re.S)
     assert len(blocks) >= 5
     assert max(len(block.splitlines()) for block in blocks) <= 60
+
+
+def test_code_is_no_wider_than_its_page():
+    """So many characters fit beside both sidebars in a window of 1,300 pixels."""
+    block = re.compile(r"^```(?:\w+|\{code-cell\}[^\n]*)\n(.*?)^```", flags=re.M | re.S)
+    pages = [ROOT / "README.md", *DOCS.rglob("*.md")]
+    lines = "".join(block.findall("\n".join(page.read_text() for page in pages))).splitlines()
+    assert len(lines) > 1000
+    assert [line for line in lines if len(line) > 90] == []

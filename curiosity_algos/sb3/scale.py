@@ -29,6 +29,9 @@ def check_discount(gamma: float) -> None:
 class BonusScale:
     """Divides by the running standard deviation of the discounted sum (Burda et al. 2018).
 
+    What enters the sums is bounded as what comes out: one bonus like no other would else set the
+    scale for as long as that remembers.
+
     Args:
         n_envs: Environments side by side, each with a sum of its own.
         gamma: Discount of the sums.
@@ -46,11 +49,16 @@ class BonusScale:
     def scaled(self, bonus: Float64Array, *, is_learning: bool) -> Float64Array:
         """The bonus (n_envs,) over the scale, which learns of it first, if it is to; bounded."""
         if is_learning:
-            self._sums = self.gamma * self._sums + bonus
+            largest = LARGEST * self._deviation
+            self._sums = self.gamma * self._sums + np.clip(bonus, -largest, largest)
             self._statistics.update(self._sums)
             self._statistics.count = min(self._statistics.count, MEMORY)
-        scaled = bonus / np.sqrt(self._statistics.var + EPSILON)
-        return np.clip(scaled, -LARGEST, LARGEST)
+        return np.clip(bonus / self._deviation, -LARGEST, LARGEST)
+
+    @property
+    def _deviation(self) -> Float64Array:
+        deviation: Float64Array = np.sqrt(self._statistics.var + EPSILON)
+        return deviation
 
     def state_dict(self) -> dict[str, Any]:
         """Sums and statistics."""

@@ -65,6 +65,9 @@ PARTS = {
     "num_repeats=1": replace(APT, repeat_action=1),
 }
 """Other settings of the recipe, one at a time."""
+KEPT = replace(PPO, timesteps=3e6)
+"""A budget in which the policy of the recipe learns to come back to what it has found."""
+KEPT_APT = replace(KEPT, bonus="apt", bonus_kwargs={"weight": 0.02})
 ANT = RunSpec("PPO", WORLDS[0], 0, 1e6, n_envs=8)
 """With the defaults of PPO; its bonus is the one that CuriosityES has."""
 ANT_APT = replace(ANT, bonus="apt", bonus_kwargs={"horizon": 100, "power": 1.0})
@@ -77,6 +80,7 @@ def runs_of(run: RunSpec, envs: Iterable[str], bonuses: Iterable[str | None]) ->
 
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
+    "recipe": runs_of(KEPT, MAZES, [None]) + runs_of(KEPT_APT, MAZES, ["apt"]),
     "sparse": runs_of(PPO, SPARSE, (None, "apt", "ngu", "rnd")),
     **{f"ppo_parts/{part}": [replace(run, variant=part)] for part, run in PARTS.items()},
     "off_policy/sac": runs_of(SAC, MAZES, (None, *SAMPLED)),

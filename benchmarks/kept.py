@@ -1,0 +1,69 @@
+"""Whether the last policy of a run comes to the goal: `python -m benchmarks.kept NAME` counts.
+
+The runs are those of `python -m benchmarks.bonuses NAME`. Exploration may find a goal to which the
+policy that it leaves behind never comes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.utils import set_random_seed
+
+from benchmarks.results import FOLDER, HELD, KEYS, add_rows, label
+from curiosity_algos.common.names import find_algorithm
+from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments.run_envs import open_envs
+from curiosity_algos.experiments.run_folder import last_checkpoint
+
+SEED = 10_000
+"""Of actions that are drawn, and of starts."""
+
+
+def main(
+    name: Annotated[str, typer.Argument(help="Of a table of `benchmarks.bonuses`.")] = "recipe",
+    runs: Annotated[Path, typer.Option(help="That holds the folder of the name.")] = Path("runs"),
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 100,
+    out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
+) -> None:
+    """Count the episodes in which each last policy succeeds, and add them to a CSV file."""
+    table = load_runs(runs / name)
+    table["algorithm"] = label(table, runs / name)
+    held = table[HELD].fillna(1).astype(int)
+    table["episodes"] = episodes
+    for column, is_best in (("drawn", False), ("best", True)):
+        table[column] = [
+            count(Path(run), episodes, n_held, is_best=is_best)
+            for run, n_held in zip(table["run"], held, strict=True)
+        ]
+    add_rows(table[[*KEYS, "episodes", "drawn", "best"]], out / f"{name}_kept.csv", KEYS)
+
+
+def count(path: Path, n_episodes: int, n_held: int, *, is_best: bool) -> int:
+    """Episodes that succeed with the best action at each step, or with drawn ones."""
+    described, checkpoint = last_checkpoint(path)
+    cls = find_algorithm(described["algorithm"].partition(" + ")[0])
+    model: BaseAlgorithm = cls.load(checkpoint / "model", device="cpu")
+    venv = open_envs(described["env"], 8, n_held, {})
+    venv.seed(SEED)
+    set_random_seed(SEED)
+    successes: list[bool] = []
+
+    def note(scope: Mapping[str, Any], _: object) -> None:
+        if scope["done"]:
+            successes.append(bool(scope["info"].get("is_success")))
+
+    evaluate_policy(
+        model, venv, n_eval_episodes=n_episodes, deterministic=is_best, callback=note, warn=False
+    )
+    venv.close()
+    return sum(successes)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -66,8 +66,9 @@ def make_evaluator(
 
     Args:
         env: An id, a function that makes an environment, a Gymnasium env or VectorEnv, or an SB3
-            VecEnv without wrappers. Of an id or a function as many environments as pay are made,
-            each anew, where none of the compiled evaluators fits; an environment plays alone.
+            VecEnv without wrappers. Of an id or a function as many environments are made as
+            save time, each anew, where none of the compiled evaluators fits; an environment plays
+            alone.
         policy_kwargs: `net_arch`, widths of the hidden layers (default 32, 16).
         n_threads: Threads of the compiled evaluators; None: as many as there are processors. Of an
             id or a function that has none of these: processes; None: this one alone.

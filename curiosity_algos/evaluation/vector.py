@@ -48,7 +48,7 @@ N_ENVS = 16
 """Envs side by side, so that one call of the policy serves many of them."""
 HINT = (
     "`env` is one environment, which plays one episode after the other: give its id, or a function "
-    "that makes it, and as many as pay play side by side."
+    "that makes it, and several play side by side."
 )
 OTHERS = (
     "others are made by the same id or function. Pass a VecEnv of as many as shall play, such as "
@@ -130,7 +130,7 @@ class VectorEvaluator:
             self._made.close()
 
     def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
-        """The batch that plays so many policies; where more envs can be made, as many as pay."""
+        """The batch that plays so many policies; of as many envs as save time, if any can be."""
         if self._made is None:
             return self._batch
         # Without a seed, envs that have had the same one before would begin alike.

@@ -7,7 +7,7 @@ Cully 2019 (https://arxiv.org/abs/1905.11874); Grillotti & Cully 2022
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -56,6 +56,7 @@ class AURORA(QualityDiversity):
 
     archive: UnstructuredArchive
     archive_class = UnstructuredArchive
+    _of_archive: ClassVar[set[str]] = {"archive_size"}
 
     def __init__(
         self,
@@ -85,13 +86,13 @@ class AURORA(QualityDiversity):
         check_at_least_one(latent_size=self.latent_size, archive_size=self.archive_size)
         check_at_least_one(training_interval=self.training_interval, n_epochs=self.n_epochs)
         check_at_least_one(batch_size=self.batch_size)
-        self._check_begins_empty()
         check_share(trajectory_share=self.trajectory_share)
         check_positive(
             trajectory_share=self.trajectory_share, ae_learning_rate=self.ae_learning_rate
         )
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
+        self._check_begins_empty()
         encoder_seed, search_seed = seed.spawn(2)
         self._encoder = TrajectoryEncoder(
             self.latent_size,
@@ -111,6 +112,17 @@ class AURORA(QualityDiversity):
             k_neighbors=None,  # nothing reads novelty
             **self._archive_kwargs(seed),
         )
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"latent_size", "trajectory_share"}
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        self._encoder.n_epochs, self._encoder.batch_size = self.n_epochs, self.batch_size
+        self._encoder.learning_rate = self.ae_learning_rate
+        if self._own_archive is None:
+            self.archive.target_size = self.archive_size
 
     def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
         return self.latent_size

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from functools import cache
-from typing import Unpack
+from typing import Any, ClassVar, Unpack
 
 from numba.core.dispatcher import Dispatcher
 from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
@@ -37,6 +37,8 @@ class CMAME(MAPElites):
             directions.
     """
 
+    _of_emitter: ClassVar[set[str]] = {*MAPElites._of_emitter, "restart_interval"}
+
     def __init__(
         self,
         env: AnyEnv | None,
@@ -57,6 +59,13 @@ class CMAME(MAPElites):
         check_choice(STRATEGIES, es=self.es)
         if self.emitters is None and self.population_size < 2:
             raise ValueError("`population_size` must be at least 2, got 1: CMA-ES compares.")
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"es", "population_size"}
+
+    def _steer(self, emitter: Any) -> None:
+        emitter._opt.sigma0, emitter._restart_rule = self.sigma, self.restart_interval
 
     def _step_size(self) -> float:
         (emitter,) = self._emitters.emitters

@@ -14,7 +14,7 @@ from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
 from curiosity_algos.loops.evolution_strategy import MotivatedKeywords, MotivatedStrategy
-from curiosity_algos.motivations.curiosity import CuriosityMotivation
+from curiosity_algos.motivations.curiosity import CuriosityMotivation, check_how_to_score
 
 
 class _Keywords(BonusKeywords, MotivatedKeywords, total=False):
@@ -61,6 +61,14 @@ class CuriosityES(CuriousAlgorithm, MotivatedStrategy):
         super().__init__(
             env, policy, bonus=bonus, n_updates=n_updates, batch_size=batch_size, **kwargs
         )
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_how_to_score(self.n_states, self.gamma)
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        self._motivation.n_states, self._motivation.gamma = self.n_states, self.gamma
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
         return self._make_curiosity(seed, n_states=self.n_states, gamma=self.gamma)

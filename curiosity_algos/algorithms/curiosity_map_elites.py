@@ -6,7 +6,7 @@ The paper's discussion names the combination of curiosity and MAP-Elites as futu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -50,6 +50,8 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
             `emitters` choose parents of their own.
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
     """
+
+    _of_emitter: ClassVar[set[str]] = {*MAPElites._of_emitter, "tournament_size"}
 
     def __init__(
         self,
@@ -108,6 +110,14 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
             batch_size=self.population_size,
             seed=seed,
         )
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"n_kept"}
+
+    def _steer(self, emitter: Any) -> None:
+        super()._steer(emitter)
+        emitter.tournament_size = self.tournament_size
 
     def _summarizers(self) -> MakeSummarizers | None:
         return lambda n: self._motivation.learning(n) | self._curiosity.summarizers(n)

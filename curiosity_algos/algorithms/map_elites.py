@@ -62,6 +62,10 @@ class MAPElites(QualityDiversity):
         )
         super().__init__(env, policy, **kwargs)
 
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"n_cells"}
+
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         if space is None or not (is_range(space) or self._own_archive is not None):
             raise ValueError(

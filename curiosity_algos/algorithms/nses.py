@@ -39,6 +39,8 @@ class NSES(MotivatedStrategy):
             observation (the paper's BD_s), which any environment has.
     """
 
+    _motivation: NoveltyMotivation
+
     def __init__(
         self,
         env: AnyEnv | None,
@@ -56,6 +58,14 @@ class NSES(MotivatedStrategy):
         super()._check_settings()
         check_at_least_one(k=self.k)
         self._check_behaviors(self._behavior_space)
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"behavior"}
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        self._motivation.k = self.k
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         behavior_size(self.behavior, self.observation_space, space)

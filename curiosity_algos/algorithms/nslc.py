@@ -7,7 +7,7 @@ Competition" (https://doi.org/10.1145/2001576.2001606); the paper's section 4.3.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -51,7 +51,8 @@ class NSLC(QualityDiversity):
     algorithm, see `EvolutionaryAlgorithm`.
 
     Args:
-        n_parents: mu, at most `population_size`, lambda; `emitters` have their own parents.
+        n_parents: mu, at most `population_size`, lambda; None: 7, or half of lambda where that is
+            less. `emitters` have their own parents.
         k: Neighbors that count; those of an `archive` are its `k_neighbors` instead.
         behavior: "final": the environment's behavior; "state": the whole final observation (the
             paper's BD_s); "learned": features of the final observation, as of `APT`, so that
@@ -63,13 +64,15 @@ class NSLC(QualityDiversity):
 
     archive: UnstructuredArchive
     archive_class = UnstructuredArchive
+    _of_archive: ClassVar[set[str]] = {"archive_size", "k"}
+    _of_emitter: ClassVar[set[str]] = {*QualityDiversity._of_emitter, "n_parents"}
 
     def __init__(
         self,
         env: AnyEnv | None,
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
-        n_parents: int = 7,
+        n_parents: int | None = None,
         k: int = 10,
         behavior: str = "final",
         archive_size: int = 2000,
@@ -86,11 +89,15 @@ class NSLC(QualityDiversity):
         check_at_least_one(k=self.k, archive_size=self.archive_size)
         # Emitters of one's own choose parents themselves, and say how large a population is.
         n_most = self.population_size if self.emitters is None else LARGEST_COUNT
-        check_whole(1, n_most, n_parents=self.n_parents)
-        if self._is_learned:
-            self._check_begins_empty()
+        check_whole(1, n_most, n_parents=self._n_parents)
         if self.emitters is None and getattr(self._own_archive, "k_neighbors", self.k) is None:
             raise ValueError("`archive` must be made with `k_neighbors`, as it is to tell novelty.")
+
+    @property
+    def _n_parents(self) -> int:
+        """The number of them, mu."""
+        default = max(1, min(7, self.population_size // 2))
+        return default if self.n_parents is None else self.n_parents
 
     @property
     def _is_learned(self) -> bool:
@@ -108,6 +115,7 @@ class NSLC(QualityDiversity):
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         if self._is_learned:
+            self._check_begins_empty()
             seed, encoder_seed = seed.spawn(2)
             self._encoder = CuriosityMotivation(
                 self.policy.seen.space,
@@ -147,10 +155,23 @@ class NSLC(QualityDiversity):
             self.archive,
             x0=x0,
             sigma=self.sigma,
-            n_parents=self.n_parents,
+            n_parents=self._n_parents,
             batch_size=self.population_size,
             seed=seed,
         )
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        return super()._fixed_settings() | {"behavior"}
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        if self._own_archive is None:
+            self.archive.target_size, self.archive.k_neighbors = self.archive_size, self.k
+
+    def _steer(self, emitter: Any) -> None:
+        emitter.sigma, emitter.n_parents = self.sigma, self._n_parents
+        emitter.batch_size = self.population_size
 
     def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._is_learned:

@@ -26,7 +26,7 @@ from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
     check_keywords,
-    check_positive,
+    check_not_negative,
 )
 
 NET_ARCH = [32, 32]
@@ -63,7 +63,7 @@ class TD3ICM(ResumableTD3):
             spaces, which this then trains.
         bonus_kwargs: Keywords of a bonus that is named, see its class; the `learning_rate` is 6e-6
             here.
-        weight: Factor of the bonus, above 0: the paper's eta / 2.
+        weight: Factor of the bonus, at least 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.
         policy_kwargs: Keywords of the policy, as in SB3; `net_arch` is 32, 32 where it is not said.
@@ -117,11 +117,14 @@ class TD3ICM(ResumableTD3):
         """The bonus as trained so far; `bonus` is the argument that it was made by."""
         return self._bonus
 
+    def _settings_of_parts(self) -> set[str]:
+        return super()._settings_of_parts() | {"bonus", "bonus_kwargs"}
+
     def _check_settings(self) -> None:
-        check_positive(weight=self.weight)
+        super()._check_settings()
+        check_not_negative(weight=self.weight)
         check_bool(extrinsic=self.extrinsic)
-        check_at_least_one(n_updates=self.n_updates)
-        check_at_least_one(batch_size=self.batch_size, buffer_size=self.buffer_size)
+        check_at_least_one(n_updates=self.n_updates, buffer_size=self.buffer_size)
         check_bonus_choice(self.bonus, self.bonus_kwargs)
 
     def _setup_model(self) -> None:
@@ -165,7 +168,9 @@ class TD3ICM(ResumableTD3):
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Train as SB3 does, but not to be interrupted in the midst of it."""
-        with self.replay_buffer.drawn_ahead(gradient_steps, batch_size):  # after `_train_parts`
+        buffer = self.replay_buffer
+        buffer.weight, buffer.extrinsic = self.weight, self.extrinsic
+        with buffer.drawn_ahead(gradient_steps, batch_size):  # after `_train_parts`
             super().train(gradient_steps, batch_size)
 
     def load_replay_buffer(
@@ -187,5 +192,5 @@ class TD3ICM(ResumableTD3):
             raise ValueError(
                 "`path` must be a replay buffer of the model's spaces, it is of others."
             )
-        loaded.bonus, loaded.weight, loaded.extrinsic = own.bonus, own.weight, own.extrinsic
+        vars(loaded).update(bonus=own.bonus, weight=own.weight, extrinsic=own.extrinsic)
         self.replay_buffer = loaded

@@ -54,6 +54,8 @@ def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:
 class TrajectoryEncoder:
     """AURORA's behaviors: the code that an autoencoder reconstructs a trajectory from.
 
+    Learning rate, passes and batches may change between trainings.
+
     Args:
         n_dimensions: Of the latent space.
         share: Of a trajectory's states that the autoencoder sees, in (0, 1].
@@ -102,9 +104,7 @@ class TrajectoryEncoder:
         self._decoder = mlp(*widths[::-1], generator=self._generator)
         self._modules = th.nn.ModuleList([self._normalizer, self._encoder, self._decoder])
         self._modules.to(self.device)
-        self._optimizer = th.optim.Adam(
-            self._modules.parameters(), lr=self.learning_rate, fused=True
-        )
+        self._optimizer = th.optim.Adam(self._modules.parameters(), fused=True)
         self.shape = n_states, n_observations
         return self.shape
 
@@ -125,6 +125,7 @@ class TrajectoryEncoder:
         """
         assert self.shape is not None
         check_gradients()
+        self._optimizer.param_groups[0]["lr"] = self.learning_rate
         with single_torch_thread():
             fresh = RunningNormalizer(self.shape[1]).to(self.device)
             for part in _parts(states):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
+from functools import cache
 from typing import Any, ClassVar, Protocol, TypedDict, runtime_checkable
 
 import numpy as np
@@ -14,6 +16,7 @@ from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import RunningNormalizer, check_gradients, torch_device
 from curiosity_algos.evaluation.rollouts import check_observations
@@ -71,11 +74,12 @@ class NetworkKeywords(TypedDict, total=False):
     device: th.device | str
 
 
-class NetworkBonus(th.nn.Module):
+class NetworkBonus(HasSettings, th.nn.Module):
     """A bonus of torch networks that one optimizer trains.
 
     A subclass makes its networks, calls `_begin`, and writes `losses` and `score`; where a
-    trajectory can be scored at less cost than its transitions, `score_trajectory` too.
+    trajectory can be scored at less cost than its transitions, `score_trajectory` too. Keywords are
+    attributes, which stay as they were set.
 
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
@@ -123,6 +127,11 @@ class NetworkBonus(th.nn.Module):
         n_entries = math.prod(self.shape)
         self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
         self.pool = ThreadPool(1)
+
+    @property
+    def _made_with(self) -> Set[str]:
+        cls: type[Any] = type(self)
+        return _keywords(cls) & vars(self).keys()
 
     def _begin(self) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
@@ -220,6 +229,14 @@ class NetworkBonus(th.nn.Module):
             shape = trained[i].shape
             _check_alike(moments, {"step": (), "exp_avg": shape, "exp_avg_sq": shape})
         return copy.deepcopy(dict(saved))
+
+
+@cache
+def _keywords(cls: type[Any]) -> Set[str]:
+    """Names of a bonus' keywords, those of every bonus among them."""
+    parameters = inspect.signature(cls).parameters.values()
+    own = {each.name for each in parameters if each.kind is each.KEYWORD_ONLY}
+    return own | NetworkKeywords.__optional_keys__
 
 
 def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:

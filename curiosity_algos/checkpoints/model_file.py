@@ -139,11 +139,8 @@ def read_attributes(
     """
     data = _read_data(file)
     pickled = {k for k, value in data.items() if isinstance(value, dict) and _PICKLED in value}
-    for name in sorted(fixed & given.keys() - pickled):
-        raise ValueError(f"`{name}` must be left as it was saved: make a new {algorithm}.")
-    pickled -= given.keys()
-    if pickled and not allow_pickle:
-        arguments = sorted("policy" if each == "policy_class" else each for each in pickled)
+    if (missing := pickled - given.keys()) and not allow_pickle:
+        arguments = sorted("policy" if each == "policy_class" else each for each in missing)
         names = " and ".join(f"`{name}`" for name in arguments)
         raise ValueError(
             f"{names} must be given to `load` (as keywords): {file} holds objects that are read by "
@@ -153,7 +150,19 @@ def read_attributes(
         read = {name: decode(value) for name, value in data.items() if name not in pickled}
     except (RecursionError, ValueError) as error:
         raise ValueError(f"`path` must be a saved {algorithm}, {file} is damaged.") from error
+    check_left(given, read, fixed - pickled, algorithm)
     return {**read, **{name: value for name, value in given.items() if name in data}}
+
+
+def check_left(
+    given: Mapping[str, Any], saved: Mapping[str, Any], fixed: Set[str], algorithm: str
+) -> None:
+    """Raise ValueError if another value is given of a setting that what was saved was made with."""
+    for name in sorted(fixed & given.keys()):
+        if given[name] != saved.get(name):
+            raise ValueError(
+                f"`{name}` must be left as it was saved, {saved.get(name)}: make a new {algorithm}."
+            )
 
 
 def read_model(

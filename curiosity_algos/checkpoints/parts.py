@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.save_util import load_from_zip_file, recursive_getattr
 from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import check_for_correct_spaces
 
@@ -68,6 +68,14 @@ def read_parts(model: BaseAlgorithm, source: str | TensorDict, exact_match: bool
         )
         raise ValueError(f"Names of parameters do not match the model's parts, {found}.")
     return parameters
+
+
+def load_parts(model: BaseAlgorithm, parameters: TensorDict, strict: bool) -> None:
+    """Give parts the states that `read_parts` gave; networks alone know of `strict`."""
+    for name, state in parameters.items():
+        part = recursive_getattr(model, name)
+        keywords = {"strict": strict} if isinstance(part, th.nn.Module) else {}
+        part.load_state_dict(state, **keywords)
 
 
 def build_model(

@@ -49,7 +49,7 @@ def use_python_numbers(algorithm: BaseAlgorithm) -> None:
     """Replace settings that are numbers of numpy's, some of which torch refuses, by Python's."""
     arguments = inspect.signature(type(algorithm)).parameters
     for name in arguments.keys() & vars(algorithm).keys():
-        setattr(algorithm, name, plain(getattr(algorithm, name)))
+        vars(algorithm)[name] = plain(vars(algorithm)[name])
 
 
 def check_learning(

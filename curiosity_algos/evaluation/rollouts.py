@@ -176,6 +176,23 @@ class Rollouts:
         """The same, but for observations, actions and what was read of them."""
         return replace(self, observations=None, actions=None, summaries={})
 
+    def infos(self, seconds: float) -> list[dict[str, Any]]:
+        """The info of the last step of each episode, as a Monitor would give it so late."""
+        infos = [
+            {
+                "episode": {"r": round(float(gained), 6), "l": int(n), "t": round(seconds, 6)},
+                "is_success": bool(success),
+                "terminal_observation": final,
+            }
+            for gained, n, success, final in zip(
+                self.returns, self.lengths, self.success, self.final_observations, strict=True
+            )
+        ]
+        if self.behaviors.shape[1]:
+            for info, behavior in zip(infos, self.behaviors, strict=True):
+                info["behavior"] = behavior
+        return infos
+
     @property
     def timesteps(self) -> int:
         """Environment steps taken by all individuals together."""

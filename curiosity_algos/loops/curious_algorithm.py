@@ -11,7 +11,7 @@ from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
-from curiosity_gym.validation import check_keywords
+from curiosity_gym.validation import check_at_least_one, check_keywords
 
 
 class BonusKeywords(TypedDict, total=False):
@@ -59,6 +59,19 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
         self.batch_size = batch_size
         self.buffer_size = buffer_size
         super().__init__(env, policy, **kwargs)
+
+    def _check_settings(self) -> None:
+        super()._check_settings()
+        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
+        check_at_least_one(batch_size=self.batch_size)
+
+    def _settings_of_parts(self) -> set[str]:
+        return super()._settings_of_parts() | {"bonus", "bonus_kwargs", "buffer_size"}
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        for name in ("n_transitions", "n_updates", "batch_size"):
+            setattr(self._motivation, name, getattr(self, name))
 
     @property
     def trained_bonus(self) -> Bonus:

@@ -82,11 +82,17 @@ def _is_search(thing: object) -> TypeGuard[Search]:
     return isinstance(thing, Search) and not isinstance(thing, type)  # a class has the methods too
 
 
+_OF_SEARCH = {
+    *("population_size", "n_parents", "sigma", "learning_rate", "step", "mirrored_sampling")
+}
+"""Settings of the canonical search, without effect on another."""
+
+
 class StrategyKeywords(AlgorithmKeywords, total=False):
     """Keywords of every evolution strategy but the learning rate, see `EvolutionStrategy`."""
 
     population_size: int
-    n_parents: int
+    n_parents: int | None
     sigma: float
     step: str
     mirrored_sampling: bool
@@ -101,7 +107,8 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     Args:
         population_size: lambda, individuals a generation.
-        n_parents: mu, the best of them that recombine, at most lambda.
+        n_parents: mu, the best of them that recombine, at most lambda; None: half of the
+            population.
         sigma: Standard deviation of the samples around the center, above 0.
         learning_rate: alpha, above 0: scales the center's step.
         step: "canonical" or "paper" (divided by `sigma n_parents`).
@@ -124,7 +131,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         policy: str | type[MlpPolicy] = "MlpPolicy",
         *,
         population_size: int = 56,
-        n_parents: int = 28,
+        n_parents: int | None = None,
         sigma: float = 0.3,
         learning_rate: float = 0.5,
         step: str = "canonical",
@@ -147,7 +154,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_at_least_one(population_size=self.population_size)
-        check_whole(1, self.population_size, n_parents=self.n_parents)
+        check_whole(1, self.population_size, n_parents=self._n_parents)
         check_positive(sigma=self.sigma, learning_rate=self.learning_rate)
         check_choice(("canonical", "paper"), step=self.step)
         check_bool(mirrored_sampling=self.mirrored_sampling)
@@ -186,17 +193,37 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _fixed_settings(cls) -> set[str]:
         return super()._fixed_settings() | {"normalize_observations"}
 
+    def _settings_of_parts(self) -> set[str]:
+        of_search = {"search"} | (set() if self.search is None else _OF_SEARCH)
+        return super()._settings_of_parts() | of_search
+
+    @property
+    def _n_parents(self) -> int:
+        """The number of them, mu."""
+        half = max(1, self.population_size // 2)
+        return half if self.n_parents is None else self.n_parents
+
+    @property
+    def _search_settings(self) -> dict[str, Any]:
+        """Settings of the canonical search, by its names."""
+        return {
+            "population_size": self.population_size,
+            "n_parents": self._n_parents,
+            "sigma": self.sigma,
+            "learning_rate": self.learning_rate,
+            "step": self.step,
+            "mirrored": self.mirrored_sampling,
+        }
+
     def _canonical_search(self, n_parameters: int, seed: np.random.SeedSequence) -> Search:
-        return CanonicalSearch(
-            n_parameters,
-            population_size=self.population_size,
-            n_parents=self.n_parents,
-            sigma=self.sigma,
-            learning_rate=self.learning_rate,
-            step=self.step,
-            mirrored=self.mirrored_sampling,
-            seed=seed,
-        )
+        return CanonicalSearch(n_parameters, **self._search_settings, seed=seed)
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        if self.search is None:
+            search = self._search
+            search = search.search if isinstance(search, NormalizedSearch) else search
+            vars(search).update(self._search_settings)
 
     def _make_parts(
         self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence
@@ -291,6 +318,10 @@ class MotivatedStrategy(EvolutionStrategy):
     ) -> None:
         self._fitness = Fitness(Phi(self.phi), self.no_reward, fitness_seed)
         self._motivation = self._make_motivation(motivation_seed)
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        self._fitness.no_reward, self._fitness.phi.setting = self.no_reward, self.phi
 
     def _own_summarizers(self) -> MakeSummarizers | None:
         return getattr(self._motivation, "summarizers", None)

@@ -163,6 +163,9 @@ class EvolutionaryAlgorithm(PopulationModel):
     def _center(self) -> Float32Array:
         """The parameters that act while no individual has found a reward, shape (n_parameters,)."""
 
+    def _put_in_force(self) -> None:
+        """Give the parts the settings as they are now, before each generation."""
+
     def _summarizers(self) -> MakeSummarizers | None:
         """The parts of trajectories that `_tell` needs; None: all of them.
 
@@ -181,12 +184,12 @@ class EvolutionaryAlgorithm(PopulationModel):
         return env if is_vec_env else PopulationModel._wrap_env(env, verbose, monitor_wrapper)
 
     def _check_settings(self) -> None:
-        """Check what the constructor was given, and what `load` may have replaced."""
+        """Check what the constructor was given, and what `load` or a callback has replaced."""
+        use_python_numbers(self)
         if self.n_threads is not None:
             check_at_least_one(n_threads=self.n_threads)
 
     def _setup_model(self) -> None:
-        use_python_numbers(self)
         self._check_settings()
         # SB3 knows the class as that of any policy.
         self.policy = self.policy_class(
@@ -204,6 +207,7 @@ class EvolutionaryAlgorithm(PopulationModel):
             chosen = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
             self._take_evaluator(choice, chosen)
         self._show_best()
+        self._settled = self._settings_of_parts()
 
     def _take_evaluator(self, choice: Evaluator | str, chosen: Evaluator) -> None:
         self._evaluator_choice, self.evaluator = choice, chosen
@@ -356,8 +360,10 @@ class EvolutionaryAlgorithm(PopulationModel):
         """Run a generation; the entries of callbacks' `locals`."""
         assert self.evaluator is not None
         assert self.env is not None
+        self._check_settings()
         given = self.env, self.policy_kwargs, self.n_threads
         self.evaluator = follow_env(self.evaluator, self._evaluator_choice, *given)
+        self._put_in_force()
         parameters = self._ask()
         rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())
         if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again
@@ -383,7 +389,7 @@ class EvolutionaryAlgorithm(PopulationModel):
             "rollouts": rollouts,
             "rewards": rollouts.returns,
             "dones": np.ones(len(rollouts), dtype=bool),
-            "infos": [_info(rollouts, i, seconds) for i in range(len(rollouts))],
+            "infos": rollouts.infos(seconds),
             "parameters": parameters,
             "episode_seed": self._episodes.current,
             "intrinsic": self._intrinsic,
@@ -432,18 +438,3 @@ class EvolutionaryAlgorithm(PopulationModel):
         for key, value in values.items():
             self.logger.record(key, value)
         self.logger.dump(self.num_timesteps)
-
-
-def _info(rollouts: Rollouts, i: int, seconds: float) -> dict[str, Any]:
-    """The info of the last step of an individual's episode, as a Monitor would give it."""
-    behavior = rollouts.behaviors[i]
-    return {
-        "episode": {
-            "r": round(float(rollouts.returns[i]), 6),
-            "l": int(rollouts.lengths[i]),
-            "t": round(seconds, 6),
-        },
-        "is_success": bool(rollouts.success[i]),
-        "terminal_observation": rollouts.final_observations[i],
-        **({"behavior": behavior} if len(behavior) else {}),
-    }

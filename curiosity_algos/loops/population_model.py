@@ -37,7 +37,6 @@ class PopulationModel(Resumable):
         "evaluator": "_evaluator_choice",
         "archive": "_own_archive",
     }
-    """By argument of the constructor, the attribute of another name that it is kept in."""
     _user_parts: dict[str, list[str]]
     """By argument, the kinds of parts that the user passed; no file holds them."""
 
@@ -54,6 +53,9 @@ class PopulationModel(Resumable):
     @abstractmethod
     def _show_best(self) -> None:
         """Let `predict` act with the best policy."""
+
+    def _settings_of_parts(self) -> set[str]:
+        return super()._settings_of_parts() | {"n_threads"}
 
     def _begin_at(self, parameters: Float32Array) -> None:
         """Search on from these parameters, shape (n_parameters,), where an algorithm can."""
@@ -109,7 +111,6 @@ class PopulationModel(Resumable):
         name, allow_pickle = cls.__name__, given.pop("allow_pickle")
         # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
         custom = {k: v for k, v in (custom_objects or {}).items() if k != "learning_rate"}
-        given = {cls._attributes.get(k, k): value for k, value in given.items()}
         attributes = read_attributes(
             file, name, custom | given, fixed=cls._fixed_settings(), allow_pickle=allow_pickle
         )
@@ -142,8 +143,3 @@ class PopulationModel(Resumable):
                 current.bit_generator.state = value.bit_generator.state  # parts may draw from it
             else:
                 vars(self)[name] = value
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        """Settings that `load` cannot replace."""
-        return {"preset"}

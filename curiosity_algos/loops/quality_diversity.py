@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -31,7 +30,7 @@ from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
-from curiosity_algos.search.emitters import Emitters
+from curiosity_algos.search.emitters import Emitters, set_mutations
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 Fields = dict[str, Array]
@@ -95,6 +94,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
     archive: Any
     archive_class: ClassVar[Any] = EliteArchive | PyribsArchive
     """Archives that the algorithm can work on."""
+    _of_archive: ClassVar[set[str]] = set()
+    """Settings of the algorithm's own archive, without effect on another."""
+    _of_emitter: ClassVar[set[str]] = {"population_size", "sigma"}
+    """Settings of the algorithm's own emitter, without effect on others."""
     _pyribs: PyribsPart | None = None
     """The archive as a part of the model's file, where it is pyribs' own."""
 
@@ -129,6 +132,10 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return GaussianEmitter(
             self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
         )
+
+    def _steer(self, emitter: Any) -> None:
+        """Give the algorithm's own emitter the settings as they are now."""
+        set_mutations(emitter, sigma=self.sigma, batch_size=self.population_size)
 
     def _measures(self, rollouts: Rollouts) -> Float64Array:
         """The place of each individual in the archive, (P, measure_dim)."""
@@ -222,9 +229,9 @@ class QualityDiversity(EvolutionaryAlgorithm):
         x0 = INITIAL_DEVIATION * start.standard_normal(self.policy.mlp.n_parameters)
         if self._own_archive is None:
             self._check_user_parts("archive", [])
-            self.archive = self._make_archive(archive_seed)
+            vars(self)["archive"] = self._make_archive(archive_seed)
         else:
-            self.archive = self._own_archive
+            vars(self)["archive"] = self._own_archive
             self._prepare_own(self._own_archive, archive_seed)
         self.history = ArchiveHistory()
         self._emitters = self._make_emitters(x0.astype(np.float32), integer_seed(emitter_seed))
@@ -258,7 +265,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 f"`population_size` must be the {emitters.batch_size} policies that `emitters` "
                 f"emit, or be left out, got {self.population_size}."
             )
-        self.population_size = emitters.batch_size
+        vars(self)["population_size"] = emitters.batch_size
         return emitters
 
     def _begin_at(self, parameters: Float32Array) -> None:
@@ -268,6 +275,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 "there on: set it before the first `learn`."
             )
         self._emitters = self._make_emitters(parameters, integer_seed(self._later_seed()))
+
+    def _put_in_force(self) -> None:
+        super()._put_in_force()
+        if self.emitters is None:
+            self._steer(self._emitters.emitters[0])
 
     def _ask(self) -> Float32Array:
         # Made anew each time: after an env's error the old one would wait for what never comes.
@@ -334,12 +346,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
             return nullcontext()
         return archive_part(archive).unchanged_on_error()
 
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        """Settings that archive and emitters were made with."""
-        own, common = (inspect.signature(each) for each in (cls, EvolutionaryAlgorithm))
-        made_with = own.parameters.keys() - common.parameters.keys() - {"archive", "emitters"}
-        return super()._fixed_settings() | made_with
+    def _settings_of_parts(self) -> set[str]:
+        passed_again = {"archive", "emitters"}
+        of_archive = set() if self._own_archive is None else self._of_archive
+        of_emitter = set() if self.emitters is None else self._of_emitter
+        return super()._settings_of_parts() | passed_again | of_archive | of_emitter
 
     # -- acting ---------------------------------------------------------------------------------
 

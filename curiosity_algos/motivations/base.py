@@ -25,5 +25,5 @@ class Motivation(Protocol):
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs."""
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""

@@ -152,7 +152,7 @@ class CuriosityMotivation:
     ) -> None:
         bonus_kwargs = {} if bonus_kwargs is None else bonus_kwargs
         check_bonus_choice(bonus, bonus_kwargs)
-        _check_how_to_score(n_states, gamma)
+        check_how_to_score(n_states, gamma)
         check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
         check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
         if not isinstance(seed, np.random.SeedSequence):
@@ -252,7 +252,7 @@ class CuriosityMotivation:
         load_generator_state(self._rng, state["rng"])
 
 
-def _check_how_to_score(n_states: int | None, gamma: float) -> None:
+def check_how_to_score(n_states: int | None, gamma: float) -> None:
     """Raise ValueError unless a trajectory can be scored so."""
     check_share(gamma=gamma)
     if n_states is not None:

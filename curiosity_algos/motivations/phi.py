@@ -33,17 +33,22 @@ def check_phi(phi: object) -> None:
 
 
 class Phi:
-    """The weight of the return: a number that stays, or one that rises while the best return does.
+    """The weight of the return: a number, or one that rises while the best return does.
 
     "adaptive": a better return adds `STEP`; `PATIENCE` generations in a row without one take it
     away.
     """
 
     def __init__(self, phi: float | str) -> None:
-        self._is_adaptive = isinstance(phi, str)
-        self.value = HIGHEST if isinstance(phi, str) else phi
+        self.setting = phi
+        self._adapted = HIGHEST
         self._waited = 0
         self._best = -math.inf
+
+    @property
+    def value(self) -> float:
+        """The weight now."""
+        return self._adapted if isinstance(self.setting, str) else self.setting
 
     def adapt(self, best_return: float) -> None:
         """Take in a generation's best return."""
@@ -61,21 +66,18 @@ class Phi:
         self._best = -math.inf
 
     def _move(self, step: float) -> None:
-        if self._is_adaptive:
+        if isinstance(self.setting, str):
             # Rounded, so that steps up and down meet at the same numbers, 0 among them.
-            self.value = min(HIGHEST, max(0.0, round(self.value + step, 6)))
+            self._adapted = min(HIGHEST, max(0.0, round(self._adapted + step, 6)))
 
     def state_dict(self) -> dict[str, Any]:
-        """The weight, the best return, and for how many generations it has waited; or nothing."""
-        if not self._is_adaptive:
-            return {}
-        return {"phi": self.value, "waited": self._waited, "best": self._best}
+        """The adapted weight, the best return, and for how many generations it has waited."""
+        return {"phi": self._adapted, "waited": self._waited, "best": self._best}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave; a number is the constructor's, whatever was saved."""
-        if self._is_adaptive and "phi" in state:
-            check_share(phi=state["phi"])
-            waited, best = int(state["waited"]), float(state["best"])
-            if math.isnan(best):
-                raise ValueError("`best` must be a number.")
-            self.value, self._waited, self._best = float(state["phi"]), waited, best
+        check_share(phi=state["phi"])
+        waited, best = int(state["waited"]), float(state["best"])
+        if math.isnan(best):
+            raise ValueError("`best` must be a number.")
+        self._adapted, self._waited, self._best = float(state["phi"]), waited, best

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from contextlib import nullcontext
 from functools import partial
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch as th
@@ -28,6 +28,7 @@ from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, mak
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import fitting, plain
+from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.evaluation.batches import check_last_observations, terminations
@@ -48,12 +49,12 @@ from curiosity_algos.sb3.wrapper_file import (
 from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
-    check_positive,
+    check_not_negative,
     check_seed,
 )
 
 
-class BonusVecEnvWrapper(VecEnvWrapper):
+class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     """Rewards transitions by how curious a bonus finds them, and trains the bonus.
 
     The reward becomes `extrinsic reward + weight * bonus`, before the algorithm sees it, so that it
@@ -76,7 +77,7 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         bonus_kwargs: Of a bonus that is named, see that. Here the `learning_rate` of an ICM is
             1e-4, and APT's `power` is 3 and its `horizon` 10.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
-        weight: Of the bonus, above 0.
+        weight: Of the bonus, at least 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
         train_interval: Transitions of all environments between two trainings.
@@ -99,6 +100,12 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
 
+    _checks: ClassVar = {
+        "weight": check_not_negative,
+        "extrinsic": check_bool,
+        **dict.fromkeys(("train_interval", "n_updates", "batch_size"), check_at_least_one),
+    }
+
     def __init__(
         self,
         venv: VecEnv,
@@ -118,14 +125,10 @@ class BonusVecEnvWrapper(VecEnvWrapper):
     ) -> None:
         _check_venv(venv)
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-        check_positive(weight=weight)
         check_discount(gamma)
-        check_at_least_one(train_interval=train_interval, n_updates=n_updates)
-        check_at_least_one(batch_size=batch_size)
         if buffer_size is not None:
             check_at_least_one(buffer_size=buffer_size)
         check_seed(seed)
-        check_bool(extrinsic=extrinsic)
         self._view = View(venv.observation_space, observation_key)
         self._acted = FlatActions(venv.action_space)
         if np.any(np.asarray(getattr(venv.action_space, "start", 0))):
@@ -135,12 +138,11 @@ class BonusVecEnvWrapper(VecEnvWrapper):
             )
         super().__init__(venv)
         self.observation_key = observation_key
-        self.weight = float(weight)
-        self.extrinsic = bool(extrinsic)
-        self.gamma = float(gamma)
-        self.train_interval = int(train_interval)
-        self.n_updates = int(n_updates)
-        self.batch_size = int(batch_size)
+        self.weight = weight
+        self.extrinsic = extrinsic
+        self.train_interval = train_interval
+        self.n_updates = n_updates
+        self.batch_size = batch_size
         self.buffer_size = int(buffer_size or usual_capacity(self._view.space))
         self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
         self.training = True
@@ -150,10 +152,22 @@ class BonusVecEnvWrapper(VecEnvWrapper):
         self.metrics: dict[str, float] = {}
         self._observations: Array = np.empty(0, self._dtype)
         self._actions: Array = np.empty(0)
-        self._scale = BonusScale(self.num_envs, gamma=self.gamma)
+        self._scale = BonusScale(self.num_envs, gamma=float(gamma))
         self._n_untrained = 0
         self._has_trained = False
         self._must_reset = False
+        self._settled = {"bonus", "bonus_kwargs", "buffer_size", "observation_key"}
+        self._settled |= {"seed", "device"}
+
+    @property
+    def gamma(self) -> float:
+        """Discount of the sum that the bonus is scaled by."""
+        return self._scale.gamma
+
+    @gamma.setter
+    def gamma(self, gamma: float) -> None:
+        check_discount(gamma)
+        self._scale.gamma = plain(gamma)
 
     def __repr__(self) -> str:
         bonus = f"{self.weight:g} times {type(self.bonus).__name__}"

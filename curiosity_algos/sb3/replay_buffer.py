@@ -6,7 +6,7 @@ import copy
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch as th
@@ -21,14 +21,16 @@ from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, mak
 from curiosity_algos.bonuses.spans import draw_steps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
+from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.held_observations import check_sb3_takes
 from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS, OrderedReplayBuffer
+from curiosity_algos.sb3.replay_arguments import check_schedule, check_size, seed_sequence
 from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
 from curiosity_algos.sb3.scale import BonusScale, check_discount
-from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
+from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative
 
 N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
@@ -36,11 +38,13 @@ N_WHOLE = 128
 """Of multiples of so many a bonus has the same bits whatever stands beside it."""
 SCORES = ("scores", "scored_at")
 """Columns of what the bonus says of each transition, and after how many of its trainings."""
+SETTLED = frozenset({"bonus", "bonus_kwargs", "buffer_size", "n_envs", "observation_key", "seed"})
+"""Settings that a buffer was made with."""
 COUNTERS = ("metrics", "_n_untrained", "_n_trainings")
 """What else a file holds, by the name of its attribute."""
 
 
-class BonusReplayBuffer(OrderedReplayBuffer):
+class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
     """Keeps the rewards of the task, and gives `reward + weight * bonus` with the bonus of now.
 
     A bonus stored with its transition would be that of a module long since trained on. Any
@@ -71,7 +75,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             this then trains.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
         bonus_kwargs: Of a bonus that is named, as `BonusVecEnvWrapper` has them.
-        weight: Of the bonus, above 0.
+        weight: Of the bonus, at least 0.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
             counts as it is.
@@ -92,6 +96,12 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             knows it.
     """
 
+    _checks: ClassVar = {
+        "weight": check_not_negative,
+        "extrinsic": check_bool,
+        **dict.fromkeys(("train_interval", "n_updates", "batch_size"), check_at_least_one),
+    }
+    train_interval: int | None
     _ahead: Iterator[tuple[Int64Array, Array]] = iter(())
 
     def __init__(
@@ -116,15 +126,13 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         seed: int | np.random.SeedSequence | None = None,
     ) -> None:
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-        check_positive(weight=weight)
-        check_bool(extrinsic=extrinsic)
-        _check_schedule(gamma, train_interval, n_updates, batch_size)
-        _check_size(buffer_size, n_envs, optimize_memory_usage)
+        check_schedule(gamma, train_interval, n_updates, batch_size)
+        check_size(buffer_size, n_envs, optimize_memory_usage)
         check_sb3_takes(observation_space)
         self._view = View(observation_space, observation_key)
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
-        seed = _sequence(seed)
+        seed = seed_sequence(seed)
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
         self._named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
@@ -144,9 +152,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         )
         self.observation_key = observation_key
         self._shows_images = ImageInputs.of(self._view.space) is not None
-        self.weight = float(weight)
-        self.extrinsic = bool(extrinsic)
-        self.train_interval = train_interval
+        self.weight = weight
+        self.extrinsic = extrinsic
+        vars(self)["train_interval"] = train_interval
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.metrics: dict[str, float] = {}
@@ -157,6 +165,21 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             shape = self.buffer_size, n_envs
             self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
             self._columns = COLUMNS + SCORES
+        unscaled = {"gamma"} if gamma is None else set()
+        self._settled = (
+            SETTLED | unscaled | ({"train_interval"} if train_interval is None else set())
+        )
+
+    @property
+    def gamma(self) -> float | None:
+        """Discount of the sum that the bonus is scaled by; None: it counts as it is."""
+        return None if self._scale is None else self._scale.gamma
+
+    @gamma.setter
+    def gamma(self, gamma: float) -> None:
+        assert self._scale is not None
+        check_discount(gamma)
+        self._scale.gamma = plain(gamma)
 
     @property
     def _made(self) -> dict[str, Any]:
@@ -165,7 +188,7 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             **self._named,
             "n_envs": self.n_envs,
             "optimize_memory_usage": self.optimize_memory_usage,
-            "gamma": None if self._scale is None else self._scale.gamma,
+            "gamma": self.gamma,
             "trains": self.train_interval is not None,
             "observation_key": self.observation_key,
         }
@@ -389,12 +412,15 @@ class BonusReplayBuffer(OrderedReplayBuffer):
             "made": self._made,
             "bonus": self.bonus.state_dict(),
             "scale": None if self._scale is None else self._scale.state_dict(),
+            "settings": {name: getattr(self, name) for name in self._checks},
             "counters": {name: getattr(self, name) for name in COUNTERS},
         }
         write_buffer(path, self.state_dict() | parts)
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.
+
+        Those that a callback may have changed, as `weight`, are as they were when it was saved.
 
         Raises:
             FileNotFoundError: If there is no such file.
@@ -407,6 +433,9 @@ class BonusReplayBuffer(OrderedReplayBuffer):
         columns = {name: own[name] for name in (*self._columns, "next_observations")}
         try:
             check_buffer(saved, columns, {name: own[name] for name in COUNTERS})
+            settings = {name: saved["settings"][name] for name in self._checks}
+            for name in settings.keys() - self._made_with:
+                self._checks[name](**{name: settings[name]})
             self.bonus.load_state_dict(saved["bonus"])
             if self._scale is not None:
                 self._scale.load_state_dict(saved["scale"])
@@ -417,33 +446,4 @@ class BonusReplayBuffer(OrderedReplayBuffer):
                 "is not."
             ) from error
         self.load_state_dict(saved)
-        vars(self).update(saved["counters"])
-
-
-def _check_schedule(
-    gamma: float | None, train_interval: int | None, n_updates: int, batch_size: int
-) -> None:
-    if gamma is not None:
-        check_discount(gamma)
-    if train_interval is not None:
-        check_at_least_one(train_interval=train_interval)
-    elif gamma is not None:
-        raise ValueError("`gamma` must be None where `train_interval` is: nothing is scaled.")
-    check_at_least_one(n_updates=n_updates, batch_size=batch_size)
-
-
-def _check_size(buffer_size: int, n_envs: int, optimize_memory_usage: bool) -> None:
-    check_at_least_one(buffer_size=buffer_size, n_envs=n_envs)
-    if optimize_memory_usage and buffer_size < 2 * n_envs:
-        raise ValueError(
-            f"`buffer_size` must be at least {2 * n_envs} with `optimize_memory_usage`, two of "
-            f"each environment, got {buffer_size}."
-        )
-
-
-def _sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
-    if isinstance(seed, np.random.SeedSequence):
-        return seed
-    check_seed(seed)
-    # The global generator is what SB3's algorithms seed.
-    return np.random.SeedSequence(np.random.randint(2**31) if seed is None else seed)  # noqa: NPY002
+        vars(self).update(saved["counters"] | settings)

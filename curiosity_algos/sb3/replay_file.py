@@ -14,7 +14,7 @@ from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import load_generator_state
 from curiosity_algos.sb3.held_observations import as_tensors
 
-FORMAT = "curiosity replay buffer 4"
+FORMAT = "curiosity replay buffer 5"
 
 
 def write_buffer(path: str | os.PathLike[str], content: dict[str, Any]) -> None:

@@ -22,11 +22,13 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.checkpoints.model_file import (
     check_is_checkpoint,
+    check_left,
     read_model,
     save_model,
     saved_names,
 )
-from curiosity_algos.checkpoints.parts import build_model, read_parts, stateful_parts
+from curiosity_algos.checkpoints.parts import build_model, load_parts, read_parts, stateful_parts
+from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
@@ -43,18 +45,23 @@ from curiosity_gym.core import CoverageGrid
 from curiosity_gym.validation import check_seed
 
 
-class Resumable(BaseAlgorithm):
+class Resumable(HasSettings, BaseAlgorithm):
     """An algorithm whose environment, seed and files are handled alike, whatever it learns by.
 
     A subclass calls `_see_env` once it has its env, and says what it counts (`_counted`) and how it
     begins that anew (`_forget_found`). Constructors write their own keywords and pass the others on
     as `**kwargs`: a class' signature shows them all, each as the class nearest to it has it.
 
+    A setting is an attribute of its keyword's name. Callbacks may set it: what is in force is what
+    it says, and assigning one that parts were made with is an error.
+
     Attributes:
         preset: Name of the preset that the model was made from, or None.
     """
 
     preset: str | None = None
+    _attributes: ClassVar[dict[str, str]] = {"policy": "policy_class"}
+    """By argument of the constructor, the attribute of another name that it is kept in."""
     __signature__: ClassVar[inspect.Signature]
     _coverage_grid: CoverageGrid | None
     _behavior_space: spaces.Box[Any] | None
@@ -88,8 +95,23 @@ class Resumable(BaseAlgorithm):
         """
         settings = load_preset(preset, _known_name(cls), env_id(env))
         model = cls(env, **_merged(settings, overrides))  # type: ignore[arg-type]  # ours come first
-        model.preset = preset
+        vars(model)["preset"] = preset
         return model
+
+    # -- settings -------------------------------------------------------------------------------
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        """Settings that the states in a file were made with, which `load` cannot replace."""
+        return {"policy_kwargs", "preset"}
+
+    def _settings_of_parts(self) -> set[str]:
+        """Settings that parts were made with; where `load` takes others, it makes them anew."""
+        return self._fixed_settings() | {"seed", "device"}
+
+    def _way_on(self, name: str) -> str:
+        way_on = super()._way_on(name)
+        return way_on if name in self._fixed_settings() else f"give `load` another, or {way_on}"
 
     @abstractmethod
     def _counted(self) -> Coverage:
@@ -200,6 +222,9 @@ class Resumable(BaseAlgorithm):
 
     # -- parameters and files -------------------------------------------------------------------
 
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "_settled"]
+
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         # What is not named here, `load` would leave as it was made anew.
         names, variables = super()._get_torch_save_params()
@@ -220,7 +245,7 @@ class Resumable(BaseAlgorithm):
         Args:
             load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
             exact_match: Whether all parts must be there.
-            device: As in SB3.
+            device: Unused, states are copied to where the parts are.
 
         Raises:
             ValueError: If parts are missing, or unknown; of a population, if the policy has another
@@ -230,7 +255,7 @@ class Resumable(BaseAlgorithm):
         """
         parameters = read_parts(self, load_path_or_dict, exact_match)
         self._prepare_for(parameters, exact_match)
-        super().set_parameters(parameters, exact_match, device)
+        load_parts(self, parameters, exact_match)
 
     def save(
         self,
@@ -312,7 +337,8 @@ class Resumable(BaseAlgorithm):
         env = None if env is None else cls._open_env(env)
         seed = ((custom_objects or {}) | kwargs).get("seed")
         check_seed(seed)
-        given = kwargs | {"allow_pickle": allow_pickle}
+        given = {cls._attributes.get(name, name): value for name, value in kwargs.items()}
+        given["allow_pickle"] = allow_pickle
         data, parameters = cls._read(file, env, custom_objects, print_system_info, given)
         with cls._unchanged_on_error(data):
             model = build_model(cls, data, parameters, env, device, force_reset)
@@ -337,9 +363,7 @@ class Resumable(BaseAlgorithm):
         """A model's attributes, those that were given among them, and the states of its parts."""
         del given["allow_pickle"]
         data, parameters = read_model(file, cls.__name__, custom_objects, print_system_info)
-        for name in given.keys() & {"policy_kwargs", "preset"}:
-            if given[name] != data.get(name):
-                raise ValueError(f"`{name}` must be as saved, {data.get(name)}.")
+        check_left(given, data, cls._fixed_settings(), cls.__name__)
         return data | given, parameters
 
     def _go_on(self, read: Mapping[str, Any]) -> None:

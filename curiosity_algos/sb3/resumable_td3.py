@@ -7,7 +7,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Set
 from contextlib import suppress
-from typing import Any, Never, Self
+from typing import Any, ClassVar, Never, Self
 
 import numpy as np
 import torch as th
@@ -98,6 +98,8 @@ class ResumableTD3(Resumable, TD3):
         ValueError: If an argument is out of its range, or the env's spaces are not supported.
     """
 
+    _attributes: ClassVar = {**Resumable._attributes, "stats_window_size": "_stats_window_size"}
+
     def __init__(
         self,
         env: AnyEnv | None,
@@ -163,10 +165,6 @@ class ResumableTD3(Resumable, TD3):
     # -- what an algorithm writes ---------------------------------------------------------------
 
     @abstractmethod
-    def _check_settings(self) -> None:
-        """Check what the constructor was given, and what `load` may have replaced."""
-
-    @abstractmethod
     def _make_parts(self, seed: np.random.SeedSequence) -> ReplayBuffer:
         """Create what the algorithm holds, and give its replay buffer."""
 
@@ -181,13 +179,7 @@ class ResumableTD3(Resumable, TD3):
     # -- the model ------------------------------------------------------------------------------
 
     def _setup_model(self) -> None:
-        use_python_numbers(self)
         self._check_settings()
-        check_share(tau=self.tau, gamma=self.gamma)
-        check_whole(0, LARGEST_COUNT, learning_starts=self.learning_starts)
-        check_at_least_one(policy_delay=self.policy_delay)
-        check_not_negative(target_policy_noise=self.target_policy_noise)
-        check_not_negative(target_noise_clip=self.target_noise_clip)
         check_at_least_one(stats_window_size=self._stats_window_size)
         seeds = np.random.SeedSequence(self.seed).spawn(3)
         self._generators = GlobalGenerators(seeds[0], self.device)
@@ -200,8 +192,22 @@ class ResumableTD3(Resumable, TD3):
             super()._setup_model()
         assert isinstance(self.train_freq, TrainFreq)
         check_at_least_one(train_freq=self.train_freq.frequency)
+        self._settled = self._settings_of_parts()
+
+    def _check_settings(self) -> None:
+        """Check what the constructor was given, and what `load` or a callback has replaced."""
+        use_python_numbers(self)
+        check_at_least_one(batch_size=self.batch_size, policy_delay=self.policy_delay)
+        check_share(tau=self.tau, gamma=self.gamma)
+        check_whole(0, LARGEST_COUNT, learning_starts=self.learning_starts)
+        check_not_negative(target_policy_noise=self.target_policy_noise)
+        check_not_negative(target_noise_clip=self.target_noise_clip)
         if self.gradient_steps not in (-1, 0):
             check_at_least_one(gradient_steps=self.gradient_steps)
+
+    def _settings_of_parts(self) -> set[str]:
+        of_parts = {"action_noise", "buffer_size", "train_freq", "stats_window_size"}
+        return super()._settings_of_parts() | of_parts
 
     def set_random_seed(self, seed: int | None = None) -> None:
         """Begin every random draw of the run anew, see `Resumable.set_random_seed`."""
@@ -382,6 +388,8 @@ class ResumableTD3(Resumable, TD3):
 
     def _end_rollout(self) -> None:
         """Show the rollout to the algorithm, once; its counts stay until it has been trained on."""
+        self._check_settings()
+        self._setup_lr_schedule()  # of the learning rate as it is now
         if not self._is_seen:
             self._see_rollout(self._n_steps)
             self._is_seen = True

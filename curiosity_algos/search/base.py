@@ -28,7 +28,7 @@ class Search(Protocol):
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs, as tensors and plain values."""
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
 
 

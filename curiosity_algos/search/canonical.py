@@ -30,6 +30,8 @@ def recombination_weights(n_parents: int) -> Float64Array:
 class CanonicalSearch:
     """Samples a population around a center and moves the center towards its best.
 
+    Its settings may change between generations.
+
     Args:
         n_parameters: Length of a parameter vector.
         population_size: lambda.
@@ -57,9 +59,9 @@ class CanonicalSearch:
         self.population_size = population_size
         self.n_parents = n_parents
         self.sigma = sigma
+        self.learning_rate = learning_rate
+        self.step = step
         self.mirrored = mirrored
-        self._rate = learning_rate / (sigma * n_parents) if step == "paper" else learning_rate
-        self._weights = recombination_weights(n_parents)
         self._rng = np.random.default_rng(seed)
         self.center = INITIAL_DEVIATION * self._rng.standard_normal(n_parameters)
         self._noise = np.zeros((population_size, n_parameters), dtype=np.float32)
@@ -75,7 +77,14 @@ class CanonicalSearch:
     def tell(self, fitness: Float64Array) -> None:
         """Move the center; `fitness` (population_size,) is of the last population asked for."""
         best = np.argsort(-fitness, kind="stable")[: self.n_parents]
-        self.center = self.center + self._rate * self.sigma * (self._weights @ self._noise[best])
+        moved = recombination_weights(self.n_parents) @ self._noise[best]
+        self.center = self.center + self._rate * self.sigma * moved
+
+    @property
+    def _rate(self) -> float:
+        if self.step == "paper":
+            return self.learning_rate / (self.sigma * self.n_parents)
+        return self.learning_rate
 
     def state_dict(self) -> dict[str, Any]:
         """The center and the state of the random generator."""

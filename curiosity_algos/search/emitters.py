@@ -87,6 +87,14 @@ def _batch_size(emitter: Any) -> int:
     return int(getattr(emitter, "batch_size", 0))
 
 
+def set_mutations(emitter: GaussianEmitter, *, sigma: float, batch_size: int) -> None:
+    """Let an emitter of pyribs' mutate otherwise from here on; its settings have no setter."""
+    own: Any = emitter
+    own._sigma = np.asarray(sigma, dtype=emitter.archive.dtypes["solution"])
+    own._batch_size = batch_size
+    own._noise_shape = (batch_size, emitter.solution_dim)
+
+
 class TournamentEmitter(GaussianEmitter):
     """Mutates the elites that win tournaments.
 
@@ -113,7 +121,7 @@ class TournamentEmitter(GaussianEmitter):
     ) -> None:
         super().__init__(archive, sigma=sigma, x0=x0, batch_size=batch_size, seed=seed)
         self._score = score
-        self._tournament_size = tournament_size
+        self.tournament_size = tournament_size
 
     def ask(self) -> Float32Array:
         """Mutants (batch_size, n_parameters) of the winners; of `x0` while there are no elites."""
@@ -125,9 +133,9 @@ class TournamentEmitter(GaussianEmitter):
 
     def _winners(self, n: int) -> Float32Array:
         """Those of n tournaments, (n, n_parameters)."""
-        candidates = self.archive.sample_elites(self._tournament_size * n)
-        scores = self._score(candidates).reshape(n, self._tournament_size)
-        winners = np.arange(n) * self._tournament_size + scores.argmax(axis=1)
+        candidates = self.archive.sample_elites(self.tournament_size * n)
+        scores = self._score(candidates).reshape(n, self.tournament_size)
+        winners = np.arange(n) * self.tournament_size + scores.argmax(axis=1)
         return candidates["solution"][winners]  # type: ignore[no-any-return]
 
 
@@ -163,21 +171,16 @@ class ParetoEmitter(EmitterBase):
             upper_bounds=None,
         )
         self.x0 = x0
-        self._sigma = sigma
-        self._n_parents = n_parents
-        self._batch_size = batch_size
+        self.sigma = sigma
+        self.n_parents = n_parents
+        self.batch_size = batch_size
         self._rng = np.random.default_rng(seed)
         self._parents = x0[None].astype(archive.dtypes["solution"])
 
-    @property
-    def batch_size(self) -> int:
-        """Offspring of a generation."""
-        return self._batch_size
-
     def ask(self) -> Float32Array:
         """Offspring (batch_size, n_parameters), the parents by turns."""
-        turns = np.arange(self._batch_size) % len(self._parents)
-        return _mutate(self._rng, self._parents[turns], self._sigma)
+        turns = np.arange(self.batch_size) % len(self._parents)
+        return _mutate(self._rng, self._parents[turns], self.sigma)
 
     def tell(
         self,
@@ -189,7 +192,7 @@ class ParetoEmitter(EmitterBase):
     ) -> None:
         """Let the best of the batch become the parents."""
         scores = np.stack([add_info["novelty"], add_info["local_competition"]], axis=1)
-        self._parents = np.asarray(solution)[pareto_best(scores, self._n_parents)]
+        self._parents = np.asarray(solution)[pareto_best(scores, self.n_parents)]
 
 
 def _mutate(rng: np.random.Generator, parents: Float32Array, sigma: Any) -> Float32Array:

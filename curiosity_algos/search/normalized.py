@@ -104,7 +104,7 @@ class NormalizedSearch:
             raise ValueError("`normalize_observations` must be as in the saved model.")
         shape = (self._n_inputs,)
         mean, var = (fitting(name, state[name], shape, np.float64) for name in ("mean", "var"))
-        self.search.load_state_dict(state["search"], strict)
+        self.search.load_state_dict(state["search"])
         self._seen.mean, self._seen.var = mean.copy(), var.copy()
         self._seen.count = state["count"]
 

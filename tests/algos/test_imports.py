@@ -39,7 +39,7 @@ import curiosity_algos
 dir(curiosity_algos), hasattr(curiosity_algos, "nothing")
 from curiosity_algos import CuriosityES, ICMVecEnvWrapper, NSES, TD3ICM, make_evaluator
 print([name for name in {HEAVY} if name in sys.modules.keys() - before])
-model = NSES("CuriosityMaze-Hard-v0", population_size=4, n_parents=2, seed=0).learn(1)
+model = NSES("CuriosityMaze-Hard-v0", population_size=4, seed=0).learn(1)
 file = io.BytesIO()
 model.save(file)
 file.seek(0)

@@ -140,7 +140,7 @@ def test_curiosity_does_not_depend_on_the_unit_of_actions(make, make_pendulum, a
 
 class TestSettings:
     def test_errors_name_the_argument(self, make, make_maze):
-        wrong = {"weight": 0.0, "n_updates": 0, "tau": 1.1, "gamma": "abc", "policy_delay": 0}
+        wrong = {"weight": -1.0, "n_updates": 0, "tau": 1.1, "gamma": "abc", "policy_delay": 0}
         wrong |= {"target_policy_noise": -0.1, "batch_size": 0, "buffer_size": 0, "extrinsic": 1}
         wrong |= {"bonus": "novelty", "bonus_kwargs": {"depth": 3}, "learning_starts": "a"}
         wrong |= {"seed": -1, "verbose": "a", "device": "gpu", "policy_kwargs": [32]}
@@ -210,7 +210,7 @@ def test_a_replay_buffer_that_trains_by_itself_is_refused(make, make_maze, tmp_p
     model = make(make_maze()).learn(50)
     model.save_replay_buffer(tmp_path / "own")
     model.load_replay_buffer(tmp_path / "own")
-    model.replay_buffer.train_interval = 10
+    vars(model.replay_buffer)["train_interval"] = 10
     model.save_replay_buffer(tmp_path / "other")
     with pytest.raises(ValueError, match="`path` must be a replay buffer that TD3ICM has saved"):
         model.load_replay_buffer(tmp_path / "other")

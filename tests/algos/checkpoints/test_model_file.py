@@ -172,22 +172,28 @@ class TestStatesThatDoNotFit:
             algorithm.load(path)
 
     def test_a_part_that_the_class_has_gained(self, make_maze, tmp_path, monkeypatch):
-        WithPart(make_maze(), n_parents=2, population_size=4).save(tmp_path / "model")
+        WithPart(make_maze(), population_size=4).save(tmp_path / "model")
         monkeypatch.setattr(WithPart, "part", Strict())
         with pytest.raises(ValueError, match=r"must be a saved WithPart: .* missing: `_part`"):
             WithPart.load(tmp_path / "model")
 
     def test_a_state_that_a_part_refuses(self, make_maze, tmp_path, monkeypatch):
         monkeypatch.setattr(WithPart, "part", Strict())
-        WithPart(make_maze(), n_parents=2, population_size=4).save(tmp_path / "model")
+        WithPart(make_maze(), population_size=4).save(tmp_path / "model")
         with pytest.raises(ValueError, match=r"^`path` must be a saved WithPart: `n` must be 2"):
             WithPart.load(tmp_path / "model")
 
     def test_a_setting_that_the_states_were_not_made_with(self, make_maze, tmp_path):
-        model = NSES(make_maze(), n_parents=2, population_size=4).learn(1)
+        model = NSES(make_maze(), population_size=4).learn(1)
         model.save(tmp_path / "model")
-        with pytest.raises(ValueError, match=r"^`path` must be a saved NSES: "):
-            NSES.load(tmp_path / "model", env=make_maze(), behavior="state")
+        others = {"behavior": "state", "policy_kwargs": {"net_arch": [4]}}
+        for name, value in others.items():
+            with pytest.raises(
+                ValueError, match=rf"^`{name}` must be left as it was saved, .*NSES"
+            ):
+                NSES.load(tmp_path / "model", env=make_maze(), **{name: value})
+        same = {"behavior": "final", "policy_kwargs": model.policy_kwargs}
+        assert NSES.load(tmp_path / "model", env=make_maze(), **same).generation == 1
 
 
 class TestSaveAndLoad:

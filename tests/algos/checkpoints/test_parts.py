@@ -34,7 +34,7 @@ class Counting(CanonicalES):
 
 
 def test_a_part_of_a_subclass_is_saved_and_loaded(make_easy_maze, tmp_path):
-    small = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    small = {"population_size": 4, "policy_kwargs": {"net_arch": [4]}}
     model = Counting(make_easy_maze(), **small).learn(300)
     assert model._counter.n == model.generation > 0
     model.save(tmp_path / "model")
@@ -57,7 +57,7 @@ class Drawing(CanonicalES):
 
 
 class TestPlainState:
-    SMALL: ClassVar = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    SMALL: ClassVar = {"population_size": 4, "policy_kwargs": {"net_arch": [4]}}
 
     @pytest.fixture
     def model(self, make_easy_maze, tmp_path):
@@ -107,7 +107,7 @@ def test_every_part_is_found(any_algorithm, make_model, make_easy_maze):
 
 
 def test_what_a_user_gave_is_in_its_part_alone(make_easy_maze):
-    model = CanonicalES(make_easy_maze(), population_size=4, n_parents=2)
+    model = CanonicalES(make_easy_maze(), population_size=4)
     search = model._search
     given = CanonicalES(make_easy_maze(), search=search)
     assert given.search is given._search is search
@@ -128,7 +128,7 @@ class Remembering(CanonicalES):
 
 
 def test_an_argument_that_nothing_else_holds_is_a_part(make_easy_maze, tmp_path):
-    model = Remembering(make_easy_maze(), population_size=4, n_parents=2).learn(300)
+    model = Remembering(make_easy_maze(), population_size=4).learn(300)
     model.save(tmp_path / "model")
     for kwargs in ({}, {"memory": Counter()}):
         loaded = Remembering.load(tmp_path / "model", env=make_easy_maze(), **kwargs)

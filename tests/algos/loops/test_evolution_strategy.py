@@ -84,7 +84,7 @@ class TestFitness:
 
     def test_the_weight_resumes(self):
         one, other = (Fitness(Phi("adaptive"), "ignore", SEED) for _ in range(2))
-        one.phi.value = 0.2
+        one.phi._adapted = 0.2
         other.load_state_dict(one.state_dict())
         np.testing.assert_array_equal(
             one.combine(self.extrinsic, self.intrinsic),
@@ -154,7 +154,7 @@ class Climber:
         state = json.dumps(self._rng.bit_generator.state)
         return {"center": th.from_numpy(self.center), "rng": state}
 
-    def load_state_dict(self, state, strict=True):
+    def load_state_dict(self, state):
         self._best = state["center"].numpy()
         self._rng.bit_generator.state = json.loads(state["rng"])
 

@@ -37,7 +37,7 @@ from curiosity_algos.evaluation.coverage import env_attribute
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.policies import act
 from curiosity_algos.evaluation.rollouts import Rollouts
-from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm, _info
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 
 HARD = "CuriosityMaze-Hard-v0"
 GENERATION = 6 * 50
@@ -705,7 +705,7 @@ def test_each_individual_ends_an_episode_as_a_monitor_says():
         behaviors=np.array([[0.1, 0.2], [0.3, 0.4]]),
         final_observations=np.arange(4, dtype=np.float32).reshape(2, 2),
     )
-    infos = [_info(rollouts, i, 12.3456789) for i in range(2)]
+    infos = rollouts.infos(12.3456789)
     assert [info["episode"] for info in infos] == [
         {"r": 0.66, "l": 3, "t": 12.345679},
         {"r": 0.0, "l": 5, "t": 12.345679},
@@ -714,4 +714,4 @@ def test_each_individual_ends_an_episode_as_a_monitor_says():
     assert infos[1]["terminal_observation"].tolist() == [2.0, 3.0]
     assert infos[1]["behavior"].tolist() == [0.3, 0.4]
     without = dataclasses.replace(rollouts, behaviors=np.empty((2, 0)))
-    assert "behavior" not in _info(without, 0, 0.0)
+    assert "behavior" not in without.infos(0.0)[0]

@@ -782,7 +782,7 @@ def test_what_is_rare_stands_out_to_one_policy_unless_told():
     [
         ("bonus", "count"),
         ("bonus_kwargs", {"widths": 3}),
-        ("weight", 0.0),
+        ("weight", -0.1),
         ("gamma", 1.0),
         ("bonus", Recorder),
         ("train_interval", 0),

@@ -520,7 +520,7 @@ class TestTraining:
             "`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, ramp, rnd",
         ),
         ({"bonus": "icm", "bonus_kwargs": {"betta": 1}}, "`bonus_kwargs`"),
-        ({"weight": 0.0}, "`weight` must be"),
+        ({"weight": -0.1}, "`weight` must be"),
         ({"extrinsic": 2}, "`extrinsic` must be"),
         ({"gamma": 1.0, "train_interval": 9}, "`gamma` must be below 1"),
         ({"train_interval": 0}, "`train_interval` must be"),

@@ -161,7 +161,7 @@ class TestFromPreset:
         assert TD3ICM(HARD, buffer_size=10).preset is None
         TD3ICM.from_preset("paper", HARD, buffer_size=10).save(tmp_path / "model")
         assert TD3ICM.load(tmp_path / "model").preset == "paper"
-        with pytest.raises(ValueError, match="`preset` must be as saved, paper"):
+        with pytest.raises(ValueError, match="`preset` must be left as it was saved, paper"):
             TD3ICM.load(tmp_path / "model", preset="tuned")
 
     def test_what_it_says_nothing_of_is_refused(self):

@@ -160,7 +160,12 @@ def test_more_or_fewer_environments_are_found(tmp_path):
 def test_a_setting_of_another_range_is_found(tmp_path):
     path = tmp_path / "wrapper.pt"
     whole = save(path)
-    for name, value in {"weight": 0.0, "gamma": 1.0, "n_updates": 0, "buffer_size": 10**15}.items():
+    for name, value in {
+        "weight": -1.0,
+        "gamma": 1.0,
+        "n_updates": 0,
+        "buffer_size": 10**15,
+    }.items():
         write_plain(path, changed(whole, ("settings", name), value), FORMAT)
         assert not loads(path)
 

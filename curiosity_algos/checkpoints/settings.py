@@ -1,0 +1,42 @@
+"""The settings of what learns: a new value is in force from then on, or is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from typing import Any, ClassVar
+
+from curiosity_algos.checkpoints.plain_files import plain
+
+
+class HasSettings:
+    """Checks the settings that a callback may change, and refuses to change the others.
+
+    What a file says of a thing is then what is in force, and one that is loaded goes on as the
+    thing itself would have.
+    """
+
+    _checks: ClassVar[dict[str, Callable[..., None]]] = {}
+    """By setting, what raises ValueError of a value that it may not have."""
+    _settled: Set[str] = frozenset()
+    """Settings that parts were made with, once they are: another value would change nothing."""
+
+    @property
+    def _made_with(self) -> Set[str]:
+        return self._settled
+
+    def _way_on(self, name: str) -> str:
+        """How to have another value of such a setting."""
+        return f"make a new {type(self).__name__}"
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute.
+
+        Raises:
+            ValueError: If it is a setting that stays, or may not have the value.
+        """
+        if name in self._made_with:
+            raise ValueError(f"`{name}` must stay as it was set: {self._way_on(name)}.")
+        if name in self._checks:
+            self._checks[name](**{name: value})
+            value = plain(value)
+        super().__setattr__(name, value)

@@ -1,0 +1,40 @@
+"""Arguments of a replay buffer with a bonus, checked before anything is made of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curiosity_algos.sb3.scale import check_discount
+from curiosity_gym.validation import check_at_least_one, check_seed
+
+
+def check_schedule(
+    gamma: float | None, train_interval: int | None, n_updates: int, batch_size: int
+) -> None:
+    """Raise ValueError unless a bonus can be trained and scaled so."""
+    if gamma is not None:
+        check_discount(gamma)
+    if train_interval is not None:
+        check_at_least_one(train_interval=train_interval)
+    elif gamma is not None:
+        raise ValueError("`gamma` must be None where `train_interval` is: nothing is scaled.")
+    check_at_least_one(n_updates=n_updates, batch_size=batch_size)
+
+
+def check_size(buffer_size: int, n_envs: int, optimize_memory_usage: bool) -> None:
+    """Raise ValueError unless there is room for transitions of each environment."""
+    check_at_least_one(buffer_size=buffer_size, n_envs=n_envs)
+    if optimize_memory_usage and buffer_size < 2 * n_envs:
+        raise ValueError(
+            f"`buffer_size` must be at least {2 * n_envs} with `optimize_memory_usage`, two of "
+            f"each environment, got {buffer_size}."
+        )
+
+
+def seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
+    """The seed's sequence; of None one that NumPy's generator draws."""
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    check_seed(seed)
+    # The global generator is what SB3's algorithms seed.
+    return np.random.SeedSequence(np.random.randint(2**31) if seed is None else seed)  # noqa: NPY002

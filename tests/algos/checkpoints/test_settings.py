@@ -1,0 +1,255 @@
+"""A setting that a callback changes is in force from the next generation on, or is refused."""
+
+import inspect
+
+import numpy as np
+import pytest
+from ribs.emitters import GaussianEmitter
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from curiosity_algos import (
+    AURORA,
+    CMAME,
+    NSES,
+    NSLC,
+    TD3ICM,
+    BonusReplayBuffer,
+    BonusVecEnvWrapper,
+    CuriosityES,
+    MAPElites,
+)
+from tests.algos.conftest import ALL_SETTINGS
+
+NO_SETTINGS = {"env", "policy", "evaluator", "verbose", "tensorboard_log"}
+SETTLED = {
+    *("seed", "device", "n_threads", "policy_kwargs", "normalize_observations", "search"),
+    *("archive", "emitters", "bonus", "bonus_kwargs", "buffer_size", "behavior", "n_cells", "es"),
+    *("latent_size", "trajectory_share", "n_kept", "train_freq", "stats_window_size"),
+    *("action_noise",),
+}
+CHANGES = {
+    **{"step": "paper", "mirrored_sampling": True, "phi": 0.3, "no_reward": "random"},
+    **{"n_parents": 1, "n_states": 3, "archive_size": 4, "training_interval": 3},
+    **{"batch_size": 3, "n_updates": 20, "n_epochs": 9, "extrinsic": False},
+    **{"learning_starts": 10_000, "tau": 0.5, "target_noise_clip": 0.01},
+}
+"""Other values of settings; of other numbers half is taken."""
+WHEN = 2
+"""The generation, and of TD3 the episode, after which one is changed."""
+
+
+def settings_of(algorithm):
+    settled = SETTLED | ({"population_size"} if algorithm is CMAME else set())
+    names = inspect.signature(algorithm).parameters.keys() - NO_SETTINGS
+    return names & settled, names - settled
+
+
+class Change(BaseCallback):
+    """Saves the model at some time, and then changes a setting of it."""
+
+    def __init__(self, path, name, value):
+        super().__init__()
+        self.path, self.name, self.value = path, name, value
+        self.n_ended = 0
+
+    def _on_step(self):
+        self.n_ended += bool(np.all(self.locals["dones"]))
+        if self.n_ended == WHEN and not self.path.exists():
+            self.model.save(self.path)
+            setattr(self.model, self.name, self.value)
+        return True
+
+
+def outcome(model):
+    """The policies that the model would play next, and what its bonus has learned."""
+    is_td3 = isinstance(model, TD3ICM)
+    policies = [] if is_td3 else [model._ask().ravel()]
+    networks = [model.actor] if is_td3 else []
+    networks += [model.trained_bonus] if hasattr(model, "trained_bonus") else []
+    weights = [each.detach().numpy().ravel() for one in networks for each in one.parameters()]
+    return np.concatenate(policies + weights)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "name"),
+    [
+        pytest.param(algorithm, name, id=f"{algorithm.__name__}-{name}")
+        for algorithm in ALL_SETTINGS
+        for name in sorted(settings_of(algorithm)[1])
+    ],
+)
+def test_a_change_is_in_force(
+    algorithm, name, make_model, make_easy_maze, make_maze, assert_same_run, tmp_path
+):
+    # Where all have a reward, nothing stands in for it; a sum alone has a discount.
+    make_env = make_maze if name == "no_reward" else make_easy_maze
+    begun = {"n_states": None} if (algorithm, name) == (CuriosityES, "gamma") else {}
+    model = make_model(algorithm, make_env(), **begun)
+    value = (
+        CHANGES[name] if name in CHANGES else type(getattr(model, name))(getattr(model, name) / 2)
+    )
+    changed = Change(tmp_path / "model.zip", name, value)
+    n_timesteps = 64 * (4 if algorithm is TD3ICM else 36)
+    model.learn(n_timesteps, callback=changed)
+    assert getattr(model, name) == value
+    given, as_it_was = (
+        algorithm.load(changed.path, make_env(), **kwargs) for kwargs in ({name: value}, {})
+    )
+    for each in (given, as_it_was):
+        each.learn(n_timesteps - each.num_timesteps, reset_num_timesteps=False)
+    assert_same_run(model, given)
+    assert not np.array_equal(outcome(model), outcome(as_it_was))
+
+
+def test_what_parts_were_made_with_stays(any_algorithm, make_model, make_easy_maze):
+    model = make_model(any_algorithm, make_easy_maze())
+    before = dict(vars(model))
+    for name in settings_of(any_algorithm)[0]:
+        with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set: .*make a new "):
+            setattr(model, name, 3)
+    assert vars(model) == before
+
+
+class TestOfABonus:
+    """Of what adds one to the rewards of Stable-Baselines3's algorithms."""
+
+    def make(self, kind, make_easy_maze, **settings):
+        settings = {"bonus": "rnd", "seed": 0, "device": "cpu", "train_interval": 16, **settings}
+        env = make_easy_maze()
+        if kind == "wrapper":
+            return BonusVecEnvWrapper(DummyVecEnv([lambda: env]), **settings)
+        return BonusReplayBuffer(200, env.observation_space, env.action_space, **settings)
+
+    @pytest.fixture(params=["wrapper", "buffer"])
+    def kind(self, request):
+        return request.param
+
+    def test_a_change_is_in_the_file_too(self, kind, make_easy_maze, tmp_path):
+        holder = self.make(kind, make_easy_maze)
+        changes = {"weight": np.float64(0.0), "extrinsic": False, "train_interval": 8}
+        changes |= {"n_updates": 3, "batch_size": 5}
+        for name, value in changes.items():
+            setattr(holder, name, value)
+        assert type(holder.weight) is float
+        holder.save(tmp_path / "file")
+        if kind == "wrapper":
+            again = BonusVecEnvWrapper.load(tmp_path / "file", holder.venv)
+        else:
+            again = self.make(kind, make_easy_maze)
+            again.restore(tmp_path / "file")
+        assert {name: getattr(again, name) for name in changes} == changes
+
+    def test_what_it_may_be_is_said_at_once(self, kind, make_easy_maze):
+        holder = self.make(kind, make_easy_maze)
+        wrong = {"weight": -1.0, "extrinsic": 2, "train_interval": 0, "n_updates": 0, "gamma": 1.0}
+        for name, value in wrong.items():
+            before = getattr(holder, name)
+            with pytest.raises(ValueError, match=f"^`{name}` must be "):
+                setattr(holder, name, value)
+            assert getattr(holder, name) == before
+
+    def test_what_parts_were_made_with_stays(self, kind, make_easy_maze):
+        holder = self.make(kind, make_easy_maze)
+        for name in ("bonus", "bonus_kwargs", "buffer_size", "observation_key", "seed"):
+            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set: make a new "):
+                setattr(holder, name, 1)
+        with pytest.raises(ValueError, match=r"^`learning_rate` must stay as it was set"):
+            holder.bonus.learning_rate = 1e-5
+
+    def test_gamma_discounts_from_then_on(self, kind, make_easy_maze):
+        holder = self.make(kind, make_easy_maze)
+        holder.gamma = 0.5
+        assert holder._scale.gamma == holder.gamma == 0.5
+
+    def test_without_a_scale_there_is_no_gamma(self, make_easy_maze):
+        buffer = self.make("buffer", make_easy_maze, gamma=None, train_interval=None)
+        for name in ("gamma", "train_interval"):
+            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
+                setattr(buffer, name, 1)
+
+
+def test_td3_pays_the_weight_that_it_logs(make_model, make_easy_maze):
+    model = make_model(TD3ICM, make_easy_maze())
+    model.weight, model.extrinsic = 0.0, False
+    model.learn(200)
+    assert model.replay_buffer.sample(9).rewards.abs().max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "population_size", "n_parents"),
+    [(NSES, 16, 8), (NSES, 56, 28), (NSES, 1, 1), (NSLC, 56, 7), (NSLC, 8, 4), (NSLC, 1, 1)],
+)
+def test_who_recombines_follows_from_the_population(
+    algorithm, population_size, n_parents, make_maze
+):
+    settings = {"population_size": population_size, "behavior": "state"}
+    model = algorithm(make_maze(), **settings)
+    assert model.n_parents is None
+    assert model._n_parents == n_parents
+    model.learn(1)
+
+
+def test_load_halves_another_population(make_maze, tmp_path):
+    NSES(make_maze(), population_size=6, seed=0).learn(1).save(tmp_path / "model")
+    loaded = NSES.load(tmp_path / "model", env=make_maze(), population_size=4)
+    assert loaded.learn(1)._search.n_parents == 2
+
+
+class TestWithoutEffect:
+    def test_on_a_search_of_ones_own(self, make_model, make_easy_maze):
+        own = make_model(NSES, make_easy_maze())._search
+        model = make_model(NSES, make_easy_maze(), search=own)
+        for name in ("population_size", "n_parents", "sigma", "learning_rate", "step"):
+            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
+                setattr(model, name, 1)
+        model.phi = 0.5
+
+    def test_on_an_archive_of_ones_own(self, make_model, make_easy_maze):
+        own = make_model(NSLC, make_easy_maze()).archive
+        model = make_model(NSLC, make_easy_maze(), archive=own)
+        for name in ("k", "archive_size"):
+            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
+                setattr(model, name, 1)
+        model.sigma = 0.1
+
+    def test_on_emitters_of_ones_own(self, make_model, make_easy_maze):
+        def emitters(archive, x0, seed):
+            return [GaussianEmitter(archive, sigma=0.1, x0=x0, batch_size=6, seed=seed)]
+
+        model = make_model(MAPElites, make_easy_maze(), emitters=emitters)
+        for name in ("sigma", "population_size"):
+            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
+                setattr(model, name, 1)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "name", "wrong"),
+    [
+        (NSES, "sigma", 0.0),
+        (NSES, "population_size", 2.5),
+        (NSES, "n_parents", 7),
+        (CuriosityES, "gamma", 0.5),
+        (CuriosityES, "n_updates", 0),
+        (AURORA, "batch_size", -1),
+        (TD3ICM, "weight", -1.0),
+        (TD3ICM, "batch_size", 0),
+    ],
+)
+def test_what_it_may_be_is_said_before_it_is_in_force(
+    algorithm, name, wrong, make_model, make_easy_maze, assert_same_run
+):
+    model, twin = (make_model(algorithm, make_easy_maze()).learn(400) for _ in range(2))
+    right = getattr(model, name)
+    setattr(model, name, wrong)
+    with pytest.raises(ValueError, match=f"^`{name}` must be "):
+        model.learn(400, reset_num_timesteps=False)
+    setattr(model, name, right)
+    if algorithm is not TD3ICM:  # whose steps until the training had been taken
+        assert_same_run(model, twin)
+
+
+def test_a_number_of_numpy_becomes_a_number(make_model, make_easy_maze):
+    model = make_model(NSES, make_easy_maze())
+    model.sigma = np.float64(0.2)
+    assert type(model.learn(1).sigma) is float

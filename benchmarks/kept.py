@@ -7,6 +7,7 @@ policy that it leaves behind never comes back.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,13 +15,15 @@ import typer
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from benchmarks.results import FOLDER, HELD, KEYS, add_rows, label
+from benchmarks.results import FOLDER, KEYS, add_rows, label
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments import load_runs
-from curiosity_algos.experiments.run_envs import open_envs
-from curiosity_algos.experiments.run_folder import last_checkpoint
+from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.run_folder import RunFolder
 
+N_ENVS = 8
 SEED = 10_000
 """Of actions that are drawn, and of starts."""
 
@@ -34,22 +37,20 @@ def main(
     """Count the episodes in which each last policy succeeds, and add them to a CSV file."""
     table = load_runs(runs / name)
     table["algorithm"] = label(table, runs / name)
-    held = table[HELD].fillna(1).astype(int)
     table["episodes"] = episodes
     for column, is_best in (("drawn", False), ("best", True)):
-        table[column] = [
-            count(Path(run), episodes, n_held, is_best=is_best)
-            for run, n_held in zip(table["run"], held, strict=True)
-        ]
+        counts = [count(Path(run), episodes, is_best=is_best) for run in table["run"]]
+        table[column] = counts
     add_rows(table[[*KEYS, "episodes", "drawn", "best"]], out / f"{name}_kept.csv", KEYS)
 
 
-def count(path: Path, n_episodes: int, n_held: int, *, is_best: bool) -> int:
+def count(path: Path, n_episodes: int, *, is_best: bool) -> int:
     """Episodes that succeed with the best action at each step, or with drawn ones."""
-    described, checkpoint = last_checkpoint(path)
+    run = RunFolder(path)
+    described = run.describe()
     cls = find_algorithm(described["algorithm"].partition(" + ")[0])
-    model: BaseAlgorithm = cls.load(checkpoint / "model", device="cpu")
-    venv = open_envs(described["env"], 8, n_held, {})
+    model: BaseAlgorithm = run.read(lambda folder: cls.load(folder / "model", device="cpu"))
+    venv = VecMonitor(DummyVecEnv([partial(make_env, described, trust=True)] * N_ENVS))
     venv.seed(SEED)
     set_random_seed(SEED)
     successes: list[bool] = []

@@ -6,7 +6,7 @@ A table stands in a page between `<!-- table NAME -->` and `<!-- end of table --
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -136,6 +136,27 @@ def _by_visits(runs: pd.DataFrame) -> pd.DataFrame:
 def with_and_without(runs: pd.DataFrame) -> str:
     """As `visits`, of PPO with APT and alone."""
     return visits(runs[runs["algorithm"].isin(["PPO + APT", "PPO"])])
+
+
+def recipe() -> str:
+    """Of the recipe and of PPO alone: when runs found the goal, and how often they come back."""
+    kept = read_rows("recipe_kept")
+    runs = read_runs("recipe").merge(kept, on=["algorithm", "env", "seed"])
+    (n_episodes,) = runs["episodes"].unique()
+    rows = [
+        [algorithm, short_name(env), *(" / ".join(column) for column in _kept(group))]
+        for (algorithm, env), group in runs.groupby(["algorithm", "env"], sort=False)
+    ]
+    heads = ["First reward (M steps)", f"Of {n_episodes} episodes, drawn actions", "best actions"]
+    return markdown(["Algorithm", "Maze", *heads], rows)
+
+
+def _kept(group: pd.DataFrame) -> list[Iterable[str]]:
+    """First rewards, and episodes in which the last policies come to the goal, of each seed."""
+    firsts = [
+        "never" if pd.isna(x) else _short(x / 1e6, 1) for x in group["first_success_timesteps"]
+    ]
+    return [firsts, group["drawn"].map(str), group["best"].map(str)]
 
 
 def parts() -> str:
@@ -365,6 +386,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-baselines": partial(make_table, read_rows, "control_baselines", counts),
     "locomotion-baselines": partial(make_table, read_rows, "locomotion_baselines", counts),
     "ppo-parts": parts,
+    "recipe": recipe,
     "minigrid": partial(make_table, read_rows, "minigrid", doors),
     "parity": partial(make_table, read_rows, "parity", counts),
     "roaming": partial(make_table, read_rows, "roaming", partial(roaming, timesteps=1_000_000)),

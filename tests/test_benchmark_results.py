@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -11,7 +12,9 @@ from matplotlib.collections import QuadMesh
 from PIL import Image
 
 from benchmarks import (
+    bonuses,
     figures,
+    kept,
     learning,
     opening,
     results,
@@ -121,6 +124,17 @@ def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
     )
 
 
+def test_kept_goals_are_counted_for_each_run(tmp_path, monkeypatch):
+    """Of a goal as large as the maze, to which each policy comes, and of one that none comes to."""
+    run = replace(bonuses.KEPT, settings={"n_steps": 8}, env_kwargs={"horizon": 100})
+    near = replace(run, env_kwargs={"horizon": 100, "goal_radius": 99.0}, variant="near")
+    monkeypatch.setitem(bonuses.RUNS, "recipe", [run, near])
+    bonuses.main("recipe", seeds="0", timesteps=1280, runs=tmp_path, jobs=1, out=tmp_path)
+    kept.main("recipe", tmp_path, episodes=9, out=tmp_path)
+    counted = results.read_rows("recipe_kept", tmp_path).set_index("algorithm")
+    assert counted[["episodes", "drawn", "best"]].to_numpy().tolist() == [[9, 0, 0], [9, 9, 9]]
+
+
 @pytest.mark.extra("control")
 def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
     env, starts = "CuriosityControl-BallInCup-v0", 12
@@ -198,7 +212,7 @@ def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
     worlds = dict.fromkeys(learning.MAZES[:2], ("a robot", layout, origin))
     for env in worlds:
         run = tmp_path / opening.RUNS.format(env)
-        model = CanonicalES(env, population_size=4, n_parents=2, seed=0)
+        model = CanonicalES(env, population_size=4, seed=0)
         model.learn(3e4, callback=SaveRun(run))
     ends, states = opening.read_ends(run, origin), load_final_states(run)
     np.testing.assert_array_equal(ends.positions, states["behavior"][:, :2] + origin)
@@ -215,7 +229,7 @@ def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
 def test_the_whereabouts_are_all_ends_of_all_runs(tmp_path):
     env = gym.make(learning.WORLDS[0], horizon=5)
     for seed in (0, 1):
-        model = CanonicalES(env, population_size=4, n_parents=2, seed=seed)
+        model = CanonicalES(env, population_size=4, seed=seed)
         model.learn(40, callback=SaveRun(tmp_path / f"run {seed}" / "run"))
         whereabouts.main(tmp_path / f"run {seed}", tmp_path, tmp_path)
     counts = whereabouts.read_counts(tmp_path / whereabouts.FILE)

@@ -75,7 +75,7 @@ def final_behaviors(infos: Sequence[Mapping[str, Any]]) -> Float64Array:
 def check_finite(behaviors: Float64Array) -> None:
     """Raise ValueError unless the behaviors at the ends of episodes are finite."""
     if not np.isfinite(behaviors).all():
-        raise ValueError('`env` must give a finite info["behavior"], an episode\'s was not.')
+        raise ValueError("`env` must give finite behaviors, an episode's was not.")
 
 
 def _shape(behavior: Any) -> tuple[int, ...] | None:

@@ -261,7 +261,7 @@ class Behaves(gym.Wrapper):
 @pytest.mark.parametrize(
     ("behaviors", "words"),
     [
-        ([[1.0], [float("nan")]], 'give a finite info["behavior"]'),
+        ([[1.0], [float("nan")]], "give finite behaviors"),
         ([[1.0], None], "of as many numbers, or none with any: one had 0, those before 1."),
         ([None, [1.0, 2.0]], "of as many numbers, or none with any: one had 2, those before 0."),
         (["fast"], "of numbers, of the same shape"),

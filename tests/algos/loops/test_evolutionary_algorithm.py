@@ -52,6 +52,7 @@ KEYS = {
     "rollout/ep_len_mean",
     "rollout/success_rate",
     "search/sigma",
+    "time/first_reward",
     "time/fps",
     "time/generations",
     "time/total_timesteps",

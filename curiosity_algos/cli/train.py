@@ -66,7 +66,8 @@ def train(
 
     Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7
 
-    Example: curiosity train --algo ppo --bonus apt --n-envs 16 --repeat-action 10 -n 1e5
+    Example: curiosity train --algo ppo --bonus apt --bonus-kwargs weight:0.02 --n-envs 16
+    --repeat-action 10 --hyperparams n_steps:64 -n 3e5
     """
     from curiosity_algos.experiments import training
 

@@ -110,7 +110,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         self,
         venv: VecEnv,
         *,
-        bonus: str | Bonus = "icm",
+        bonus: str | Bonus = "apt",
         bonus_kwargs: dict[str, Any] | None = None,
         observation_key: str | None = None,
         weight: float = 1.0,
@@ -414,8 +414,11 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         return wrapper
 
 
-ICMVecEnvWrapper = BonusVecEnvWrapper
-"""Another name of the wrapper, whatever its bonus."""
+class ICMVecEnvWrapper(BonusVecEnvWrapper):
+    """A `BonusVecEnvWrapper`, with the same keywords, whose bonus is ICM unless it is named."""
+
+    def __init__(self, venv: VecEnv, *, bonus: str | Bonus = "icm", **settings: Any) -> None:
+        super().__init__(venv, bonus=bonus, **settings)
 
 
 def _check_venv(venv: object) -> None:

@@ -114,7 +114,7 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         optimize_memory_usage: bool = False,
         handle_timeout_termination: bool | None = None,
         *,
-        bonus: str | Bonus = "icm",
+        bonus: str | Bonus = "apt",
         bonus_kwargs: dict[str, Any] | None = None,
         observation_key: str | None = None,
         weight: float = 1.0,

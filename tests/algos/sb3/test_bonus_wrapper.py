@@ -145,7 +145,7 @@ def make_venv(n=2, env=Count):
 
 def wrap(venv=None, **changes):
     settings = {"seed": 0, "device": "cpu", "train_interval": 8, "n_updates": 2, "batch_size": 4}
-    return BonusVecEnvWrapper(venv or make_venv(), **(settings | changes))
+    return BonusVecEnvWrapper(venv or make_venv(), **({"bonus": "icm"} | settings | changes))
 
 
 def wrap_trained(venv=None, bonus=None, **changes):
@@ -800,10 +800,14 @@ def test_errors_name_the_argument(name, value):
         wrap(**{name: value})
 
 
-def test_it_has_another_name():
-    assert (
-        curiosity_algos.ICMVecEnvWrapper is curiosity_algos.BonusVecEnvWrapper is BonusVecEnvWrapper
-    )
+@pytest.mark.parametrize(
+    ("name", "bonus"), [("BonusVecEnvWrapper", "apt"), ("ICMVecEnvWrapper", "icm")]
+)
+def test_a_wrapper_has_a_bonus_of_its_own_unless_it_is_named(name, bonus, tmp_path):
+    made = getattr(curiosity_algos, name)
+    assert made(make_venv(), device="cpu").bonus.name == bonus
+    made(make_venv(), bonus="rnd", device="cpu").save(tmp_path / "bonus.pt")
+    assert made.load(tmp_path / "bonus.pt", make_venv(), device="cpu").bonus.name == "rnd"
 
 
 def test_an_object_takes_no_keywords():

@@ -549,6 +549,10 @@ def test_nothing_is_drawn_from_nothing():
         make_buffer().sample(2)
 
 
+def test_its_bonus_is_apt_unless_another_is_named():
+    assert BonusReplayBuffer(10, OBSERVATIONS, ACTIONS, "cpu").bonus.name == "apt"
+
+
 def test_what_is_rare_stands_out_unless_told():
     def settings(**told):
         bonus = make_buffer(bonus="apt", bonus_kwargs=told).bonus

@@ -51,7 +51,7 @@ def play(venv, n_steps=5):
 def save(path, **changes):
     """A file of a wrapper in mid-episode, and what it holds."""
     small = {"train_interval": 4, "n_updates": 1, "batch_size": 4, "buffer_size": 20, "seed": 0}
-    bonus = {"bonus_kwargs": {"hidden": 2, "n_features": 2}}
+    bonus = {"bonus": "icm", "bonus_kwargs": {"hidden": 2, "n_features": 2}}
     wrapper = BonusVecEnvWrapper(make_venv(), device="cpu", **(small | bonus | changes))
     wrapper.reset()
     play(wrapper)

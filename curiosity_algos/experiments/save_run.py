@@ -18,7 +18,12 @@ from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_pla
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import describe_run, with_newer_settings
+from curiosity_algos.experiments.description import (
+    describe_run,
+    describe_vec_env,
+    settings_of,
+    with_newer_settings,
+)
 from curiosity_algos.experiments.differences import differences
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
@@ -30,6 +35,8 @@ from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_gym.validation import check_at_least_one, check_positive
 
+SETTINGS = "settings.json"
+"""Of a checkpoint: settings that callbacks may have changed since `run.json` was written."""
 _FOUND = "what a run has found"
 """Kind of the file of an `ExplorationCallback`'s state."""
 _SPAWN_KEYS = 0x5A7E, 0x5A7F
@@ -129,9 +136,11 @@ class SaveRun(BaseCallback):
     def _check_folder(self, description: dict[str, Any]) -> None:
         if self.folder.is_empty():
             return
-        there = with_newer_settings(self.folder.describe(), self.model)
-        others = differences(there, description)
         checkpoint = self.folder.checkpoint
+        described = self.folder.describe()
+        if checkpoint is not None and (checkpoint / SETTINGS).is_file():
+            described |= json.loads((checkpoint / SETTINGS).read_text())
+        others = differences(with_newer_settings(described, self.model), description)
         timesteps = 0 if checkpoint is None else int(checkpoint.name)
         if timesteps != self.model.num_timesteps:
             others.append(f"num_timesteps is {timesteps}, not {self.model.num_timesteps}")
@@ -274,6 +283,9 @@ class SaveRun(BaseCallback):
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
             write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
+        now = {"settings": settings_of(self.model), **describe_vec_env(self.model)}
+        with atomic_file(folder / SETTINGS) as file:
+            file.write(json.dumps(now).encode())
         with atomic_file(folder / "result.json") as file:
             file.write(json.dumps(self._result(), indent=2).encode())
 

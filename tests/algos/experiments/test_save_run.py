@@ -580,3 +580,24 @@ def test_it_does_not_warn_where_there_are_none(make_model, make_easy_maze, folde
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.learn(300, SaveRun(folder), reset_num_timesteps=False)
+
+
+class Anneal(BaseCallback):
+    """Takes smaller and smaller steps."""
+
+    def _on_step(self):
+        self.model.sigma *= 0.9
+        return True
+
+
+def test_a_run_whose_settings_a_callback_changes_goes_on(make_model, make_easy_maze, tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    model = make_model(CanonicalES, make_easy_maze())
+    model.learn(500, callback=[Anneal(), SaveRun(folder.path)])
+    loaded = CanonicalES.load(folder.checkpoint / "model", env=make_easy_maze())
+    assert loaded.sigma == model.sigma < 0.3
+    loaded.learn(500, callback=[Anneal(), SaveRun(folder.path)], reset_num_timesteps=False)
+    assert folder.describe()["settings"]["sigma"] == 0.3
+    other = CanonicalES.load(folder.checkpoint / "model", env=make_easy_maze(), sigma=0.25)
+    with pytest.raises(ValueError, match=r"settings\.sigma is .*, not 0\.25"):
+        other.learn(500, callback=SaveRun(folder.path), reset_num_timesteps=False)

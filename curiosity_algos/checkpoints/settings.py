@@ -18,7 +18,7 @@ class HasSettings:
     _checks: ClassVar[dict[str, Callable[..., None]]] = {}
     """By setting, what raises ValueError of a value that it may not have."""
     _settled: Set[str] = frozenset()
-    """Settings that parts were made with, once they are: another value would change nothing."""
+    """Settings that parts were made with, after which another value would change nothing."""
 
     @property
     def _made_with(self) -> Set[str]:

@@ -172,7 +172,7 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
 
     @property
     def gamma(self) -> float | None:
-        """Discount of the sum that the bonus is scaled by; None: it counts as it is."""
+        """Discount of the sum that the bonus is scaled by, or None where it counts as it is."""
         return None if self._scale is None else self._scale.gamma
 
     @gamma.setter

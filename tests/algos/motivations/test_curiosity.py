@@ -63,6 +63,33 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
     )
 
 
+class Boundless(Recorder):
+    """A bonus without a number."""
+
+    def score_trajectory(self, observations, actions):
+        return np.full(len(actions), np.nan)
+
+    def score(self, observations, actions, next_observations):
+        return np.full(len(observations), np.nan)
+
+
+@pytest.mark.parametrize("n_states", [None, 3])
+@pytest.mark.parametrize(
+    ("observed", "fault"),
+    [
+        (1.0, "`bonus` must give finite scores, it gave others"),
+        (1e20, r"`env` must give observations of at most 1e\+18, it gave 1e\+20"),
+        (np.nan, "`env` must give finite observations, it gave NaN or infinity"),
+    ],
+)
+def test_who_is_at_fault_is_named(n_states, observed, fault):
+    motivation = make_motivation(Boundless(), n_states=n_states, gamma=1.0)
+    rollouts = make_rollouts()
+    rollouts.observations[:] = observed
+    with pytest.raises(ValueError, match=fault):
+        motivation.score(rollouts)
+
+
 class TestScore:
     @pytest.mark.parametrize(("n_states", "n_together"), [(1, 8), (3, 1), (8, 2), (49, 8)])
     def test_some_states_are_enough(self, n_states, n_together, monkeypatch):

@@ -65,9 +65,8 @@ PARTS = {
     "num_repeats=1": replace(APT, repeat_action=1),
 }
 """Other settings of the recipe, one at a time."""
-KEPT = replace(PPO, timesteps=3e6)
-"""A budget in which the policy of the recipe learns to come back to what it has found."""
-KEPT_APT = replace(KEPT, bonus="apt", bonus_kwargs={"weight": 0.02})
+KEPT = replace(APT, timesteps=3e6, bonus_kwargs={"weight": 0.02})
+"""With a weight and a budget at which the policy learns to come back to what it has found."""
 ANT = RunSpec("PPO", WORLDS[0], 0, 1e6, n_envs=8)
 """With the defaults of PPO; its bonus is the one that CuriosityES has."""
 ANT_APT = replace(ANT, bonus="apt", bonus_kwargs={"horizon": 100, "power": 1.0})
@@ -80,7 +79,7 @@ def runs_of(run: RunSpec, envs: Iterable[str], bonuses: Iterable[str | None]) ->
 
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
-    "recipe": runs_of(KEPT, MAZES, [None]) + runs_of(KEPT_APT, MAZES, ["apt"]),
+    "recipe": runs_of(KEPT, MAZES, ["apt"]),
     "sparse": runs_of(PPO, SPARSE, (None, "apt", "ngu", "rnd")),
     **{f"ppo_parts/{part}": [replace(run, variant=part)] for part, run in PARTS.items()},
     "off_policy/sac": runs_of(SAC, MAZES, (None, *SAMPLED)),

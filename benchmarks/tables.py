@@ -139,7 +139,7 @@ def with_and_without(runs: pd.DataFrame) -> str:
 
 
 def recipe() -> str:
-    """Of the recipe and of PPO alone: when runs found the goal, and how often they come back."""
+    """When runs of the recipe found the goal, and how often their last policies come back to it."""
     kept = read_rows("recipe_kept")
     runs = read_runs("recipe").merge(kept, on=["algorithm", "env", "seed"])
     (n_episodes,) = runs["episodes"].unique()

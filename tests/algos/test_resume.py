@@ -21,7 +21,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 
 KILLER = """
 import os, pathlib, signal, sys, threading, time
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {tests!r}, {helpers!r}
 from conftest import latest_checkpoint, make_easy_maze, make_model
 from stable_baselines3.common.callbacks import CheckpointCallback
 import curiosity_algos
@@ -65,7 +65,8 @@ for line in sys.stdin:
 def kill_ten_times():
     """Trains an algorithm in processes that are killed, one after the other, at random moments."""
     moments = np.random.default_rng(0).uniform(0.0, 0.1, 10).tolist()
-    code = KILLER.format(tests=str(pathlib.Path(__file__).parent), moments=moments)
+    tests, helpers = str(pathlib.Path(__file__).parent), str(ROOT / "tests" / "helpers")
+    code = KILLER.format(tests=tests, helpers=helpers, moments=moments)
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, **pipes) as killer:
 

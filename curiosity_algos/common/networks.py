@@ -85,6 +85,10 @@ class RunningNormalizer(th.nn.Module):
 
     CLIP = 5.0
     """Largest absolute output, in standard deviations, as in Burda et al. 2018 (RND)."""
+    FARTHEST = 100.0
+    """Deviations from the mean that a feature may be observed at, while few are known."""
+    SMALLEST = 1e-3
+    """Deviation of a feature, at least."""
 
     mean: th.Tensor
     variance: th.Tensor
@@ -105,6 +109,8 @@ class RunningNormalizer(th.nn.Module):
             self._merge(batch.to(th.float64))
 
     def _merge(self, batch: th.Tensor) -> None:
+        if self.count:
+            batch = self._bounded(batch)
         n = len(batch)
         total = self.count + n
         delta = batch.mean(0) - self.mean
@@ -117,11 +123,19 @@ class RunningNormalizer(th.nn.Module):
         self.variance.copy_(squares / total)
         self.count += n
 
+    def _bounded(self, batch: th.Tensor) -> th.Tensor:
+        """The features, as far from the mean as moves the deviation by a small factor at most."""
+        # What would double the variance is far enough: so often it came with as large a change.
+        largest = (self.variance * (self.FARTHEST**2 + self.count)).sqrt()
+        # A constant feature has no scale yet that this could destroy.
+        largest[self.variance < self.SMALLEST**2] = th.inf
+        return batch.clamp(self.mean - largest, self.mean + largest)
+
     def forward(self, features: th.Tensor) -> th.Tensor:
         """Standardized float32 features; unchanged before anything was observed."""
         if not self.count:
             return features
         # A constant feature has no scale of its own; the floor keeps its first change finite.
-        scale = self.variance.sqrt().clamp_min(1e-3)
+        scale = self.variance.sqrt().clamp_min(self.SMALLEST)
         shifted = (features - self.mean.float()) / scale.float()
         return shifted.clamp(-self.CLIP, self.CLIP)

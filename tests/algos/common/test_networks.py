@@ -119,3 +119,24 @@ class TestSingleTorchThread:
         with pytest.raises(ZeroDivisionError), single_torch_thread():
             raise ZeroDivisionError
         assert th.get_num_threads() == 2
+
+
+def test_one_observation_like_no_other_moves_the_deviation_by_a_small_factor():
+    rows = th.randn(4000, 2, generator=th.Generator().manual_seed(0))
+    spared, moved = RunningNormalizer(2), RunningNormalizer(2)
+    for part in rows.split(16):
+        spared.observe(part)
+        moved.observe(part)
+    moved.observe(th.tensor([[1e6, 0.0]]))
+    ratio = (moved.variance / spared.variance).sqrt()
+    assert 1.0 < ratio[0] < 2.5
+    assert ratio[1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_what_was_constant_may_change_as_far_as_it_does():
+    normalizer = RunningNormalizer(1)
+    normalizer.observe(th.zeros(99, 1))
+    normalizer.observe(th.ones(1, 1))
+    assert normalizer.variance.item() == pytest.approx(0.0099)
+    normalizer.observe(th.ones(1, 1))  # once more is nothing new
+    assert normalizer.mean.item() == pytest.approx(2 / 101)

@@ -233,8 +233,9 @@ class NetworkBonus(HasSettings, th.nn.Module):
 
 @cache
 def _keywords(cls: type[NetworkBonus]) -> Set[str]:
-    """Names of a bonus' keywords, those of every bonus among them."""
-    parameters = inspect.signature(cls).parameters.values()
+    """Names of keywords that stay: those of this package's bonuses, not of a user's subclass."""
+    known = next(each for each in cls.__mro__ if each.__module__.startswith("curiosity_algos."))
+    parameters = inspect.signature(known).parameters.values()
     own = {each.name for each in parameters if each.kind is each.KEYWORD_ONLY}
     return own | NetworkKeywords.__optional_keys__
 

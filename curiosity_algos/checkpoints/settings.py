@@ -34,9 +34,14 @@ class HasSettings:
         Raises:
             ValueError: If it is a setting that stays, or may not have the value.
         """
-        if name in self._made_with:
+        if name in self._made_with and not _is_same(vars(self).get(name), value):
             raise ValueError(f"`{name}` must stay as it was set: {self._way_on(name)}.")
         if name in self._checks:
             self._checks[name](**{name: value})
             value = plain(value)
         super().__setattr__(name, value)
+
+
+def _is_same(before: Any, value: Any) -> bool:
+    is_plain = isinstance(value, bool | int | float | str | tuple | dict | None)
+    return value is before or (is_plain and type(value) is type(before) and value == before)

@@ -32,34 +32,38 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 """`make()`: a new environment each time."""
 
 
+class Opened:
+    """Environments, and processes that play some, which are closed together, once."""
+
+    def __init__(self) -> None:
+        self.parts: list[Any] = []
+
+    def close(self) -> None:
+        """Close them all, even if one of them raises."""
+        with ExitStack() as stack:
+            while self.parts:
+                stack.callback(self.parts.pop().close)
+
+
 class MadeVecEnv(SingleVecEnv):
     """An environment that an id or a function made, and how to make more of its kind.
 
     Attributes:
         make: Makes another.
-        others: Those that were made: they are closed with it, or when nobody has it any more.
-        processes: What plays on more of them: closed with it.
+        opened: What evaluators have made of it: each owns its own, which is closed with either.
     """
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
-        self.others: list[gym.Env[Any, Any]] = []
-        self.processes: list[Any] = []
-        weakref.finalize(self, _close_all, self.others)
+        self.opened: weakref.WeakSet[Opened] = weakref.WeakSet()
         super().__init__(env)
 
     def close(self) -> None:
         """Close the environment, and all that was made beside it."""
-        opened = [super(), *self.processes, *self.others]
-        self.others.clear()
-        _close_all(opened)
-
-
-def _close_all(opened: list[Any]) -> None:
-    """Close them all, even if one of them raises."""
-    with ExitStack() as stack:
-        for each in opened:
-            stack.callback(each.close)
+        with ExitStack() as stack:
+            stack.callback(super().close)
+            for own in self.opened:
+                stack.callback(own.close)
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:

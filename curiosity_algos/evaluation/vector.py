@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import weakref
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -26,6 +27,7 @@ from curiosity_algos.evaluation.environments import (
     MadeEnv,
     MadeVecEnv,
     MakeEnv,
+    Opened,
     describe,
     step_limit,
 )
@@ -90,6 +92,8 @@ class VectorEvaluator:
         self._achieved = self._seen.columns("achieved_goal") if has_goal else None
         self._batch = _as_batch(env, self._seen)
         self._envs = [env] if isinstance(env, gym.Env) else []
+        self._own = Opened()
+        weakref.finalize(self, self._own.close)
         self._hints_at_more = not self._made and bool(self._envs) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # A vector env may have one generator: who plays beside whom then says where one starts.
@@ -99,11 +103,12 @@ class VectorEvaluator:
         self._processes: Processes | None = None
         if self._made is not None:
             self._made.unreached = OTHERS
+            self._made.opened.add(self._own)
             make = self._made.make
             self.make_another = partial(_evaluator_of, make, mlp, n_processes)
             if n_processes > 1:
                 self._processes = Processes(partial(_evaluator_of, make, mlp, 1), n_processes)
-                self._made.processes.append(self._processes)
+                self._own.parts.append(self._processes)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed.
@@ -137,7 +142,7 @@ class VectorEvaluator:
         n = 1 if seed is None else min(n_policies, N_ENVS)
         while len(self._envs) < n:
             self._envs.append(_new(self._made.make, self._envs))
-            self._made.others.append(self._envs[-1])
+            self._own.parts.append(self._envs[-1])
         return SingleEnvBatch(self._envs[:n], self._seen)
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:

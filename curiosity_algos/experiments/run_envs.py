@@ -46,7 +46,8 @@ def _wrap(env: gym.Env[Any, Any], entry: str, kwargs: Mapping[str, Any]) -> gym.
     made: gym.Wrapper[Any, Any, Any, Any] = cls(env, **kwargs)
     assert env.spec is not None
     # Most wrappers do not note their keywords; this one's spec is how the run is played again.
-    wrappers = *env.spec.additional_wrappers, WrapperSpec(cls.__name__, entry, dict(kwargs))
+    defined = f"{cls.__module__}:{cls.__name__}"  # as Gymnasium's own are known
+    wrappers = *env.spec.additional_wrappers, WrapperSpec(cls.__name__, defined, dict(kwargs))
     made._cached_spec = replace(env.spec, additional_wrappers=wrappers)
     return made
 

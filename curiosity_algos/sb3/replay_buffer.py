@@ -188,7 +188,7 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             **self._named,
             "n_envs": self.n_envs,
             "optimize_memory_usage": self.optimize_memory_usage,
-            "gamma": self.gamma,
+            "is_scaled": self._scale is not None,
             "trains": self.train_interval is not None,
             "observation_key": self.observation_key,
         }

@@ -61,10 +61,11 @@ class BonusScale:
         return deviation
 
     def state_dict(self) -> dict[str, Any]:
-        """Sums and statistics."""
+        """Discount, sums and statistics."""
         seen = self._statistics
         statistics = np.array([seen.mean, seen.var, seen.count], dtype=np.float64)
-        return {"sums": th.from_numpy(self._sums.copy()), "statistics": th.from_numpy(statistics)}
+        arrays = {"sums": self._sums.copy(), "statistics": statistics}
+        return {"gamma": self.gamma} | {name: th.from_numpy(x) for name, x in arrays.items()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, of as many environments."""
@@ -72,6 +73,8 @@ class BonusScale:
         numbers = fitting("statistics", state["statistics"], (3,), np.float64)
         if numbers[1] < 0.0 or numbers[2] <= 0.0:
             raise ValueError("`statistics` must have a variance of at least 0, and a count above.")
+        check_discount(state["gamma"])
+        self.gamma = float(state["gamma"])
         self._sums = sums.copy()
         self._statistics.mean, self._statistics.var = map(np.array, numbers[:2])
         self._statistics.count = float(numbers[2])

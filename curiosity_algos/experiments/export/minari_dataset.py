@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -71,7 +70,7 @@ def export_minari(
     check_at_least_one(n_policies=n_policies)
     target = _new_path(dataset_id)
     opened = PopulationRun(Path(run), trust=trust, env=env)
-    with closing(opened.make_env()) as env:
+    with opened.opened_env() as env:
         _write(opened, env, policies, n_policies, dataset_id, target)
     return minari.load_dataset(dataset_id)
 

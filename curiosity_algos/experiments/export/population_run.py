@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -89,9 +89,11 @@ class PopulationRun:
         observation_space, self.action_space = self._read(self._spaces)
         self.mlp = build_mlp(observation_space, self.action_space, net_arch)
 
-    def make_env(self) -> gym.Env[Any, Any]:
-        """An environment as the run was trained in."""
-        return make_env(self.described, trust=self._trust) if self._env is None else self._env
+    def opened_env(self) -> AbstractContextManager[gym.Env[Any, Any]]:
+        """An environment as the run was trained in, closed afterwards unless it was given."""
+        if self._env is not None:
+            return nullcontext(self._env)
+        return closing(make_env(self.described, trust=self._trust))
 
     def _read(self, read: Callable[[Path], _Read]) -> _Read:
         """What is read of the last checkpoint, whose timesteps are noted."""
@@ -111,7 +113,7 @@ class PopulationRun:
         known = read_attributes(file, name, {}, fixed=set(), allow_pickle=True)
         if known.keys() >= {"observation_space", "action_space"}:
             return known["observation_space"], known["action_space"]
-        with closing(self.make_env()) as env:
+        with self.opened_env() as env:
             return env.observation_space, env.action_space
 
     def best(self) -> Float32Array:

@@ -2,6 +2,7 @@
 
 import inspect
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from ribs.emitters import GaussianEmitter
@@ -13,6 +14,7 @@ from curiosity_algos import (
     CMAME,
     NSES,
     NSLC,
+    RND,
     TD3ICM,
     BonusReplayBuffer,
     BonusVecEnvWrapper,
@@ -253,3 +255,29 @@ def test_a_number_of_numpy_becomes_a_number(make_model, make_easy_maze):
     model = make_model(NSES, make_easy_maze())
     model.sigma = np.float64(0.2)
     assert type(model.learn(1).sigma) is float
+
+
+def test_the_same_value_again_changes_nothing(any_algorithm, make_model, make_easy_maze):
+    model = make_model(any_algorithm, make_easy_maze())
+    for name in settings_of(any_algorithm)[0] & vars(model).keys():
+        setattr(model, name, getattr(model, name))
+
+
+def test_a_subclass_may_set_what_it_was_given():
+    class Annealed(RND):
+        def __init__(self, *spaces, coef=1.0, seed=0, **kwargs):
+            super().__init__(*spaces, seed=seed, **kwargs)
+            self.coef, self.seed = coef, seed
+
+    bonus = Annealed(gym.spaces.Box(-1, 1, (3,)), gym.spaces.Discrete(2), device="cpu")
+    bonus.coef = 0.5
+    with pytest.raises(ValueError, match="`learning_rate` must stay"):
+        bonus.learning_rate = 1.0
+
+
+def test_a_discount_that_was_changed_is_in_the_buffers_file(make_easy_maze, tmp_path):
+    one, other = (TestOfABonus().make("buffer", make_easy_maze) for _ in range(2))
+    one.gamma = 0.9
+    one.save(tmp_path / "buffer.pt")
+    other.restore(tmp_path / "buffer.pt")
+    assert other.gamma == 0.9

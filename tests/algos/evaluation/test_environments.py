@@ -1,16 +1,23 @@
 import gc
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from gymnasium.wrappers import TimeLimit, TransformReward
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
 from tracked import Tracked
 
-from curiosity_algos import CanonicalES, MAPElites
+from curiosity_algos import CanonicalES, MAPElites, make_evaluator
 from curiosity_algos.archives.verify import verify
-from curiosity_algos.evaluation.environments import env_attribute, env_id, step_limit
+from curiosity_algos.evaluation.environments import (
+    env_attribute,
+    env_id,
+    open_env,
+    step_limit,
+)
 from curiosity_gym import BehaviorWrapper
 
 
@@ -75,7 +82,8 @@ def test_they_are_even_if_one_of_them_cannot_be(tracked, make_model):
             super().close()
             raise OSError("it sticks")
 
-    env = make_model(CanonicalES, Sticking).learn(1).get_env()
+    model = make_model(CanonicalES, Sticking).learn(1)
+    env = model.get_env()
     assert len(Tracked.opened) == 6
     with pytest.raises(OSError, match="it sticks"):
         env.close()
@@ -145,3 +153,21 @@ def test_a_vec_env_may_not_know_what_it_has(opened):
     opened.append(env)
     assert env_attribute(env, "horizon") is None
     assert step_limit(env) is None
+
+
+def test_evaluators_own_what_they_make():
+    opened, before = open_env(Tracked), len(Tracked.opened)
+    for _ in range(2):
+        evaluator = make_evaluator(opened)
+        evaluator.evaluate(np.zeros((3, evaluator.n_parameters)), 0)
+        assert len(Tracked.opened) == before + 2
+        del evaluator
+        gc.collect()
+        assert len(Tracked.opened) == before
+    opened.close()
+
+
+def test_monitors_may_forbid_early_resets():
+    env = Monitor(gym.make("CartPole-v1"), allow_early_resets=False)
+    model = CanonicalES(env, population_size=4, seed=0).learn(100)
+    assert model.generation > 0

@@ -892,7 +892,7 @@ def test_a_file_of_other_settings_changes_nothing(tmp_path):
         "with {'bonus': 'icm', 'learning_rate': 0.0001, .* is of {'bonus': 'rnd',": {
             "bonus": "icm"
         },
-        "'gamma': None.* is of .*'gamma': 0.9": {"bonus": "rnd", "gamma": None},
+        "'is_scaled': False.* is of .*'is_scaled': True": {"bonus": "rnd", "gamma": None},
         "'trains': False.* is of .*'trains': True": {
             "bonus": "rnd",
             "gamma": None,

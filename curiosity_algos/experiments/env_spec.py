@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, closing, nullcontext
 from typing import Any
 
 import gymnasium as gym
@@ -127,3 +128,10 @@ def make_env(described: Mapping[str, Any], *, trust: bool, **rendering: Any) -> 
         raise
     except Exception as error:  # whatever a constructor makes of a file's arguments
         raise ValueError(f"`run` must be of an environment that can be made: {error}.") from error
+
+
+def given_or_made(
+    env: gym.Env[Any, Any] | None, make: Callable[[], gym.Env[Any, Any]]
+) -> AbstractContextManager[gym.Env[Any, Any]]:
+    """An environment that was given, or one that is made, and closed afterwards."""
+    return closing(make()) if env is None else nullcontext(env)

@@ -5,8 +5,8 @@ All raise FileNotFoundError if there is no run, ValueError if it cannot be playe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,7 +22,7 @@ from curiosity_algos.common.names import KNOWN, find_algorithm
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
-from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.reading import check_kind
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -120,26 +120,19 @@ def _open(
 ) -> Iterator[tuple[BasePolicy, gym.Env[Any, Any], int]]:
     """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
     if isinstance(source, tuple):
-        with _opened(env, partial(gym.make, source[1], **rendering)) as made:
+        with given_or_made(env, partial(gym.make, source[1], **rendering)) as made:
             yield load_pretrained(*source), made, pretrained_seed(*source) or 0
         return
     run = RunFolder(source)
     described = run.describe()
     cls = _algorithm(described)
-    with _opened(env, partial(make_env, described, trust=trust, **rendering)) as made:
+    with given_or_made(env, partial(make_env, described, trust=trust, **rendering)) as made:
         policy, seed = _read_policy(run, cls, made, trust)
         sizes = {FlatObservations(each.observation_space).size for each in (policy, made)}
         if len(sizes) > 1:
             name = described["env"]
             raise ValueError(f"`run` must be of its environment: {name} has other observations.")
         yield policy, made, seed
-
-
-def _opened(
-    env: AnyEnv, make: Callable[[], gym.Env[Any, Any]]
-) -> AbstractContextManager[gym.Env[Any, Any]]:
-    """An environment that was given, or one that is made, and closed afterwards."""
-    return closing(make()) if env is None else nullcontext(env)
 
 
 def _read_policy(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -17,7 +18,7 @@ from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
 from curiosity_algos.evaluation.policies import build_mlp
-from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -91,9 +92,7 @@ class PopulationRun:
 
     def opened_env(self) -> AbstractContextManager[gym.Env[Any, Any]]:
         """An environment as the run was trained in, closed afterwards unless it was given."""
-        if self._env is not None:
-            return nullcontext(self._env)
-        return closing(make_env(self.described, trust=self._trust))
+        return given_or_made(self._env, partial(make_env, self.described, trust=self._trust))
 
     def _read(self, read: Callable[[Path], _Read]) -> _Read:
         """What is read of the last checkpoint, whose timesteps are noted."""

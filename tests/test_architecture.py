@@ -13,6 +13,7 @@ PACKAGES = ("curiosity_gym", "curiosity_algos")
 
 FLOORS = [
     ["common"],
+    ["state"],
     ["checkpoints"],
     ["evaluation"],
     ["bonuses"],

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import is_whole_zip
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.state.atomic_file import atomic_file
 
 FORMAT = "curiosity archive 1"
 FIELDS = {"solution", "objective", "measures", "index"}

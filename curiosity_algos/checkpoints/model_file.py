@@ -22,9 +22,9 @@ from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import get_system_info
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import check_plain, is_plain, is_whole_zip
 from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.state.atomic_file import atomic_file
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what parts have collected, ours and Stable-Baselines3's."""

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.state.atomic_file import atomic_file
 
 
 def plain(value: Any) -> Any:

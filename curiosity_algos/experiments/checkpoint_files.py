@@ -30,7 +30,6 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_wrapper,
 )
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.environment_state import environment_states
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
@@ -43,6 +42,7 @@ from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_algos.sb3.wrapper_file import resume_episodes
+from curiosity_algos.state.atomic_file import atomic_file
 
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
 UNDER_WAY, TRANSITIONS = "under_way.pt", "replay_buffer.pt"

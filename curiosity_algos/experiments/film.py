@@ -17,7 +17,6 @@ import numpy as np
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.common.names import KNOWN, find_algorithm
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
@@ -27,6 +26,7 @@ from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_s
 from curiosity_algos.experiments.reading import check_kind
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice

@@ -12,9 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.experiments.reading import parse_rows, read_texts
+from curiosity_algos.state.atomic_file import atomic_file
 
 TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
 """Columns that say when a row was logged."""

@@ -24,7 +24,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file, sync_folder
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.reading import (
@@ -34,6 +33,7 @@ from curiosity_algos.experiments.reading import (
     read_json,
     read_result,
 )
+from curiosity_algos.state.atomic_file import atomic_file, sync_folder
 
 FORMAT = 1
 _Read = TypeVar("_Read")

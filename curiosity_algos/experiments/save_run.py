@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_plain
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.rollouts import final_behaviors
@@ -33,6 +32,7 @@ from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.resumable_td3 import ResumableTD3
+from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 SETTINGS = "settings.json"

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.evaluation.policies import Mlp
 from curiosity_algos.evaluation.rollouts import check_parameters
 from curiosity_algos.experiments.export.population_run import PopulationRun
+from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.extras import import_extra
 
 # Opset and IR of 2021, so that old runtimes run it, too.

@@ -9,8 +9,8 @@ from typing import Any, Literal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from curiosity_algos.checkpoints.atomic_file import atomic_file
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.validation import check_choice
 
 FORMATS = (".png", ".pdf", ".svg")

@@ -6,8 +6,8 @@ import sys
 import pytest
 from saved_files import no_space
 
-from curiosity_algos.checkpoints import atomic_file as module
-from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.state import atomic_file as module
+from curiosity_algos.state.atomic_file import atomic_file
 
 
 def save(path):
@@ -65,7 +65,7 @@ class TestStaleFiles:
         path = tmp_path / "file.[1].zip"
         code = f"""
 import os, signal
-from curiosity_algos.checkpoints.atomic_file import atomic_file
+from curiosity_algos.state.atomic_file import atomic_file
 with atomic_file({str(path)!r}) as file:
     os.kill(os.getpid(), signal.SIGKILL)
 """

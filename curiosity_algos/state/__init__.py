@@ -1,0 +1,1 @@
+"""Settings and state of models, buffers and archives: one file format and one check for all."""

@@ -123,7 +123,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         return bool(terminated[0]), bool(self.simulation.success[0])
 
     def _reward(self, success: bool, t: int) -> float:
-        if not self.sparse:
+        if not vars(self)["sparse"]:  # at once: every step reads it
             return float(self.simulation.rewards[0])
         return 1.0 - t / self.horizon if success else 0.0
 

@@ -7,6 +7,9 @@ from typing import Any, TypeVar
 
 _C = TypeVar("_C", bound=type[Any])
 
+COMMON = ("sparse", "observation_space", "action_space", "behavior_space", "coverage_grid")
+"""Settings of every environment of this package that are fixed."""
+
 
 class _Fixed:
     """An attribute of a class, but not of its subclasses, that is set in the constructor alone."""
@@ -16,7 +19,9 @@ class _Fixed:
         self._owner = owner
 
     def __get__(self, env: Any, owner: type[Any]) -> Any:
-        if env is not None and self._name in vars(env):
+        if env is None:
+            return self
+        if self._name in vars(env):
             return vars(env)[self._name]
         raise AttributeError(f"{owner.__name__} has no attribute {self._name!r}.")
 
@@ -31,10 +36,10 @@ class _Fixed:
 
 
 def fixed(*names: str) -> Callable[[_C], _C]:
-    """A decorator of an environment's class: these settings are those of the constructor."""
+    """A decorator of an environment's class: no assignment changes these settings and `COMMON`."""
 
     def decorate(cls: _C) -> _C:
-        for name in names:
+        for name in (*COMMON, *names):
             setattr(cls, name, _Fixed(name, cls))
         return cls
 

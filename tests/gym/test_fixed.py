@@ -4,6 +4,7 @@ import pickle
 import gymnasium as gym
 import pytest
 
+from curiosity_gym.fixed import COMMON
 from curiosity_gym.maze.maze_env import MazeEnv
 
 KINDS = {
@@ -18,7 +19,7 @@ KINDS = {
 def test_what_nothing_would_read_cannot_be_set(env_id, is_vector):
     env = gym.make_vec(env_id, 2, "vector_entry_point") if is_vector else gym.make(env_id)
     name = type(env.unwrapped).__name__
-    for setting in KINDS[env_id]:
+    for setting in (*KINDS[env_id], *COMMON):
         before = vars(env.unwrapped).get(setting)
         with pytest.raises(AttributeError, match=f"`{setting}` of {name} cannot be changed"):
             setattr(env.unwrapped, setting, 5)

@@ -14,10 +14,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
+from curiosity_algos.evaluation.environments import monitors
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_info
@@ -48,22 +48,14 @@ class Step:
     behaviors: list[Any]
 
 
-def _allow_early_resets(env: gym.Env[Any, Any]) -> None:
-    """Let Monitors be reset in mid-episode, as who plays beside others may have to stop early."""
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, Monitor):
-            env.allow_early_resets = True
-        env = env.env
-
-
 class SingleEnvBatch:
     """Single envs in a Python loop; an episode that has ended costs nothing more."""
 
     def __init__(self, envs: list[gym.Env[Any, Any]], seen: FlatObservations) -> None:
         self.envs = envs
         self.n = len(envs)
-        for env in envs:
-            _allow_early_resets(env)
+        for monitor in (monitor for env in envs for monitor in monitors(env)):
+            monitor.allow_early_resets = True  # who plays beside others may have to stop early
         self._seen, space = seen, seen.space
         self._shape = space.shape
         # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.

@@ -13,7 +13,14 @@ from curiosity_algos.evaluation.environments import (
 from curiosity_algos.evaluation.evaluator import Evaluator, check_policy_kwargs, make_evaluator
 from curiosity_algos.evaluation.policies import build_mlp
 from curiosity_algos.evaluation.transparent import KnownTask, as_played, known_task
+from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_choice
+
+OTHERS = (
+    "others are made by the same id or function. Pass a VecEnv of as many as shall play, such as "
+    "make_vec_env(env, n_envs=16), or give `set_env` one of other settings"
+)
+"""What to do where an evaluator has made environments beside the one that is in sight."""
 
 
 def choose_evaluator(
@@ -38,9 +45,25 @@ def choose_evaluator(
             '`evaluator` must be "auto", "ray" or an Evaluator of the policy\'s '
             f"{wanted} parameters, got {choice!r} of {own}."
         )
-    if isinstance(env, MadeVecEnv | GymnasiumView):
-        env.unreached = "they are those of `evaluator`"
     return choice
+
+
+def why_unreached(choice: Evaluator | str, chosen: Evaluator, env: MadeEnv) -> str:
+    """What to do where `set_attr` of `env` does not reach all that plays; "": it does."""
+    if not isinstance(choice, str):
+        may_play = not isinstance(env, MadeVecEnv | GymnasiumView)
+        return "" if may_play else "they are those of `evaluator`"
+    if isinstance(env, GymnasiumView):
+        return "change those of the VectorEnv, which is its `vector_env`"
+    local = _local(chosen)
+    makes_others = isinstance(local, VectorEvaluator) and local.make_another is not None
+    return OTHERS if makes_others else ""
+
+
+def _local(evaluator: Evaluator) -> Evaluator:
+    """The evaluator itself, or what each worker of a cluster has one like."""
+    local: Evaluator = getattr(evaluator, "local", evaluator)
+    return local
 
 
 def follow_env(
@@ -55,10 +78,14 @@ def follow_env(
     Compiled evaluators know of the environment what it was when they were made. One that the user
     gave plays its own.
     """
-    known: KnownTask | None = getattr(getattr(evaluator, "local", evaluator), "known", None)
-    is_own = not isinstance(choice, str)
-    if is_own or known is None or known.is_same(known_task(as_played(env))):
+    if not isinstance(choice, str):
         return evaluator
-    if hasattr(evaluator, "close"):  # that of a cluster
-        evaluator.close()
-    return choose_evaluator(choice, env, policy_kwargs, n_threads)
+    known: KnownTask | None = getattr(_local(evaluator), "known", None)
+    now = known_task(as_played(env))
+    if now is None if known is None else known.is_same(now):
+        return evaluator
+    if evaluator is not _local(evaluator):  # workers
+        evaluator.close()  # type: ignore[attr-defined]
+    # What others like it have not been changed in plays alone.
+    played = as_played(env) if now is None else env
+    return choose_evaluator(choice, played, policy_kwargs, n_threads)

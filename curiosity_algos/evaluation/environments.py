@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, VectorEnv, VectorWrapper
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
@@ -120,6 +121,14 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
         )
     kwargs = {key: value for key, value in spec.kwargs.items() if key not in VECTOR_KEYWORDS}
     return lambda: gym.make(spec.id, **kwargs)
+
+
+def monitors(env: Any) -> Iterator[Monitor]:
+    """The Monitors around a single environment."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, Monitor):
+            yield env
+        env = env.env
 
 
 def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:

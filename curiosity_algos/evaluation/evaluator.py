@@ -9,7 +9,6 @@ import numpy as np
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.evaluation.environments import (
-    GymnasiumView,
     MadeEnv,
     MadeVecEnv,
     MakeEnv,
@@ -83,8 +82,6 @@ def make_evaluator(
     mlp = build_mlp(*describe(opened), check_policy_kwargs(policy_kwargs))
     inner = as_played(opened)
     check_constant(inner)
-    if isinstance(opened, GymnasiumView):
-        opened.unreached = "call `set_attr` or `call` of the VectorEnv, which is its `vector_env`"
     known = known_task(inner)
     warn_of_empty_files(opened, is_compiled=known is not None)
     if known is None:

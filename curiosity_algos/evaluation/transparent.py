@@ -13,7 +13,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
-from curiosity_algos.evaluation.environments import env_attributes
+from curiosity_algos.evaluation.environments import env_attributes, monitors
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
@@ -104,18 +104,21 @@ def _bypassed(env: Any, is_compiled: bool) -> Iterator[VecMonitor | Monitor]:
         yield env
         env = env.venv
     envs = [env] if isinstance(env, gym.Env) else getattr(env, "envs", [])
-    for each in envs if is_compiled else []:
-        while isinstance(each, gym.Wrapper):
-            if isinstance(each, Monitor):
-                yield each
-            each = each.env
+    for one in envs if is_compiled else []:
+        yield from monitors(one)
 
 
 def bare(env: Any) -> Any:
     """The env within Gymnasium's wrappers that change nothing, or the first one that does."""
+    return list(_layers(env))[-1]
+
+
+def _layers(env: Any) -> Iterator[Any]:
+    """The wrappers that change nothing, from without, and what `bare` finds in them."""
+    yield env
     while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
         env = env.env
-    return env
+        yield env
 
 
 @dataclass(frozen=True)
@@ -151,10 +154,17 @@ def known_task(env: Any) -> KnownTask | None:
 
     Subclasses, and methods of this one env, as by `env.reset_model = mine`, may step or reward in
     another way.
+
+    Raises:
+        ValueError: If a wrapper has got what was meant for the task, or its horizon is no number.
     """
-    inner = bare(env)
-    if any(callable(getattr(type(inner), name, None)) for name in vars(inner)):
+    *around, inner = _layers(env)
+    make_task = task_class(inner)
+    names = {name for layer in (*around, inner) for name in vars(layer)}
+    is_changed = any(callable(getattr(type(inner), name, None)) for name in names)
+    if is_changed or (make_task is None and type(inner) not in SIMULATIONS):
         return None
+    _check_reached(around, inner)
     if type(inner) in SIMULATIONS:
         check_at_least_one(horizon=inner.horizon)  # which may be set
         is_maze = SIMULATIONS[type(inner)] is None
@@ -165,10 +175,22 @@ def known_task(env: Any) -> KnownTask | None:
             inner.horizon if inner.sparse else None,
             max_steps(env),
         )
-    make_task, limit = task_class(inner), time_limit(env)
+    limit = time_limit(env)
     if make_task is None or limit is None or env.render_mode == "human":
         return None
     return KnownTask(make_task(inner, behavior=None), LocomotionSimulation, None, None, limit)
+
+
+def _check_reached(around: list[Any], inner: Any) -> None:
+    """Raise ValueError if wrappers have attributes of the env within, which does not read them."""
+    for wrapper in around:
+        for name in vars(wrapper):
+            if name in vars(inner) or hasattr(type(inner), name):
+                kind, own = type(wrapper).__name__, type(inner).__name__
+                raise ValueError(
+                    f"`{name}` was set of the {kind} around {own}, which does not read it there: "
+                    f"make a new environment, and set `env.unwrapped.{name}`."
+                )
 
 
 def max_steps(env: Any) -> int:

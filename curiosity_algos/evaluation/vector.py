@@ -29,6 +29,7 @@ from curiosity_algos.evaluation.environments import (
     MakeEnv,
     Opened,
     describe,
+    monitors,
     step_limit,
 )
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
@@ -51,10 +52,6 @@ N_ENVS = 16
 HINT = (
     "`env` is one environment, which plays one episode after the other: give its id, or a function "
     "that makes it, and several play side by side."
-)
-OTHERS = (
-    "others are made by the same id or function. Pass a VecEnv of as many as shall play, such as "
-    "make_vec_env(env, n_envs=16), or give `set_env` one of other settings"
 )
 LOGGER = logging.getLogger(__name__)
 
@@ -102,9 +99,11 @@ class VectorEvaluator:
         self.make_another: Callable[[], VectorEvaluator] | None = None
         self._processes: Processes | None = None
         if self._made is not None:
-            self._made.unreached = OTHERS
             self._made.opened.add(self._own)
             make = self._made.make
+            if files := _files(self._made.played):
+                self._make_envs(2)
+                _check_files(n_processes > 1 or files & _files(self._envs[1]))
             self.make_another = partial(_evaluator_of, make, mlp, n_processes)
             if n_processes > 1:
                 self._processes = Processes(partial(_evaluator_of, make, mlp, 1), n_processes)
@@ -140,10 +139,15 @@ class VectorEvaluator:
             return self._batch
         # Without a seed, envs that have had the same one before would begin alike.
         n = 1 if seed is None else min(n_policies, N_ENVS)
+        self._make_envs(n)
+        return SingleEnvBatch(self._envs[:n], self._seen)
+
+    def _make_envs(self, n: int) -> None:
+        """Make as many envs as there are to be, at least."""
+        assert self._made is not None
         while len(self._envs) < n:
             self._envs.append(_new(self._made.make, self._envs))
             self._own.parts.append(self._envs[-1])
-        return SingleEnvBatch(self._envs[:n], self._seen)
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play one episode of each of at most as many policies as the batch has envs."""
@@ -216,6 +220,21 @@ def _new(make: MakeEnv, others: list[gym.Env[Any, Any]]) -> gym.Env[Any, Any]:
             "`env` must be a function that makes a new environment each time, it gave one again."
         )
     return env
+
+
+def _check_files(are_shared: Any) -> None:
+    if are_shared:
+        raise ValueError(
+            "`env` must make no Monitors that write one file, as several environments are made: "
+            "give each its own file and leave `n_threads` None, pass one environment, or record "
+            "the run with SaveRun."
+        )
+
+
+def _files(env: gym.Env[Any, Any]) -> set[str]:
+    """The files that Monitors around an env write."""
+    writers = [monitor.results_writer for monitor in monitors(env)]
+    return {writer.file_handler.name for writer in writers if writer is not None}
 
 
 def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:

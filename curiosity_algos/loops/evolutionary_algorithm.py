@@ -29,7 +29,7 @@ from curiosity_algos.evaluation.arguments import (
     use_python_numbers,
 )
 from curiosity_algos.evaluation.blocks import play
-from curiosity_algos.evaluation.choice import choose_evaluator, follow_env
+from curiosity_algos.evaluation.choice import choose_evaluator, follow_env, why_unreached
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe, open_env
 from curiosity_algos.evaluation.episodes import Firsts
@@ -212,6 +212,8 @@ class EvolutionaryAlgorithm(PopulationModel):
     def _take_evaluator(self, choice: Evaluator | str, chosen: Evaluator) -> None:
         self._evaluator_choice, self.evaluator = choice, chosen
         self._user_parts["evaluator"] = [] if isinstance(choice, str) else [type(choice).__name__]
+        if isinstance(self.env, SingleVecEnv):
+            self.env.unreached = why_unreached(choice, chosen, self.env)
 
     def set_env(
         self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None
@@ -240,6 +242,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         if evaluator is None and not isinstance(choice, str) and self._counts_others(wrapped):
             raise ValueError('`evaluator` must be given, or "auto", as `env` is another one.')
         chosen = choose_evaluator(choice, wrapped, self.policy_kwargs, self.n_threads)
+        if isinstance(self.env, SingleVecEnv):
+            self.env.unreached = ""  # of what played beside it nothing does any more
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
         self._take_evaluator(choice, chosen)
@@ -361,8 +365,9 @@ class EvolutionaryAlgorithm(PopulationModel):
         assert self.evaluator is not None
         assert self.env is not None
         self._check_settings()
-        given = self.env, self.policy_kwargs, self.n_threads
-        self.evaluator = follow_env(self.evaluator, self._evaluator_choice, *given)
+        choice = self._evaluator_choice
+        settings = self.env, self.policy_kwargs, self.n_threads
+        self._take_evaluator(choice, follow_env(self.evaluator, choice, *settings))
         self._put_in_force()
         parameters = self._ask()
         rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())

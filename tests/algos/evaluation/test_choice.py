@@ -8,7 +8,8 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from tracked import Tracked
 
-from curiosity_algos import CanonicalES
+from curiosity_algos import CanonicalES, make_evaluator
+from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
@@ -89,6 +90,36 @@ def test_of_mazes_that_differ_all_are_played(make_model, learn):
     assert type(model.evaluator) is VectorEvaluator
 
 
+def test_so_they_are_as_one_when_they_are_alike_again(make_model, learn):
+    model = make_model(CanonicalES, DummyVecEnv([lambda: make(MAZE)] * 2))
+    for horizon, kind in ((7, VectorEvaluator), (20, MazeEvaluator)):
+        model.get_env().envs[1].unwrapped.horizon = horizon
+        learn(model)
+        assert type(model.evaluator) is kind
+
+
+def test_a_method_that_only_the_env_in_sight_has_is_played(make_model, learn):
+    model = make_model(CanonicalES, lambda: make(MAZE))
+    env = model.get_env().envs[0].unwrapped
+    env.step = lambda action: (np.zeros(36, np.float32), 1.0, True, False, {"behavior": np.ones(4)})
+    assert learn(model) == {1}
+    model.get_env().set_attr("horizon", 9)
+    del env.step
+    assert learn(model) == {9}
+
+
+@pytest.mark.parametrize("n_envs", [1, 2])
+@pytest.mark.parametrize(("name", "value"), [("horizon", 50), ("goal_radius", 9), ("sparse", 0)])
+def test_what_a_monitor_gets_in_its_place_is_refused(name, value, n_envs, make_model):
+    model = make_model(CanonicalES, make_vec_env(MAZE, n_envs))
+    model.get_env().set_attr(name, value)
+    with pytest.raises(ValueError, match=f"`{name}` was set of the Monitor around MazeEnv, which"):
+        model.learn(1)
+    assert model.num_timesteps == 0
+    with pytest.raises(ValueError, match=f"`{name}` was set of the Monitor"):
+        make_model(CanonicalES, model.get_env())
+
+
 @pytest.mark.extra("locomotion")
 @pytest.mark.parametrize("change", ["gravity", "weight", "limit", "method"])
 def test_a_robot_of_gymnasium_is_played_as_it_is_now(change, make_model):
@@ -121,6 +152,7 @@ def test_what_does_not_reach_all_that_plays_is_refused(kind, tracked, make_model
     n_threads = 2 if kind == "processes" else None
     model = make_model(CanonicalES, tracked if kind == "id" else env, n_threads=n_threads)
     venv = model.get_env()
+    make_evaluator(venv)  # which changes nothing
     for call in (
         lambda: venv.env_method("set_difficulty", 3),
         lambda: venv.set_attr("difficulty", 3),
@@ -139,6 +171,26 @@ def test_nor_is_an_evaluator_of_ones_own_reached_by_an_id(make_model):
     model = make_model(CanonicalES, "CartPole-v1", evaluator=own)
     with pytest.raises(ValueError, match=r"`set_attr` .*: they are those of `evaluator`"):
         model.get_env().set_attr("gravity", 1.0)
+
+
+def test_a_refusal_ends_with_its_reason(make_model):
+    env = open_env(MAZE)
+    own = make_model(CanonicalES, env).evaluator
+    model = make_model(CanonicalES, env, evaluator=own)
+    with pytest.raises(ValueError, match=r"`set_attr` .*: they are those of `evaluator`"):
+        env.set_attr("horizon", 9)
+    model.set_env(env, evaluator="auto")
+    env.set_attr("horizon", 9)
+    model = make_model(CanonicalES, "CartPole-v1")
+    env = model.get_env()
+    model.set_env(open_env("CartPole-v1"))
+    env.set_attr("gravity", 1.0)
+
+
+def test_what_makes_evaluators_refuses_nothing(make_model):
+    env = open_env("CartPole-v1")
+    make_evaluator(env)
+    env.set_attr("gravity", 1.0)
 
 
 @pytest.mark.parametrize("kind", ["env", "VecEnv"])

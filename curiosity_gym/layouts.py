@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from curiosity_gym.core import Float64Array, Mask
-from curiosity_gym.maze.reachability import Region, reachable_region
+from curiosity_gym.reachability import Region, reachable_region
 from curiosity_gym.validation import LARGEST
 
 ROBOT_RADIUS = 1.0

@@ -18,7 +18,7 @@ from curiosity_gym.maze.dynamics import (
     observe,
     step,
 )
-from curiosity_gym.maze.reachability import reachable_region
+from curiosity_gym.reachability import reachable_region
 
 TOLERANCE = 1e-2
 WIDTH, HEIGHT = 40.0, 30.0

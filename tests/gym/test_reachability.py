@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.layouts import ROBOT_RADIUS
-from curiosity_gym.maze.reachability import reachable_region
+from curiosity_gym.reachability import reachable_region
 
 SIZE = (16.0, 12.0)
 

@@ -7,7 +7,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import concatenate, create_empty_array
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
@@ -21,10 +20,9 @@ from curiosity_algos.evaluation.flat_spaces import (
 
 
 class SingleVecEnv(DummyVecEnv):
-    """SB3's DummyVecEnv of one environment, also of spaces for which it has no room.
+    """SB3's DummyVecEnv of one environment, whose spaces may be within others.
 
-    These are spaces within spaces, which are stacked as Gymnasium's vector environments stack them,
-    and entries of a Dict that are no numbers, which are left out with a warning.
+    It leaves entries of a Dict that are no numbers out, with a warning.
 
     Args:
         env: The environment; it is put into a Monitor, unless it is in one.
@@ -45,13 +43,8 @@ class SingleVecEnv(DummyVecEnv):
         space = env.observation_space
         FlatObservations(space)  # raises where SB3 would not say what is wrong
         warn_of_what_is_left_out(space)
-        shown = numeric(space)
-        self._stacks_itself = shown is not space or _is_nested(space)
-        if not self._stacks_itself:
-            super().__init__([lambda: env])
-            return
         self.envs = [env]
-        VecEnv.__init__(self, 1, shown, env.action_space)
+        VecEnv.__init__(self, 1, numeric(space), env.action_space)
         self.buf_dones, self.buf_rews = np.zeros(1, dtype=np.bool_), np.zeros(1, dtype=np.float32)
         self.buf_infos = [{}]
         self.metadata = env.metadata
@@ -83,20 +76,16 @@ class SingleVecEnv(DummyVecEnv):
             )
 
     def _save_obs(self, env_idx: int, obs: Any) -> None:
-        if not self._stacks_itself:
-            super()._save_obs(env_idx, obs)
-            return
-        empty: Any = create_empty_array(self.observation_space, n=1)
-        self._stacked = concatenate(self.observation_space, [obs], empty)
+        self._stacked = _as_batch(self.observation_space, obs)
 
     def _obs_from_buf(self) -> Any:
-        return self._stacked if self._stacks_itself else super()._obs_from_buf()
+        return self._stacked
 
 
-def _is_nested(space: spaces.Space[Any]) -> bool:
-    """Whether there is a Dict or Tuple in a Dict or Tuple."""
-    many = (spaces.Dict, spaces.Tuple)
-    if not isinstance(space, many):
-        return False
-    entries = space.spaces.values() if isinstance(space, spaces.Dict) else space.spaces
-    return any(isinstance(each, many) for each in entries)
+def _as_batch(space: spaces.Space[Any], observation: Any) -> Any:
+    """One observation as vector environments give one of each environment."""
+    if isinstance(space, spaces.Dict):
+        return {key: _as_batch(entry, observation[key]) for key, entry in space.items()}
+    if isinstance(space, spaces.Tuple):
+        return tuple(map(_as_batch, space.spaces, observation))
+    return np.array([observation], dtype=space.dtype)

@@ -20,12 +20,14 @@ import os
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from threading import Thread, current_thread
 from typing import Any, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.reading import (
     DESCRIPTION,
     check_kind,
@@ -36,6 +38,8 @@ from curiosity_algos.experiments.reading import (
 from curiosity_algos.state.atomic_file import atomic_file, sync_folder
 
 FORMAT = 1
+_LOCKS: WeakValueDictionary[tuple[Path, Thread], FileLock] = WeakValueDictionary()
+"""The locks of this process: folder and thread of each."""
 _Read = TypeVar("_Read")
 
 
@@ -66,17 +70,32 @@ class RunFolder:
         return all(path in aside or path.name.startswith(half) for path in held)
 
     def lock(self) -> FileLock:
-        """Hold the folder, as a `FileLock` does.
+        """Hold the folder until `release`, or until the lock or the process is gone.
+
+        A thread takes over from itself and from threads that have ended: the traceback of a failed
+        training, in a notebook, still refers to its lock.
 
         Raises:
-            ValueError: If another process trains in the folder, or another thread.
-            OSError: If the folder cannot be written to.
+            ValueError: If another process trains in the folder, or another thread; if the folder
+                cannot be written to, or its file system has no locks.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
+        path, here = self.path.resolve(), current_thread()
+        for (locked, thread), lock in list(_LOCKS.items()):
+            if locked == path and (thread is here or not thread.is_alive()):
+                lock.release()
+        # A soft lock would outlive a process that is killed.
+        lock = FileLock(self._lock, timeout=0, thread_local=False, fallback_to_soft=False)
         try:
-            return FileLock(self._lock)
-        except BlockingIOError as error:
+            path.mkdir(parents=True, exist_ok=True)
+            lock.acquire()
+        except Timeout as error:
             raise ValueError(f"`folder` must not be at work: {self.path} is.") from error
+        except OSError as error:
+            raise ValueError(
+                f"`folder` must be writable, on a file system with locks: {self.path} ({error})."
+            ) from error
+        _LOCKS[path, here] = lock
+        return lock
 
     # -- what the run is ------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_plain
@@ -24,7 +25,6 @@ from curiosity_algos.experiments.description import (
     with_newer_settings,
 )
 from curiosity_algos.experiments.differences import differences
-from curiosity_algos.experiments.locks import FileLock
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
 from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
@@ -203,7 +203,7 @@ class SaveRun(BaseCallback):
         if self._log is not None and self._log in self.logger.output_formats:
             self.logger.output_formats.remove(self._log)
         if self._lock is not None:
-            self._lock.close()
+            self._lock.release()
 
     # -- what is kept ---------------------------------------------------------------------------
 

@@ -73,7 +73,7 @@ def train(
     """
     if is_finished(run, folder):
         return False
-    RunFolder(folder).lock().close()  # raises where another process trains
+    RunFolder(folder).lock().release()  # raises where another process trains
     with _traceback_kept(folder):
         _learn(run, folder, interval=interval, progress_bar=progress_bar)
     return True

@@ -177,18 +177,31 @@ class TestCheckpoints:
         assert run.checkpoint.name == "10"
 
 
-def test_one_process_at_a_time(run):
-    held = run.lock()
-    code = f"from curiosity_algos.experiments import RunFolder; RunFolder({str(run.path)!r}).lock()"
-    taken = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "ValueError: `folder` must not be at work" in taken.stderr
+def test_one_process_at_a_time_and_one_that_is_killed_holds_nothing(run, tmp_path):
+    held, other = run.lock(), RunFolder(tmp_path / "other")
+    code = (
+        "import os\n"
+        "from curiosity_algos.experiments import RunFolder\n"
+        f"try: RunFolder({str(run.path)!r}).lock()\n"
+        "except ValueError as error: print(error, flush=True)\n"
+        f"lock = RunFolder({str(other.path)!r}).lock()\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ran.stdout == f"`folder` must not be at work: {run.path} is.\n", ran.stderr
+    assert ran.returncode == -9
     assert run.is_empty()
-    held.close()
+    held.release()
+    other.lock().release()
 
 
-def test_a_folder_that_cannot_be_written_is_not_one_at_work(run):
-    (run.path / "lock").mkdir(parents=True)
-    with pytest.raises(IsADirectoryError):
+@pytest.mark.parametrize("reason", ["a folder", "no locks"])
+def test_a_folder_that_cannot_be_locked_is_not_one_at_work(run, reason, monkeypatch):
+    if reason == "a folder":
+        (run.path / "lock").mkdir(parents=True)
+    else:
+        monkeypatch.setattr("fcntl.flock", no_space)
+    with pytest.raises(ValueError, match=r"^`folder` must be writable, .* with locks: .*mine \(\["):
         run.lock()
 
 
@@ -198,12 +211,12 @@ def test_one_thread_at_a_time(run):
         with pytest.raises(ValueError, match="`folder` must not be at work"):
             pool.submit(run.lock).result()
         taken = run.lock()  # the thread that had it takes over from itself
-        held.close()
+        held.release()
         with pytest.raises(ValueError, match="`folder` must not be at work"):
             pool.submit(run.lock).result()
-        taken.close()
+        taken.release()
         taken = pool.submit(run.lock).result()
-    run.lock().close()  # from a thread that has ended
+    run.lock().release()  # from a thread that has ended
 
 
 def final_states(first, n_entries=2):

@@ -26,7 +26,7 @@ def main(
     seed: int = 0,
 ) -> None:
     """Train until the budget is spent, with a checkpoint every minute."""
-    evaluator = RayEvaluator(env_id, n_workers=workers, address=address, timeout=600.0)
+    evaluator = RayEvaluator(env_id, n_workers=workers, address=address)
     checkpoint = RunFolder(out).checkpoint
     if checkpoint is None:
         model = CuriosityES(env_id, evaluator=evaluator, seed=seed)

@@ -10,8 +10,9 @@ import numpy.typing as npt
 import torch as th
 
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.checkpoints.plain_files import fitting
-from curiosity_algos.common.arrays import Array, Int64Array, Mask
+from curiosity_algos.common.arrays import Array, Mask
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 
 ARRAYS = ("observations", "actions", "lengths")
@@ -22,13 +23,6 @@ def horizon_of(bonus: Bonus) -> int:
     """Steps that the transitions span at most which a bonus learns from: its `horizon`, or 1."""
     horizon: int = getattr(bonus, "horizon", 1)
     return horizon
-
-
-def draw_steps(rng: np.random.Generator, shape: tuple[int, ...], horizon: int) -> Int64Array:
-    """Numbers of steps from 1 to `horizon`, log-uniform; a horizon of 1 draws nothing."""
-    if horizon == 1:
-        return np.ones(shape, dtype=np.int64)
-    return np.exp(rng.uniform(0.0, np.log(horizon + 1), shape)).astype(np.int64)
 
 
 class RecentSteps:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curiosity_algos.bonuses.spans import draw_steps
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 
@@ -34,6 +33,13 @@ class DrawnTransitions:
         lengths = rollouts.lengths[:, None]
         begins = (self.places[individuals] * lengths).astype(np.int64)
         return _between(rollouts, begins, np.minimum(begins + self.steps[individuals], lengths))
+
+
+def draw_steps(rng: np.random.Generator, shape: tuple[int, ...], horizon: int) -> Int64Array:
+    """Numbers of steps from 1 to `horizon`, log-uniform; a horizon of 1 draws nothing."""
+    if horizon == 1:
+        return np.ones(shape, dtype=np.int64)
+    return np.exp(rng.uniform(0.0, np.log(horizon + 1), shape)).astype(np.int64)
 
 
 def draw_transitions(

@@ -1,1 +1,1 @@
-"""The ground floor: randomness, networks, presets, clusters. It imports no sibling."""
+"""The ground floor: randomness, networks, presets. It imports no sibling."""

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.rollouts import (
     MakeSummarizers,
     Rollouts,
@@ -20,6 +20,9 @@ from curiosity_algos.evaluation.rollouts import (
     Summary,
     concatenate,
 )
+
+if TYPE_CHECKING:
+    from curiosity_algos.evaluation.evaluator import Evaluator
 
 
 def play(

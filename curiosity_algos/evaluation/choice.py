@@ -11,7 +11,7 @@ from curiosity_algos.evaluation.environments import (
     describe,
 )
 from curiosity_algos.evaluation.evaluator import Evaluator, check_policy_kwargs, make_evaluator
-from curiosity_algos.evaluation.policies import build_mlp
+from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.transparent import KnownTask, as_played, known_task
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_choice

@@ -16,7 +16,7 @@ from curiosity_algos.evaluation.environments import (
     open_env,
 )
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.policies import DEFAULT_NET_ARCH, Mlp, build_mlp
+from curiosity_algos.evaluation.mlp import DEFAULT_NET_ARCH, Mlp, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.transparent import (

@@ -13,7 +13,6 @@ from typing import Any, TypeGuard
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import concatenate, create_empty_array
-from stable_baselines3.common.utils import is_vectorized_observation
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 
@@ -145,6 +144,9 @@ class FlatObservations:
             raise ValueError(
                 f"`observation` must be of the space {self._own}, got {observation!r:.60}."
             ) from error
+        # It brings PyTorch with it, which workers that play a maze do without.
+        from stable_baselines3.common.utils import is_vectorized_observation
+
         if isinstance(entry, spaces.MultiDiscrete | spaces.MultiBinary):
             return np.ndim(value) > len(entry.shape)  # of which SB3 knows one dimension alone
         return is_vectorized_observation(np.asarray(value), entry)

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
-from curiosity_algos.evaluation.policies import Mlp, forward, scratch
+from curiosity_algos.evaluation.mlp import Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,
     sparse_returns,
 )
-from curiosity_algos.evaluation.transparent import KnownTask
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
+
+if TYPE_CHECKING:  # it brings PyTorch with it, which workers that play a maze do without
+    from curiosity_algos.evaluation.transparent import KnownTask
 
 SLICES_PER_THREAD = 4
 """More slices than threads, as episodes differ in length."""

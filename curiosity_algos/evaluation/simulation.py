@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.cells import VisitedCells
-from curiosity_algos.evaluation.policies import Mlp, forward_each, scratch
+from curiosity_algos.evaluation.mlp import Mlp, forward_each, scratch
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     check_parameters,
     concatenate,
     sparse_returns,
 )
-from curiosity_algos.evaluation.transparent import KnownTask
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import LocomotionTask
+
+if TYPE_CHECKING:  # as in `maze`
+    from curiosity_algos.evaluation.transparent import KnownTask
 
 MAX_SIMULATIONS = 256
 """Throughput is flat from 56 on, and a simulation takes half a megabyte."""

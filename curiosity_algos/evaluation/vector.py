@@ -33,7 +33,7 @@ from curiosity_algos.evaluation.environments import (
     step_limit,
 )
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
-from curiosity_algos.evaluation.policies import Mlp, act
+from curiosity_algos.evaluation.mlp import Mlp, act
 from curiosity_algos.evaluation.processes import Processes
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from curiosity_algos.common.clusters import check_resources, connect, exceptions, ray
+from curiosity_algos.evaluation.ray import connect, exceptions, ray
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import MAX_RETRIES, Outcome, Train
 from curiosity_gym.validation import check_positive
@@ -21,7 +21,6 @@ class RayBackend:
     Args:
         address: Address of the cluster, as of `RayEvaluator`.
         num_cpus: Processors that a run keeps to itself; it trains on one thread.
-        resources: Other resources of a run, by Ray's names.
 
     Raises:
         ValueError: If an argument is out of its range.
@@ -33,19 +32,15 @@ class RayBackend:
         *,
         address: str | None = None,
         num_cpus: float = 1,
-        resources: Mapping[str, float] | None = None,
     ) -> None:
         check_positive(num_cpus=num_cpus)
         self.address = address
         self.num_cpus = num_cpus
-        self.resources = check_resources(resources)
 
     def __call__(self, runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
         """Train the runs, and give each as it ends."""
-        connect(self.address, math.ceil(self.num_cpus), self.resources)
-        task = ray.remote(_in_a_task).options(
-            num_cpus=self.num_cpus, resources=self.resources, max_retries=MAX_RETRIES
-        )
+        connect(self.address, math.ceil(self.num_cpus))
+        task = ray.remote(_in_a_task).options(num_cpus=self.num_cpus, max_retries=MAX_RETRIES)
         waiting = {task.remote(train, run): run for run in runs}
         try:
             while waiting:

@@ -34,7 +34,8 @@ from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe, open_env
 from curiosity_algos.evaluation.episodes import Firsts
 from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, check_policy_kwargs
-from curiosity_algos.evaluation.policies import MlpPolicy, build_mlp
+from curiosity_algos.evaluation.mlp import build_mlp
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.loops.population_model import PopulationModel

@@ -18,7 +18,8 @@ from curiosity_algos.bonuses.base import Bonus, check_rewards, check_scores, sho
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
-from curiosity_algos.bonuses.spans import draw_steps, horizon_of
+from curiosity_algos.bonuses.spans import horizon_of
+from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.checkpoints.settings import HasSettings

@@ -18,7 +18,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
-from curiosity_algos.evaluation.policies import Mlp
+from curiosity_algos.evaluation.mlp import Mlp
 from curiosity_algos.evaluation.rollouts import (
     MakeSummarizers,
     Rollouts,

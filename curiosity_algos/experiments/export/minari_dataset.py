@@ -14,7 +14,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations, numeric
-from curiosity_algos.evaluation.policies import Mlp, act
+from curiosity_algos.evaluation.mlp import Mlp, act
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.description import versions
 from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun

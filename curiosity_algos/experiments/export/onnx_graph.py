@@ -12,7 +12,7 @@ from gymnasium import spaces
 
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.flat_spaces import is_vector
-from curiosity_algos.evaluation.policies import Mlp
+from curiosity_algos.evaluation.mlp import Mlp
 from curiosity_algos.evaluation.rollouts import check_parameters
 from curiosity_algos.experiments.export.population_run import PopulationRun
 from curiosity_algos.state.atomic_file import atomic_file

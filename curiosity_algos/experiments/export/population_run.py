@@ -17,7 +17,7 @@ from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_att
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
-from curiosity_algos.evaluation.policies import build_mlp
+from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
 from curiosity_algos.experiments.run_folder import RunFolder

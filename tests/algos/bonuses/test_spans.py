@@ -6,11 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curiosity_algos.bonuses.icm import ICM
-from curiosity_algos.bonuses.spans import (
-    RecentSteps,
-    draw_steps,
-    horizon_of,
-)
+from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
+from curiosity_algos.bonuses.transitions import draw_steps
 
 
 def rng(seed=0):

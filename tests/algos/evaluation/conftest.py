@@ -5,7 +5,7 @@ import pytest
 
 from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.flat_spaces import FlatActions
-from curiosity_algos.evaluation.policies import act
+from curiosity_algos.evaluation.mlp import act
 from curiosity_algos.evaluation.rollouts import Rollouts
 
 

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import (
 from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.policies import act
+from curiosity_algos.evaluation.mlp import act
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.maze.maze_env import MazeEnv

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curiosity_algos.evaluation.flat_spaces import FlatActions
-from curiosity_algos.evaluation.policies import MlpPolicy, act, build_mlp
+from curiosity_algos.evaluation.mlp import act, build_mlp
+from curiosity_algos.evaluation.policies import MlpPolicy
 
 NET_ARCHS = [[], [32, 16], [5], [7, 3, 2], [33, 1, 17, 4]]
 

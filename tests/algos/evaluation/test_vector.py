@@ -9,7 +9,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvW
 
 from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import vector
-from curiosity_algos.evaluation.policies import act, build_mlp
+from curiosity_algos.evaluation.mlp import act, build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
 IDS = {"Pendulum-v1": 30, "maze": 64}

@@ -35,7 +35,7 @@ from curiosity_algos import (
 )
 from curiosity_algos.evaluation.coverage import env_attribute
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.policies import act
+from curiosity_algos.evaluation.mlp import act
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 

@@ -19,7 +19,7 @@ import curiosity_gym
 from curiosity_algos import AURORA, CMAME, NSLC, CuriosityMAPElites, MAPElites
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.evaluation.policies import act
+from curiosity_algos.evaluation.mlp import act
 
 WITH_ARCHIVES = [NSLC, MAPElites, CMAME, AURORA, CuriosityMAPElites]
 EVERY = pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curiosity_algos.evaluation.policies import act, build_mlp
+from curiosity_algos.evaluation.mlp import act, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.canonical import CanonicalSearch
 from curiosity_algos.search.normalized import (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
-from curiosity_algos.evaluation.policies import act, build_mlp
+from curiosity_algos.evaluation.mlp import act, build_mlp
 from curiosity_gym.control.tasks import TASKS
 
 pytestmark = pytest.mark.extra("control")

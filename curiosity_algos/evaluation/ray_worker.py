@@ -1,0 +1,63 @@
+"""What a process of Ray does: it plays shards of a generation with an evaluator that it keeps."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import platform
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.evaluation.blocks import summarize_in_blocks
+from curiosity_algos.evaluation.rollouts import Rollouts
+
+if TYPE_CHECKING:  # it brings PyTorch with it, which workers that play a maze do without
+    from curiosity_algos.evaluation.evaluator import Evaluator
+
+N_KEPT = 4
+"""Evaluators that a process keeps: it may work for several searches."""
+
+
+@dataclass(frozen=True)
+class Generation:
+    """What the shards of a population share; `make_evaluator` and `summarizers` are pickled.
+
+    What Ray unpickles itself cannot be written to.
+    """
+
+    make_evaluator: bytes
+    parameters: Float32Array
+    seed: int | None
+    summarizers: bytes | None
+
+
+def play_shard(generation: Generation, shard: slice) -> tuple[str, Rollouts]:
+    """The name of this process, and the rollouts of some policies.
+
+    They hold what the summarizers read of the trajectories, or without summarizers all of these.
+    """
+    evaluator = _evaluator(generation.make_evaluator)
+    parameters = np.array(generation.parameters[shard])
+    return f"{platform.node()} {os.getpid()}", _play(evaluator, generation, parameters, shard.start)
+
+
+def _play(
+    evaluator: Evaluator, generation: Generation, parameters: Float32Array, first: int
+) -> Rollouts:
+    if generation.summarizers is None:
+        return evaluator.evaluate(parameters, generation.seed)
+    summarizers = pickle.loads(generation.summarizers)
+    return summarize_in_blocks(evaluator, parameters, generation.seed, summarizers, first)
+
+
+@lru_cache(N_KEPT)
+def _evaluator(packed: bytes) -> Evaluator:
+    try:
+        evaluator: Evaluator = pickle.loads(packed)()
+    except Exception as error:  # of any kind: environments say what they like
+        raise RuntimeError(f"A worker could not make its environment: {error}") from error
+    return evaluator

@@ -6,73 +6,76 @@ al. 2017, "Curiosity-driven Exploration by Self-supervised Prediction"; the pape
 
 from __future__ import annotations
 
-import io
-import pathlib
-from contextlib import suppress
-from typing import Any, TypedDict, Unpack
+from typing import Any, Self
 
 import numpy as np
 import torch as th
-from stable_baselines3.common.noise import ActionNoise
+from gymnasium import spaces
+from stable_baselines3 import TD3
+from stable_baselines3.common.callbacks import BaseCallback, ConvertCallback
+from stable_baselines3.common.noise import ActionNoise, NormalActionNoise
+from stable_baselines3.common.type_aliases import MaybeCallback, Schedule
+from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import TD3Policy
 
-from curiosity_algos.bonuses.base import Bonus, record_bonus, train
-from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
-from curiosity_algos.bonuses.views import View
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.presets import preset_settings
+from curiosity_algos.evaluation.arguments import check_order
+from curiosity_algos.evaluation.environments import describe, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.flat_spaces import is_range
+from curiosity_algos.sb3.callbacks import ExplorationCallback
+from curiosity_algos.sb3.held_observations import check_sb3_takes
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
-from curiosity_algos.sb3.resumable_td3 import ResumableTD3
-from curiosity_gym.validation import (
-    check_at_least_one,
-    check_bool,
-    check_keywords,
-    check_not_negative,
-)
+from curiosity_gym.validation import check_at_least_one, check_keywords, check_not_negative
 
 NET_ARCH = [32, 32]
+NOISE = 0.1
+"""Standard deviation of the action noise, in halves of the action space."""
 BONUS_LEARNING_RATE = 6e-6
-"""With faster ones the module outruns the policy, and nothing is left to be curious of (4.4)."""
+"""A faster module outruns the policy, and nothing is left to be curious of (4.4)."""
 
 
-class _Keywords(TypedDict, total=False):
-    tau: float
-    gamma: float
-    action_noise: ActionNoise | None
-    policy_delay: int
-    target_policy_noise: float
-    target_noise_clip: float
-    seed: int | None
-    device: th.device | str
-    verbose: int
-    tensorboard_log: str | None
-    stats_window_size: int
-    _init_setup_model: bool
+class TD3ICM(TD3):
+    """Trains a deterministic policy on `reward + weight * bonus`, after each whole episode.
 
+    This is Stable-Baselines3's TD3 with a `BonusReplayBuffer`, and the paper's settings. The buffer
+    computes the bonus each time it samples a transition. After each rollout from `learning_starts`
+    on the bonus is trained for `n_updates` steps, and then actor and critics for `gradient_steps`.
 
-class TD3ICM(ResumableTD3):
-    """Trains a deterministic policy on `reward + weight * bonus`, a whole episode at a time.
-
-    The bonus is computed when a transition is sampled from the replay buffer, by the module as it
-    has been trained so far. After each episode from `learning_starts` on the module is trained
-    for `n_updates` steps, and actor and critic for as many as the episode had (section 4.4).
-
-    Further keywords are those of TD3, see `ResumableTD3`.
+    Callbacks may change what they may change of TD3, and the `weight`, `extrinsic` and `n_updates`
+    of `replay_buffer`, which alone keeps them.
 
     Args:
+        env: An environment id, a function that makes an environment, a Gymnasium env, or an SB3
+            VecEnv. Actions must be a bounded Box, and episodes must end.
+        policy: As in SB3; None: "MultiInputPolicy" of a Dict of observations, else "MlpPolicy".
         bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the environment's
             spaces, which this then trains.
-        bonus_kwargs: Keywords of a bonus that is named, see its class; the `learning_rate` is 6e-6
-            here.
+        bonus_kwargs: Keywords of a bonus that is named; the `learning_rate` is 6e-6 here, other
+            defaults are those of `BonusReplayBuffer`.
         weight: Factor of the bonus, at least 0: the paper's eta / 2.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         n_updates: p, the bonus' gradient steps a rollout, on batches of `batch_size`.
-        policy_kwargs: Keywords of the policy, as in SB3; `net_arch` is 32, 32 where it is not said.
+        action_noise: As in SB3; None: normal with standard deviation .1.
+        policy_kwargs: As in SB3; `net_arch` is 32, 32 unless it is among them, and Adam is fused
+            unless another optimizer, or keywords of it, are.
+
+    All other arguments are those of TD3.
+
+    Attributes:
+        exploration: The `ExplorationCallback` that observes the episodes since the model was made
+            or loaded.
+        preset: Name of the preset that the model was made from, or None.
 
     Raises:
-        ValueError: If an argument is out of its range, or the env's spaces are not supported.
+        ValueError: If an argument of the bonus, a learning rate or the batch size is out of range,
+            or the bonus does not fit the environment's spaces.
     """
 
     replay_buffer: BonusReplayBuffer
+    preset: str | None = None
 
     def __init__(
         self,
@@ -84,113 +87,135 @@ class TD3ICM(ResumableTD3):
         weight: float = 0.5,
         extrinsic: bool = True,
         n_updates: int = 64,
-        learning_rate: float = 5e-5,
+        learning_rate: float | Schedule = 5e-5,
         buffer_size: int = 1_000_000,
         learning_starts: int = 10_000,
         batch_size: int = 128,
+        tau: float = 0.005,
+        gamma: float = 0.99,
         train_freq: int | tuple[int, str] = (1, "episode"),
         gradient_steps: int = -1,
+        action_noise: ActionNoise | None = None,
+        policy_delay: int = 2,
+        target_policy_noise: float = 0.2,
+        target_noise_clip: float = 0.5,
         policy_kwargs: dict[str, Any] | None = None,
-        **kwargs: Unpack[_Keywords],
+        seed: int | None = None,
+        device: th.device | str = "auto",
+        verbose: int = 0,
+        tensorboard_log: str | None = None,
+        stats_window_size: int = 100,
+        _init_setup_model: bool = True,
     ) -> None:
+        check_order(self, env, policy or "MlpPolicy")
         check_keywords(bonus_kwargs=bonus_kwargs, policy_kwargs=policy_kwargs)
-        self.bonus = bonus
-        self.bonus_kwargs = dict(bonus_kwargs or {})
-        self.weight = weight
-        self.extrinsic = extrinsic
-        self.n_updates = n_updates
+        check_at_least_one(batch_size=batch_size)
+        if not callable(learning_rate):
+            check_not_negative(learning_rate=learning_rate)
+        env = open_env(env)
+        if env is not None or _init_setup_model:  # SB3's `load` has read both
+            observation_space, action_space = describe(env)
+            _check_spaces(observation_space, action_space)
+            is_dict = isinstance(observation_space, spaces.Dict)
+            policy = policy or ("MultiInputPolicy" if is_dict else "MlpPolicy")
+            action_noise = action_noise or _noise(action_space)
+        if isinstance(bonus, str):
+            bonus_kwargs = {"learning_rate": BONUS_LEARNING_RATE, **(bonus_kwargs or {})}
+        policy_kwargs = {"net_arch": NET_ARCH, **(policy_kwargs or {})}
+        if not policy_kwargs.keys() & {"optimizer_class", "optimizer_kwargs"}:
+            policy_kwargs["optimizer_kwargs"] = {"fused": True}  # a sixth less time
+        self.exploration = ExplorationCallback()
         super().__init__(
-            env,
-            policy,
-            learning_rate=learning_rate,
-            buffer_size=buffer_size,
-            learning_starts=learning_starts,
-            batch_size=batch_size,
-            train_freq=train_freq,
-            gradient_steps=gradient_steps,
-            policy_kwargs={"net_arch": NET_ARCH, **(policy_kwargs or {})},
-            **kwargs,
+            policy,  # type: ignore[arg-type]  # never None where `load` has read it
+            env,  # type: ignore[arg-type]  # nor this where there is a model to be made
+            learning_rate,
+            buffer_size,
+            learning_starts,
+            batch_size,
+            tau,
+            gamma,
+            train_freq,
+            gradient_steps,
+            action_noise=action_noise,
+            replay_buffer_class=BonusReplayBuffer,
+            replay_buffer_kwargs={
+                "bonus": bonus,
+                "bonus_kwargs": bonus_kwargs or {},
+                "weight": weight,
+                "extrinsic": extrinsic,
+                "gamma": None,
+                "train_interval": None,
+                "n_updates": n_updates,
+                "batch_size": batch_size,
+            },
+            policy_delay=policy_delay,
+            target_policy_noise=target_policy_noise,
+            target_noise_clip=target_noise_clip,
+            stats_window_size=stats_window_size,
+            tensorboard_log=tensorboard_log,
+            policy_kwargs=policy_kwargs,
+            verbose=verbose,
+            seed=seed,
+            device=device,
+            _init_setup_model=_init_setup_model,
         )
+
+    @classmethod
+    def from_preset(cls, preset: str, env: AnyEnv, **overrides: Any) -> Self:
+        """Make a model with the settings of a preset, see `preset_settings`."""
+        model = cls(env, **preset_settings(preset, TD3ICM.__name__, env_id(env), overrides))
+        model.preset = preset
+        return model
 
     @property
-    def trained_bonus(self) -> Bonus:
-        """The bonus as trained so far; `bonus` is the argument that it was made by."""
-        return self._bonus
+    def coverage(self) -> float | None:
+        """Share of the reachable cells in which episodes ended; None where there are no cells."""
+        return self.exploration.coverage.reachable
 
-    def _settings_of_parts(self) -> set[str]:
-        return super()._settings_of_parts() | {"bonus", "bonus_kwargs"}
+    @property
+    def best_return(self) -> float:
+        """Highest return of an episode; -inf before the first."""
+        return self.exploration.best_return
 
-    def _check_settings(self) -> None:
-        super()._check_settings()
-        check_not_negative(weight=self.weight)
-        check_bool(extrinsic=self.extrinsic)
-        check_at_least_one(n_updates=self.n_updates, buffer_size=self.buffer_size)
-        check_bonus_choice(self.bonus, self.bonus_kwargs)
-
-    def _setup_model(self) -> None:
-        super()._setup_model()
-        if self.policy_kwargs.keys() & {"optimizer_class", "optimizer_kwargs"}:
-            return
-        # One call for all weights: a sixth less time. As a keyword it would be a setting of runs.
-        for optimizer in (self.actor.optimizer, self.critic.optimizer):
-            if type(optimizer) is th.optim.Adam:
-                for group in optimizer.param_groups:
-                    group["fused"] = True
-
-    def _make_parts(self, seed: np.random.SeedSequence) -> BonusReplayBuffer:
-        networks_seed, buffer_seed = seed.spawn(2)
-        kwargs = {"learning_rate": BONUS_LEARNING_RATE, **self.bonus_kwargs}
-        both = View(self.observation_space).space, self.action_space
-        self._bonus = make_bonus(self.bonus, kwargs, *both, seed=networks_seed, device=self.device)
-        return BonusReplayBuffer(
-            self.buffer_size,
-            self.observation_space,
-            self.action_space,
-            self.device,
-            bonus=self._bonus,
-            weight=self.weight,
-            extrinsic=self.extrinsic,
-            gamma=None,
-            train_interval=None,
-            seed=buffer_seed,
-        )
-
-    def _see_rollout(self, n_steps: int) -> None:
-        curiosity = self.weight * self._bonus.score(*self.replay_buffer.newest(n_steps))
-        self.replay_buffer.show_newest(n_steps)
-        record_bonus(self.logger, curiosity)
-
-    def _train_parts(self, batch_size: int) -> None:
-        draw, n_updates = self.replay_buffer.sample_transitions, self.n_updates
-        losses = train(self._bonus, draw, n_updates=n_updates, batch_size=batch_size)
-        for name, loss in losses.items():
-            self.logger.record(name, loss)
+    @property
+    def first_success_timesteps(self) -> int | None:
+        """Timesteps when an episode first succeeded, or None."""
+        return self.exploration.first_success_timesteps
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Train as SB3 does, but not to be interrupted in the midst of it."""
-        buffer = self.replay_buffer
-        buffer.weight, buffer.extrinsic = self.weight, self.extrinsic
-        with buffer.drawn_ahead(gradient_steps, batch_size):  # after `_train_parts`
+        """Train the bonus, then actor and critics as SB3 does, on one torch thread."""
+        with single_torch_thread():
+            self.replay_buffer.train_bonus()
             super().train(gradient_steps, batch_size)
+        for name, value in self.replay_buffer.metrics.items():
+            self.logger.record(name, value)
 
-    def load_replay_buffer(
-        self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True
-    ) -> None:
-        """Load as SB3 does; bonus and weight stay the model's own. Only for files that you trust.
+    def _init_callback(self, callback: MaybeCallback, progress_bar: bool = False) -> BaseCallback:
+        """The callbacks of the user, after the one that observes episodes."""
+        every = callback if isinstance(callback, list) else [callback] if callback else []
+        own = [each if isinstance(each, BaseCallback) else ConvertCallback(each) for each in every]
+        return super()._init_callback([self.exploration, *own], progress_bar)
 
-        Raises:
-            ValueError: If the file holds no replay buffer of this class, or of other spaces.
-        """
-        own = self.replay_buffer
-        with suppress(AssertionError):  # SB3's, of what is no buffer
-            super().load_replay_buffer(path, truncate_last_traj)
-        loaded, self.replay_buffer = self.replay_buffer, own
-        if not isinstance(loaded, BonusReplayBuffer) or loaded.train_interval is not None:
-            raise ValueError("`path` must be a replay buffer that TD3ICM has saved.")
-        one, other = ((each.observation_space, each.action_space) for each in (loaded, own))
-        if one != other:
-            raise ValueError(
-                "`path` must be a replay buffer of the model's spaces, it is of others."
-            )
-        vars(loaded).update(bonus=own.bonus, weight=own.weight, extrinsic=own.extrinsic)
-        self.replay_buffer = loaded
+    @staticmethod
+    def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        return TD3._wrap_env(open_env(env), verbose, monitor_wrapper)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "exploration"]
+
+
+def _check_spaces(observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
+    check_sb3_takes(observation_space)
+    is_vector = len(action_space.shape or ()) == 1 and spaces.flatdim(action_space) > 0
+    is_float = np.issubdtype(action_space.dtype, np.floating)
+    is_bounded = isinstance(action_space, spaces.Box) and is_range(action_space)
+    if not (is_vector and is_float and is_bounded):
+        raise ValueError(
+            "`env` must have a bounded one-dimensional Box of actions, of floats, with `low` below "
+            f"`high`, got {action_space}."
+        )
+
+
+def _noise(action_space: spaces.Space[Any]) -> NormalActionNoise:
+    shape = action_space.shape or ()
+    return NormalActionNoise(np.zeros(shape), np.full(shape, NOISE))

@@ -22,7 +22,7 @@ from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.episodes import EpisodicBonus, episodes_of
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import GlobalGenerators
+from curiosity_algos.common.randomness import seeded_globally
 
 MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
 
@@ -222,7 +222,7 @@ def check_wrapper(
         AssertionError: If the bonus is asked for the observation after the reset, or enters once
             the advantages are computed.
     """
-    with GlobalGenerators(np.random.SeedSequence(0), th.device("cpu")).lent():
+    with seeded_globally(np.random.SeedSequence(0), th.device("cpu")):
         venv = wrap(DummyVecEnv([_Corridor] * N_CORRIDORS), _AtTheEnd())
         n = HORIZON * N_CORRIDORS
         settings: dict[str, Any] = {"n_steps": HORIZON, "batch_size": n, "n_epochs": 1}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -41,3 +42,22 @@ def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, An
         known = ", ".join(settings)
         raise ValueError(f'`preset` "{preset}" of {algorithm} is for {known}, not for {env_id}.')
     return dict(settings[env_id])
+
+
+def preset_settings(
+    preset: str, algorithm: str, env_id: str | None, overrides: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The settings of a preset, and keywords that count more than these.
+
+    Of a dictionary each entry counts more; with another `bonus` the preset's `bonus_kwargs` do not
+    count at all. Other arguments and errors are those of `load_preset`.
+    """
+    settings = load_preset(preset, algorithm, env_id)
+    if "bonus" in overrides and overrides["bonus"] != settings.get("bonus"):
+        settings.pop("bonus_kwargs", None)  # they are of another bonus
+    merged = {
+        name: settings[name] | value
+        for name, value in overrides.items()
+        if isinstance(value, dict) and isinstance(settings.get(name), dict)
+    }
+    return settings | dict(overrides) | merged

@@ -146,60 +146,18 @@ def load_global_state(state: Mapping[str, Any], device: th.device) -> None:
         th.cuda.set_rng_state(state["cuda"].cpu(), device)
 
 
-class GlobalGenerators:
-    """torch's and numpy's global generators, as one run of Stable-Baselines3 sees them.
+@contextmanager
+def seeded_globally(seed: np.random.SeedSequence, device: th.device) -> Iterator[None]:
+    """Seed torch's and numpy's global generators for a block, and leave them as they were.
 
-    A run that draws within `lent` goes on from where it left them, whatever others drew from them
-    in the meantime, and leaves them as it found them. Threads would mix their draws: they are lent
-    to one alone.
-
-    Args:
-        seed: Where the run's draws begin.
-        device: Of the run's networks, whose generator belongs to it too.
+    Raises:
+        RuntimeError: If a model learns in another thread, which would mix the draws.
     """
-
-    def __init__(self, seed: np.random.SeedSequence, device: th.device) -> None:
-        self._device = device
-        self._is_lent = False
-        self._own = global_state(self._device)
-        self.seed(seed)
-
-    def seed(self, seed: np.random.SeedSequence) -> None:
-        """Begin the run's draws anew."""
-        if not self._is_lent:
-            with self.lent():
-                self.seed(seed)
-            return
+    with sole_learner():
+        before = global_state(device)
         np.random.seed(integer_seed(seed))  # noqa: NPY002
         th.default_generator.manual_seed(integer_seed(seed))
-        if self._device.type == "cuda":
-            with th.cuda.device(self._device):
-                th.cuda.manual_seed(integer_seed(seed))
-
-    @contextmanager
-    def lent(self) -> Iterator[None]:
-        """Bring the global generators to the run's states until the block ends.
-
-        Raises:
-            RuntimeError: If a model learns in another thread.
-        """
-        with sole_learner():
-            outside = global_state(self._device)
-            load_global_state(self._own, self._device)
-            self._is_lent = True
-            try:
-                yield
-            finally:
-                self._own = global_state(self._device)
-                self._is_lent = False
-                load_global_state(outside, self._device)
-
-    def state_dict(self) -> dict[str, Any]:
-        """The states that the run's next draw begins from."""
-        return global_state(self._device) if self._is_lent else dict(self._own)
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave; draws on another kind of device go on as they were."""
-        self._own = {**self._own, **state}
-        if self._is_lent:
-            load_global_state(self._own, self._device)
+        try:
+            yield
+        finally:
+            load_global_state(before, device)

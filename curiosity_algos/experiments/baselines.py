@@ -1,4 +1,4 @@
-"""Stable-Baselines3's own algorithms as runs: their bonuses, models and policies."""
+"""Algorithms that Stable-Baselines3 trains as runs: their bonuses, models and policies."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
+from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.bonuses.encoders import SMALLEST_NATURE
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
 from curiosity_algos.common.names import find_known, plain_name
@@ -23,13 +24,16 @@ from curiosity_algos.experiments.checkpoint_files import restore_under_way
 from curiosity_algos.experiments.reading import check_kind
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
-from curiosity_algos.sb3.resumable import Resumable
 
 
 def is_baseline(cls: type[Any]) -> bool:
-    """Whether an algorithm is one of Stable-Baselines3's own, or of sb3-contrib's."""
-    is_theirs = issubclass(cls, OnPolicyAlgorithm | OffPolicyAlgorithm)
-    return is_theirs and not issubclass(cls, Resumable)
+    """Whether Stable-Baselines3 trains an algorithm: its own, sb3-contrib's, and `TD3ICM`."""
+    return issubclass(cls, OnPolicyAlgorithm | OffPolicyAlgorithm)
+
+
+def is_foreign(cls: type[Any]) -> bool:
+    """Whether an algorithm is of Stable-Baselines3 or sb3-contrib, and has no bonus by itself."""
+    return is_baseline(cls) and not issubclass(cls, TD3ICM)
 
 
 # -- bonuses --------------------------------------------------------------------------------------

@@ -1,10 +1,11 @@
 """The files of a checkpoint that hold a model, and the models that can be recorded.
 
-Of Stable-Baselines3's own algorithms these hold, too, what their `model.zip` lacks of a run:
+Of algorithms that Stable-Baselines3 trains these hold, too, what their `model.zip` lacks of a run:
 
 under_way.pt      the states of the global generators, of random actions, of the episodes, and what
                   a recurrent policy remembers of them
-replay_buffer.pt  the transitions of an off-policy algorithm, with the bonus of a buffer
+replay_buffer.pt  the transitions of an off-policy algorithm, and the bonus of a buffer, which stays
+                  where transitions are left out
 """
 
 from __future__ import annotations
@@ -40,7 +41,6 @@ from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
-from curiosity_algos.sb3.resumable import Resumable
 from curiosity_algos.sb3.wrapper_file import resume_episodes
 from curiosity_algos.state.atomic_file import atomic_file
 
@@ -87,7 +87,7 @@ def write_model(
 ) -> None:
     """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint.
 
-    Of Stable-Baselines3's own algorithms also what their file lacks of the run.
+    Of algorithms that Stable-Baselines3 trains also what their file lacks of the run.
     """
     with atomic_file(folder / "model.zip") as file:
         model.save(file, exclude)  # to a path Stable-Baselines3 writes what a power cut may lose
@@ -106,10 +106,9 @@ def write_model(
         if model.best_episode_seed is not None:
             best["episode_seed"] = np.array(model.best_episode_seed)
         write_arrays(folder / "best_policy.npz", best)
-    elif not isinstance(model, Resumable):
+    else:
         _write_under_way(model, folder)
-        if save_replay_buffer and "buffer" not in exclude:
-            _write_transitions(model, folder)
+        _write_buffer(model, folder, transitions=save_replay_buffer and "buffer" not in exclude)
 
 
 def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
@@ -124,12 +123,12 @@ def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
     write_plain(folder / UNDER_WAY, state, _KIND)
 
 
-def _write_transitions(model: BaseAlgorithm, folder: Path) -> None:
+def _write_buffer(model: BaseAlgorithm, folder: Path, *, transitions: bool) -> None:
     """Write the replay buffer of a model, if it has one of a known kind."""
     buffer: Any = getattr(model, "replay_buffer", None)
     if isinstance(buffer, BonusReplayBuffer):
-        buffer.save(folder / TRANSITIONS)
-    elif type(buffer) in _PLAIN_BUFFERS:
+        buffer.save(folder / TRANSITIONS, transitions=transitions)
+    elif transitions and type(buffer) in _PLAIN_BUFFERS:
         n = min(buffer.size() + 1, buffer.buffer_size)  # the last row may lead to the next one
         held = {name: th.from_numpy(column[:n]) for name, column in _columns(buffer).items()}
         state = {"held": held, "pos": buffer.pos, "full": buffer.full}
@@ -174,17 +173,17 @@ def _restore_transitions(model: BaseAlgorithm, folder: Path) -> None:
     buffer = getattr(model, "replay_buffer", None)
     if buffer is None:
         return
-    if not (folder / TRANSITIONS).exists():
-        warnings.warn(
-            "The checkpoint was taken without the replay buffer, which begins empty: what is "
-            "learned from here on is not what an uninterrupted run would have learned.",
-            stacklevel=4,
-        )
-    elif isinstance(buffer, BonusReplayBuffer):
+    if isinstance(buffer, BonusReplayBuffer):
         buffer.restore(folder / TRANSITIONS)
-    else:
+    elif (folder / TRANSITIONS).exists():
         saved = read_plain(folder / TRANSITIONS, _BUFFER_KIND, what="replay buffer")
         for name, column in _columns(buffer).items():
             rows: npt.NDArray[np.generic] = saved["held"][name].numpy()
             column[: len(rows)] = rows
         buffer.pos, buffer.full = saved["pos"], saved["full"]
+    if model.num_timesteps and not buffer.size():
+        warnings.warn(
+            "The checkpoint was taken without the replay buffer, which begins empty: what is "
+            "learned from here on is not what an uninterrupted run would have learned.",
+            stacklevel=4,
+        )

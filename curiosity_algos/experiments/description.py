@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.noise import ActionNoise, VectorizedActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.evaluation.coverage import behavior_space
 from curiosity_algos.evaluation.environments import (
     VECTOR_KEYWORDS,
@@ -31,7 +32,6 @@ from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
-from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.processors import available_cpus
@@ -65,7 +65,7 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 def algorithm_name(model: BaseAlgorithm) -> str:
     """The name of its class, and of the bonus that was added to it: `PPO + ICM`, `SAC + APT`."""
     buffer = getattr(model, "replay_buffer", None)
-    is_added = isinstance(buffer, BonusReplayBuffer) and not isinstance(model, Resumable)
+    is_added = isinstance(buffer, BonusReplayBuffer) and not isinstance(model, TD3ICM)
     holder = bonus_wrapper(model) or (buffer if is_added else None)
     added = "" if holder is None else f" + {type(holder.bonus).__name__}"
     return f"{type(model).__name__}{added}"
@@ -184,7 +184,11 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
 
         own["archive"] = {type(archive).__name__: archive_part(archive).settings}
     settings = _arguments(model, vars(model) | own)
-    return settings | ({"preset": model.preset} if isinstance(model, Resumable) else {})
+    buffer = getattr(model, "replay_buffer", None)
+    if isinstance(buffer, BonusReplayBuffer):  # callbacks may have changed what it was made with
+        in_force = vars(model)["replay_buffer_kwargs"] | buffer.settings
+        settings["replay_buffer_kwargs"] = _as_json(in_force)
+    return settings | ({"preset": model.preset} if hasattr(model, "preset") else {})
 
 
 def with_newer_settings(described: Mapping[str, Any], model: BaseAlgorithm) -> dict[str, Any]:
@@ -234,6 +238,8 @@ def _name(value: Any) -> Any:
         if isinstance(value.value_schedule, ConstantSchedule):
             return value.value_schedule.val
         return [value(left) for left in (1.0, 0.5, 0.0)]
+    if isinstance(value, VectorizedActionNoise):  # what SB3 makes of one for several environments
+        value = value.base_noise
     if isinstance(value, ActionNoise):
         numbers = int | float | np.ndarray
         settings = {k: v for k, v in vars(value).items() if k[0] == "_" and isinstance(v, numbers)}

@@ -142,12 +142,7 @@ def _read_policy(
     if is_baseline(cls) and not trust:
         load = partial(load_baseline_policy, cls, described=run.describe(), env=env)
         return run.read(load), 0
-    if trust or issubclass(cls, EvolutionaryAlgorithm):
-        return run.read(partial(_load, cls, trust=trust))
-    raise ValueError(
-        f"`trust` must be given if you know who made the run: the file of a {cls.__name__} may "
-        "run any code."
-    )
+    return run.read(partial(_load, cls, trust=trust))
 
 
 def _load(cls: type[Any], checkpoint: Path, *, trust: bool) -> tuple[BasePolicy, int]:

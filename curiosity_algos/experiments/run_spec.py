@@ -24,6 +24,7 @@ from curiosity_algos.common.networks import torch_device
 from curiosity_algos.common.origin import is_foreign
 from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.evaluation.environments import open_env
+from curiosity_algos.experiments import baselines
 from curiosity_algos.experiments.baselines import (
     find_bonus,
     is_baseline,
@@ -126,7 +127,7 @@ class RunSpec:
         for entry, kwargs in self.wrappers:
             check_wrapping(entry, kwargs)
         for name in ("n_threads", "preset"):
-            if name in self.settings and is_baseline(cls):
+            if name in self.settings and baselines.is_foreign(cls):
                 raise ValueError(
                     f"`{name}` must be left out for {cls.__name__}, which is not of this package."
                 )
@@ -149,7 +150,7 @@ class RunSpec:
             name: dict(value) if isinstance(value, dict) else value
             for name, value in self.settings.items()
         }
-        if is_baseline(cls):
+        if baselines.is_foreign(cls):
             added = {"bonus": self.bonus, "bonus_kwargs": self.bonus_kwargs}
             return make_baseline(cls, venv, seed=self.seed, **{**added, **settings})
         settings |= self._bonus_settings(cls)

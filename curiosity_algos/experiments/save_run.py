@@ -31,7 +31,6 @@ from curiosity_algos.experiments.reservoir import Reservoir
 from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import ExplorationCallback
-from curiosity_algos.sb3.resumable_td3 import ResumableTD3
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.validation import check_at_least_one, check_positive
 
@@ -53,7 +52,7 @@ class SaveRun(BaseCallback):
         rest = 1e7 - model.num_timesteps
         model.learn(rest, callback=SaveRun("runs/hard"), reset_num_timesteps=False)
 
-    An algorithm of Stable-Baselines3's own, or of sb3-contrib's, goes on by `load_baseline`, its
+    `TD3ICM`, and algorithms of Stable-Baselines3 and sb3-contrib, go on by `load_baseline`, their
     random draws and, with `save_replay_buffer`, its transitions, too. Beside its `model` the
     checkpoint holds `bonus.pt` of a `BonusVecEnvWrapper`, and `vecnormalize.pkl` of a VecNormalize,
     which `load_baseline` leaves to you.
@@ -65,8 +64,8 @@ class SaveRun(BaseCallback):
             there collects them anew, and the model warns of it.
         n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
         n_sampled: Policies of all that are evaluated which are kept, a uniform sample.
-        save_replay_buffer: Whether checkpoints hold the replay buffer of Stable-Baselines3's own
-            algorithms; this package's always do. The last one does not.
+        save_replay_buffer: Whether checkpoints hold the transitions of a replay buffer. The last
+            one does not; bonus and weight of a `BonusReplayBuffer` are in each.
         verbose: As in SB3.
 
     Raises:
@@ -120,17 +119,17 @@ class SaveRun(BaseCallback):
         self.logger.output_formats.append(self._log)
 
     def _begin_to_observe(self) -> None:
-        """Count what algorithms of Stable-Baselines3's own do not."""
-        counts = isinstance(self.model, EvolutionaryAlgorithm | ResumableTD3)
+        """Count what algorithms that Stable-Baselines3 trains do not."""
+        counts = isinstance(self.model, EvolutionaryAlgorithm)
         self._observers = CallbackList([] if counts else [ExplorationCallback()])
         self._observers.init_callback(self.model)
         self._observers.on_training_start(self.locals, self.globals)
 
     @property
-    def _found(self) -> EvolutionaryAlgorithm | ResumableTD3 | ExplorationCallback:
+    def _found(self) -> EvolutionaryAlgorithm | ExplorationCallback:
         """The object that knows of coverage, best return, first reward and success."""
-        # Algorithms of Stable-Baselines3's own, which know nothing of it, have an observer; the
-        # hints of both attributes name their base classes.
+        # Algorithms that Stable-Baselines3 trains have an observer; the hints of both attributes
+        # name their base classes.
         return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
 
     def _check_folder(self, description: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.sb3.held_observations import HeldObservations, as_tensors
 
-COLUMNS = ("observations", "actions", "rewards", "dones", "timeouts")
+COLUMNS = ("observations", "actions", "rewards", "dones", "timeouts", "scores", "scored_at")
 
 
 class OrderedReplayBuffer(ReplayBuffer):
@@ -119,15 +119,16 @@ class OrderedReplayBuffer(ReplayBuffer):
 
     # -- save and load --------------------------------------------------------------------------
 
-    def state_dict(self) -> dict[str, Any]:
-        """Transitions held, oldest first, and the state of the draws."""
-        rows = (self.pos - self._n_held + np.arange(self._n_held)) % self.buffer_size
+    def state_dict(self, *, transitions: bool = True) -> dict[str, Any]:
+        """The transitions, oldest first, or none, and the state of the draws."""
+        n, pos, full = (self._n_held, self.pos, self.full) if transitions else (0, 0, False)
+        rows = (pos - n + np.arange(n)) % self.buffer_size
         held = {name: getattr(self, name)[rows] for name in self._columns}
         every = np.broadcast_to(np.arange(self.n_envs), (len(rows), self.n_envs))
         held["next_observations"] = self._next_observations(rows[:, None], every)
         buffer = {name: as_tensors(column) for name, column in held.items()}
         return {
-            "buffer": {**buffer, "pos": self.pos, "full": self.full},
+            "buffer": {**buffer, "pos": pos, "full": full},
             "rng": generator_state(self._rng),
         }
 

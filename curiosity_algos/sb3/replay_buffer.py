@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,8 +25,13 @@ from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.held_observations import check_sb3_takes
-from curiosity_algos.sb3.ordered_replay_buffer import COLUMNS, OrderedReplayBuffer
-from curiosity_algos.sb3.replay_arguments import check_schedule, check_size, seed_sequence
+from curiosity_algos.sb3.ordered_replay_buffer import OrderedReplayBuffer
+from curiosity_algos.sb3.replay_arguments import (
+    check_interval,
+    check_schedule,
+    check_size,
+    seed_sequence,
+)
 from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
 from curiosity_algos.sb3.scale import BonusScale, check_discount
 from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative
@@ -37,8 +40,6 @@ N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
 N_WHOLE = 128
 """Of multiples of so many a bonus has the same bits whatever stands beside it."""
-SCORES = ("scores", "scored_at")
-"""Columns of what the bonus says of each transition, and after how many of its trainings."""
 SETTLED = frozenset({"bonus", "bonus_kwargs", "buffer_size", "n_envs", "observation_key", "seed"})
 """Settings that a buffer was made with."""
 COUNTERS = ("metrics", "_n_untrained", "_n_trainings")
@@ -80,8 +81,8 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
             counts as it is.
-        train_interval: Transitions of all environments between two trainings; None: another
-            trains, `gamma` is None, and the bonus counts from the beginning.
+        train_interval: Transitions of all environments between two trainings; None: it trains when
+            `train_bonus` is called.
         n_updates: Gradient steps a training.
         batch_size: Transitions a gradient step of the bonus.
         seed: Of the networks and the draws; None: drawn from NumPy's generator, which SB3's
@@ -100,10 +101,9 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
     _checks: ClassVar = {
         "weight": check_not_negative,
         "extrinsic": check_bool,
-        **dict.fromkeys(("train_interval", "n_updates", "batch_size"), check_at_least_one),
+        "train_interval": check_interval,
+        **dict.fromkeys(("n_updates", "batch_size"), check_at_least_one),
     }
-    train_interval: int | None
-    _ahead: Iterator[tuple[Int64Array, Array]] = iter(())
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         seed: int | np.random.SeedSequence | None = None,
     ) -> None:
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-        check_schedule(gamma, train_interval, n_updates, batch_size)
+        check_schedule(gamma, n_updates, batch_size)
         check_size(buffer_size, n_envs, optimize_memory_usage)
         check_sb3_takes(observation_space)
         self._view = View(observation_space, observation_key)
@@ -155,21 +155,16 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         self._shows_images = ImageInputs.of(self._view.space) is not None
         self.weight = weight
         self.extrinsic = extrinsic
-        vars(self)["train_interval"] = train_interval
+        self.train_interval = train_interval
         self.n_updates = n_updates
         self.batch_size = batch_size
         self.metrics: dict[str, float] = {}
         self._scale = None if gamma is None else BonusScale(n_envs, gamma=gamma)
         self._n_untrained = 0  # steps of every environment
         self._n_trainings = 0
-        if train_interval is not None:  # else the bonus may change at any time
-            shape = self.buffer_size, n_envs
-            self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
-            self._columns = COLUMNS + SCORES
-        unscaled = {"gamma"} if gamma is None else set()
-        self._settled = (
-            SETTLED | unscaled | ({"train_interval"} if train_interval is None else set())
-        )
+        shape = self.buffer_size, n_envs
+        self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
+        self._settled = SETTLED | ({"gamma"} if gamma is None else set())
 
     @property
     def gamma(self) -> float | None:
@@ -190,7 +185,6 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             "n_envs": self.n_envs,
             "optimize_memory_usage": self.optimize_memory_usage,
             "is_scaled": self._scale is not None,
-            "trains": self.train_interval is not None,
             "observation_key": self.observation_key,
         }
         return {name: plain(value) for name, value in made.items()}
@@ -221,16 +215,17 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             for entry in each.values() if isinstance(each, dict) else [each]:
                 check_observations(entry)
         check_rewards(reward)
-        if self.train_interval:
-            self.scored_at[[self.pos - 1, self.pos]] = 0  # where the newest leads may change, too
+        self.scored_at[[self.pos - 1, self.pos]] = 0  # where the newest leads may change, too
         super().add(obs, next_obs, action, reward, done, infos)
         self._n_untrained += 1
         if self.train_interval and self._n_untrained * self.n_envs >= self.train_interval:
-            self._train()
+            self.train_bonus()
 
-    def _train(self) -> None:
-        """Train the bonus with what came since the last time, and see what it says of that."""
+    def train_bonus(self) -> None:
+        """Train the bonus, and score what came since the last time; nothing where nothing came."""
         n, self._n_untrained = self._n_untrained, 0
+        if not n:
+            return
         with single_torch_thread():
             rows, envs = self._newest(n)
             for some in self._parts(len(rows)):
@@ -249,9 +244,9 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
         """Transitions drawn uniformly with replacement; the bonus sees raw observations."""
-        drawn, bonus = next(self._ahead, None) or next(self._drawn(1, batch_size))
+        drawn = self._draw(batch_size)
         rows, envs = self._places(drawn)
-        rewards = self.weight * bonus
+        rewards = self.weight * self._bonus_of(drawn)
         if self.extrinsic:
             rewards = rewards + self._normalize_reward(self.rewards[rows, envs], env)
         is_dict = isinstance(self.observation_space, spaces.Dict)
@@ -271,28 +266,6 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             return {name: self.to_torch(entry) for name, entry in shown.items()}
         return self.to_torch(shown)
 
-    @contextmanager
-    def drawn_ahead(self, n_batches: int, batch_size: int) -> Iterator[None]:
-        """A context in which bonus and buffer stay as they are: batches at less cost.
-
-        Their rows are those that are drawn otherwise; of batches that are no multiples of 128 the
-        bonus may be rounded otherwise.
-        """
-        self._ahead = self._drawn(n_batches, batch_size)
-        try:
-            yield
-        finally:
-            self._ahead = iter(())
-
-    def _drawn(self, n_batches: int, batch_size: int) -> Iterator[tuple[Int64Array, Array]]:
-        """Transitions (n,) of each batch and their bonus (n,), computed when it is needed."""
-        n_together = max(1, self._n_scored // batch_size)
-        for begin in range(0, n_batches, n_together):
-            n = min(n_together, n_batches - begin)
-            drawn = self._draw(n * batch_size)
-            bonus = self._bonus_of(drawn)
-            yield from zip(drawn.reshape(n, -1), bonus.reshape(n, -1), strict=True)
-
     @property
     def _n_scored(self) -> int:
         """Transitions whose bonus is computed in one call; of images a batch is more than these."""
@@ -300,9 +273,6 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
 
     def _bonus_of(self, drawn: Int64Array) -> Array:
         """Bonus (n,) of transitions, scaled, before it is weighted."""
-        if self.train_interval is None:
-            with single_torch_thread():
-                return self._score(*self._places(drawn))
         if not self._n_trainings:
             return np.zeros(len(drawn), dtype=np.float32)
         self._score_unknown(drawn)
@@ -357,17 +327,6 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         actions = actions.reshape(batch_size, -1).astype(np.float32, copy=False)
         return th.from_numpy(before), th.from_numpy(actions), th.from_numpy(after)
 
-    def newest(self, n: int) -> tuple[Array, ...]:
-        """The last n steps of every environment, (n * n_envs, ...); fewer where fewer are held.
-
-        In the order of their steps, and in each of their environments.
-        """
-        return self._transitions(*self._newest(n))
-
-    def show_newest(self, n: int) -> None:
-        """Let the bonus observe them."""
-        self._show(*self._newest(n))
-
     def _transitions(self, rows: Int64Array, envs: Int64Array) -> tuple[Array, ...]:
         """Observations, actions and next observations, as a bonus takes them."""
         return (
@@ -402,8 +361,17 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
 
     # -- save and load --------------------------------------------------------------------------
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What callbacks may change, as it is now."""
+        return {name: getattr(self, name) for name in (*self._checks, "gamma")}
+
+    def save(self, path: str | os.PathLike[str], *, transitions: bool = True) -> None:
         """Write transitions and bonus to a file that `restore` reads without running code.
+
+        Args:
+            path: Of the file.
+            transitions: False: all but them.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
@@ -416,7 +384,7 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             "settings": {name: getattr(self, name) for name in self._checks},
             "counters": {name: getattr(self, name) for name in COUNTERS},
         }
-        write_buffer(path, self.state_dict() | parts)
+        write_buffer(path, self.state_dict(transitions=transitions) | parts)
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.

@@ -29,7 +29,7 @@ from curiosity_algos.checkpoints.model_file import (
 )
 from curiosity_algos.checkpoints.parts import build_model, load_parts, read_parts, stateful_parts
 from curiosity_algos.checkpoints.settings import HasSettings
-from curiosity_algos.common.presets import load_preset
+from curiosity_algos.common.presets import preset_settings
 from curiosity_algos.common.randomness import AnyGenerator, reseed
 from curiosity_algos.common.sole_learner import sole_learner
 from curiosity_algos.evaluation.arguments import check_keywords_known
@@ -93,8 +93,8 @@ class Resumable(HasSettings, BaseAlgorithm):
             ValueError: If there is no such preset, or it has no settings of the algorithm for the
                 environment.
         """
-        settings = load_preset(preset, _known_name(cls), env_id(env))
-        model = cls(env, **_merged(settings, overrides))  # type: ignore[arg-type]  # ours come first
+        settings = preset_settings(preset, _known_name(cls), env_id(env), overrides)
+        model = cls(env, **settings)  # type: ignore[arg-type]  # ours come first
         vars(model)["preset"] = preset
         return model
 
@@ -370,17 +370,6 @@ class Resumable(HasSettings, BaseAlgorithm):
         """Take over from what a file said what `_setup_model` has begun anew."""
         if self.env is not None:
             self._match_env(self.env)
-
-
-def _merged(settings: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    if "bonus" in overrides and overrides["bonus"] != settings.get("bonus"):
-        settings.pop("bonus_kwargs", None)  # they are of another bonus
-    merged = {
-        name: settings[name] | value
-        for name, value in overrides.items()
-        if isinstance(value, dict) and isinstance(settings.get(name), dict)
-    }
-    return settings | dict(overrides) | merged
 
 
 def _all_parameters(cls: type) -> list[inspect.Parameter]:

@@ -165,12 +165,6 @@ def algorithms_fixture():
     return list(SETTINGS)
 
 
-@pytest.fixture(params=ALL_SETTINGS, ids=lambda algorithm: algorithm.__name__)
-def any_algorithm(request):
-    """Of every kind, for what all of them promise."""
-    return request.param
-
-
 @pytest.fixture(name="make_model")
 def make_model_fixture():
     return make_model

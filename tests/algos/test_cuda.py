@@ -37,7 +37,7 @@ OBSERVATIONS = {
     "tiles": spaces.Box(0, 255, (7, 7, 3), np.uint8),
     "pixels": spaces.Box(0, 255, (3, 40, 40), np.uint8),
 }
-CURIOUS = [CuriosityES, CuriosityMAPElites, AURORA, TD3ICM]
+CURIOUS = [CuriosityES, CuriosityMAPElites, AURORA]
 """The algorithms that train networks of their own."""
 SAMPLED = [name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes")]
 """Bonuses that ask for no episodes."""
@@ -166,6 +166,11 @@ class TestStableBaselines:
         np.testing.assert_allclose(
             scores_of(loaded.bonus), scores_of(venv.bonus), rtol=1e-2, atol=1e-3
         )
+
+    def test_td3icm(self, make_model, make_easy_maze):
+        model = make_model(TD3ICM, make_easy_maze(), device="cuda").learn(200)
+        assert model._n_updates > 0
+        assert {each.device.type for each in model.replay_buffer.bonus.parameters()} == {"cuda"}
 
     @pytest.mark.parametrize("bonus", SAMPLED)
     def test_sac_with_every_bonus(self, bonus, tmp_path):

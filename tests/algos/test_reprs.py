@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from curiosity_algos import TD3ICM, BonusReplayBuffer, BonusVecEnvWrapper, MAPElites, Rollouts
+from curiosity_algos import BonusReplayBuffer, BonusVecEnvWrapper, MAPElites, Rollouts
 from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.experiments import RunFolder
@@ -34,10 +34,10 @@ def test_a_model_and_its_parts(model):
 
 
 def test_before_anything_is_found():
-    model = TD3ICM(US, seed=0, device="cpu")
-    assert repr(model) == f"<TD3ICM on {US}: 0 timesteps>"
+    model = MAPElites(US, seed=0)
+    assert repr(model) == f"<MAPElites on {US}: 0 timesteps>"
     model.env = None
-    assert repr(model) == "<TD3ICM without an environment: 0 timesteps>"
+    assert repr(model) == "<MAPElites without an environment: 0 timesteps>"
     assert repr(Coverage(None)) == "<Coverage: nothing is counted>"
     assert repr(NoveltyArchive(2)) == "<NoveltyArchive: 0 behaviors of 2 entries>"
     assert repr(RunFolder("runs/0")) == "<RunFolder: runs/0>"

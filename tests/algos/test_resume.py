@@ -14,7 +14,7 @@ from logs import read_log
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import NSES, TD3ICM, CuriosityES, MAPElites
+from curiosity_algos import NSES, CuriosityES, MAPElites
 from curiosity_algos.checkpoints.model_file import check_is_checkpoint
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -26,27 +26,26 @@ from conftest import latest_checkpoint, make_easy_maze, make_model
 from stable_baselines3.common.callbacks import CheckpointCallback
 import curiosity_algos
 
-def train_forever(algorithm, folder, interval):
+def train_forever(algorithm, folder):
     last = latest_checkpoint(folder)
     if last is None:
         model = make_model(algorithm, make_easy_maze())
     else:
         model = algorithm.load(last, env=make_easy_maze())
-    every = CheckpointCallback(interval, str(folder))
+    every = CheckpointCallback(1, str(folder))
     model.learn(1e9, callback=every, reset_num_timesteps=False)
 
-def kill_ten_times(algorithm, folder, interval):
+def kill_ten_times(algorithm, folder):
     # Machine code is loaded once, before the forks, and by one thread: a fork would copy the locks
     # that others hold, and nobody would open them.
-    threads = {{}} if algorithm is curiosity_algos.TD3ICM else {{"n_threads": 1}}
-    make_model(algorithm, make_easy_maze(), **threads).learn(2000)
+    make_model(algorithm, make_easy_maze(), n_threads=1).learn(2000)
     assert threading.active_count() == 1
     for moment in {moments}:
         before = latest_checkpoint(folder)
         process = os.fork()
         if process == 0:
             signal.alarm(300)  # whatever becomes of its parent
-            train_forever(algorithm, folder, interval)
+            train_forever(algorithm, folder)
         while latest_checkpoint(folder) == before:
             assert os.waitpid(process, os.WNOHANG) == (0, 0)
             time.sleep(0.002)
@@ -55,8 +54,8 @@ def kill_ten_times(algorithm, folder, interval):
         os.waitpid(process, 0)
 
 for line in sys.stdin:
-    name, folder, interval = line.split()
-    kill_ten_times(getattr(curiosity_algos, name), pathlib.Path(folder), int(interval))
+    name, folder = line.split()
+    kill_ten_times(getattr(curiosity_algos, name), pathlib.Path(folder))
     print("killed", flush=True)
 """
 
@@ -71,8 +70,7 @@ def kill_ten_times():
     with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, **pipes) as killer:
 
         def kill(algorithm, folder):
-            interval = 37 if algorithm is TD3ICM else 1
-            killer.stdin.write(f"{algorithm.__name__} {folder} {interval}\n")
+            killer.stdin.write(f"{algorithm.__name__} {folder}\n")
             killer.stdin.flush()
             assert killer.stdout.readline() == "killed\n"
 
@@ -93,10 +91,6 @@ class CtrlC(BaseCallback):
 
     def _on_step(self):
         return True
-
-
-KINDS = [CuriosityES, MAPElites, TD3ICM]
-"""An algorithm of each kind, for what is written once for all of its kind."""
 
 
 def test_a_loaded_model_goes_on(algorithm, make_model, make_easy_maze, assert_resumes):
@@ -121,10 +115,8 @@ def test_an_adaptive_phi_goes_on(algorithm, make_model, make_maze, assert_resume
     assert_resumes(model, make_maze())
 
 
-def test_saving_changes_nothing(
-    any_algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
-):
-    one, other = (make_model(any_algorithm, make_easy_maze()).learn(600) for _ in range(2))
+def test_saving_changes_nothing(algorithm, make_model, make_easy_maze, tmp_path, assert_same_run):
+    one, other = (make_model(algorithm, make_easy_maze()).learn(600) for _ in range(2))
     one.save(tmp_path / "model")
     one.save(tmp_path / "model", exclude=["buffer"])
     assert_same_run(one.learn(600), other.learn(600))
@@ -148,8 +140,8 @@ def is_same(one, other):
 
 
 class TestSeeds:
-    def test_every_generator_begins_anew(self, any_algorithm, make_model, make_easy_maze):
-        model = make_model(any_algorithm, make_easy_maze()).learn(300)
+    def test_every_generator_begins_anew(self, algorithm, make_model, make_easy_maze):
+        model = make_model(algorithm, make_easy_maze()).learn(300)
         before = list(generators(model.get_parameters()))
         model.set_random_seed(7)
         after = list(generators(model.get_parameters()))
@@ -159,9 +151,9 @@ class TestSeeds:
         assert all(map(is_same, after, generators(model.get_parameters())))
 
     def test_the_seed_decides_how_it_goes_on(
-        self, any_algorithm, make_model, make_easy_maze, assert_same, assert_same_run
+        self, algorithm, make_model, make_easy_maze, assert_same, assert_same_run
     ):
-        models = [make_model(any_algorithm, make_easy_maze()).learn(300) for _ in range(4)]
+        models = [make_model(algorithm, make_easy_maze()).learn(300) for _ in range(4)]
         for model, seed in zip(models, [1, 1, 2, None], strict=True):
             model.set_random_seed(seed)
             model.learn(600, reset_num_timesteps=False)
@@ -170,13 +162,13 @@ class TestSeeds:
             with pytest.raises(AssertionError):
                 assert_same(models[0].get_parameters(), other.get_parameters())
 
-    @pytest.mark.parametrize("any_algorithm", KINDS)
+    @pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
     def test_the_seed_of_load_decides_how_it_goes_on(
-        self, any_algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
+        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
     ):
-        make_model(any_algorithm, make_easy_maze()).learn(300).save(tmp_path / "model")
+        make_model(algorithm, make_easy_maze()).learn(300).save(tmp_path / "model")
         one, twin, other = (
-            any_algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=seed)
+            algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=seed)
             for seed in (1, 1, 2)
         )
         for model in (one, twin, other):
@@ -185,14 +177,14 @@ class TestSeeds:
         with pytest.raises(AssertionError):
             assert_same(one.get_parameters(), other.get_parameters())
 
-    def test_global_settings_stay(self, any_algorithm, make_model, make_easy_maze, tmp_path):
+    def test_global_settings_stay(self, algorithm, make_model, make_easy_maze, tmp_path):
         th.set_num_threads(2)
         random.seed(3), np.random.seed(3), th.manual_seed(3)  # noqa: NPY002
         before = random.getstate(), np.random.get_state(), th.get_rng_state()  # noqa: NPY002
-        model = make_model(any_algorithm, make_easy_maze()).learn(1000)
+        model = make_model(algorithm, make_easy_maze()).learn(1000)
         model.save(tmp_path / "model")
         model.set_random_seed(7)
-        any_algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=7)
+        algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=7)
         assert th.get_num_threads() == 2
         assert random.getstate() == before[0]
         np.testing.assert_equal(np.random.get_state(), before[1])  # noqa: NPY002
@@ -249,7 +241,7 @@ def test_ctrl_c_leaves_a_model_that_resumes(
 
 
 def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
-    any_algorithm,
+    algorithm,
     kill_ten_times,
     make_model,
     make_easy_maze,
@@ -257,11 +249,11 @@ def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
     tmp_path,
     assert_same_run,
 ):
-    kill_ten_times(any_algorithm, tmp_path)
+    kill_ten_times(algorithm, tmp_path)
     for path in tmp_path.glob("*.zip"):
-        check_is_checkpoint(path, any_algorithm.__name__)
-    resumed = any_algorithm.load(latest_checkpoint(tmp_path), env=make_easy_maze())
-    uninterrupted = make_model(any_algorithm, make_easy_maze())
+        check_is_checkpoint(path, algorithm.__name__)
+    resumed = algorithm.load(latest_checkpoint(tmp_path), env=make_easy_maze())
+    uninterrupted = make_model(algorithm, make_easy_maze())
     uninterrupted.learn(resumed.num_timesteps + 900)
     resumed.learn(900, reset_num_timesteps=False)
     assert_same_run(resumed, uninterrupted)

@@ -13,7 +13,7 @@ import torch as th
 from saved_files import rewrite
 from stable_baselines3.common.save_util import load_from_zip_file
 
-from curiosity_algos import ICM, TD3ICM, CuriosityES, CuriosityMAPElites, MAPElites
+from curiosity_algos import ICM, CuriosityES, CuriosityMAPElites, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
 
 
@@ -98,7 +98,6 @@ def test_what_is_given_is_not_unpickled(saved, algorithm, path, marker, how):
     assert not marker.exists()
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
 @pytest.mark.parametrize("name", ["policy.pth", "pytorch_variables.pth"])
 def test_code_among_the_tensors_never_runs(saved, algorithm, path, marker, name):
     rewrite_member(path, name, lambda content: pickle.dumps(Payload(marker)))

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's own tools work on every algorithm of this package."""
+"""Stable-Baselines3's own tools work on algorithms of populations, which share one loop."""
 
 import importlib
 import pkgutil
@@ -29,24 +29,12 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from curiosity_algos import TD3ICM, CanonicalES, CuriosityES
+from curiosity_algos import CanonicalES, CuriosityES
 
 
-@pytest.fixture(params=[CuriosityES, TD3ICM], ids=lambda algorithm: algorithm.__name__)
-def any_algorithm(request):
-    """One of populations, whose loop all of them share, and the one that learns by gradients."""
-    return request.param
-
-
-@pytest.fixture
-def interval(any_algorithm):
-    """Calls of a callback between two that do something: steps of TD3, generations of others."""
-    return 64 if any_algorithm is TD3ICM else 1
-
-
-def test_policies_are_evaluated(any_algorithm, make_model, make_easy_maze):
+def test_policies_are_evaluated(make_model, make_easy_maze):
     env = Monitor(make_easy_maze())
-    model = make_model(any_algorithm, env).learn(600)
+    model = make_model(CuriosityES, env).learn(600)
     returns, lengths = evaluate_policy(model, env, n_eval_episodes=2, return_episode_rewards=True)
     assert returns == [1.0 - lengths[0] / 64 if lengths[0] < 64 else 0.0] * 2
 
@@ -65,66 +53,63 @@ def make_pendulum():
     return Monitor(gym.make("Pendulum-v1"))
 
 
-def test_training_stops_when_nothing_improves(
-    any_algorithm, interval, make_model, make_maze, tmp_path
-):
+def test_training_stops_when_nothing_improves(make_model, make_maze, tmp_path):
     after = StopTrainingOnNoModelImprovement(max_no_improvement_evals=2, min_evals=1)
     callback = EvalCallback(
         Monitor(make_maze()),
         callback_after_eval=after,
         n_eval_episodes=1,
-        eval_freq=interval,
+        eval_freq=1,
         best_model_save_path=str(tmp_path),
         log_path=str(tmp_path),
         verbose=0,
     )
-    model = make_model(any_algorithm, make_maze())  # its goal is out of reach
+    model = make_model(CuriosityES, make_maze())  # its goal is out of reach
     model.learn(1e9, callback=callback)
-    assert callback.n_calls == 4 * interval
-    assert any_algorithm.load(tmp_path / "best_model").num_timesteps < model.num_timesteps
+    assert callback.n_calls == 4
+    assert CuriosityES.load(tmp_path / "best_model").num_timesteps < model.num_timesteps
     assert np.load(tmp_path / "evaluations.npz")["results"].tolist() == [[0.0]] * 4
 
 
-def test_training_stops_at_a_reward(any_algorithm, interval, make_model, make_easy_maze):
+def test_training_stops_at_a_reward(make_model, make_easy_maze):
     callback = EvalCallback(
         Monitor(make_easy_maze()),
         callback_on_new_best=StopTrainingOnRewardThreshold(0.0, verbose=0),
         n_eval_episodes=1,
-        eval_freq=interval,
+        eval_freq=1,
         verbose=0,
     )
-    model = make_model(any_algorithm, make_easy_maze())
+    model = make_model(CuriosityES, make_easy_maze())
     model.learn(1e9, callback=callback)
-    assert callback.n_calls == interval
+    assert callback.n_calls == 1
 
 
-def test_checkpoints_are_loadable(any_algorithm, interval, make_model, make_easy_maze, tmp_path):
-    callback = CheckpointCallback(interval, str(tmp_path), save_replay_buffer=True)
-    make_model(any_algorithm, make_easy_maze()).learn(600, callback=callback)
+def test_checkpoints_are_loadable(make_model, make_easy_maze, tmp_path):
+    callback = CheckpointCallback(1, str(tmp_path), save_replay_buffer=True)
+    make_model(CuriosityES, make_easy_maze()).learn(600, callback=callback)
     paths = list(tmp_path.glob("rl_model_*_steps.zip"))
     assert len(paths) > 1
     for path in paths:
-        assert f"_{any_algorithm.load(path).num_timesteps}_" in path.name
+        assert f"_{CuriosityES.load(path).num_timesteps}_" in path.name
 
 
-def test_logs_go_where_they_are_sent(any_algorithm, make_model, make_easy_maze, tmp_path):
-    model = make_model(any_algorithm, make_easy_maze())
+def test_logs_go_where_they_are_sent(make_model, make_easy_maze, tmp_path):
+    model = make_model(CuriosityES, make_easy_maze())
     model.set_logger(configure(str(tmp_path), ["csv", "json"]))
     model.learn(600, log_interval=1)
     assert {path.name for path in tmp_path.iterdir()} == {"progress.csv", "progress.json"}
 
 
-def test_tensorboard_gets_a_folder_for_each_run(any_algorithm, make_model, make_maze, tmp_path):
+def test_tensorboard_gets_a_folder_for_each_run(make_model, make_maze, tmp_path):
     pytest.importorskip("tensorboard")
-    model = make_model(any_algorithm, make_maze(), tensorboard_log=str(tmp_path))
+    model = make_model(CuriosityES, make_maze(), tensorboard_log=str(tmp_path))
     model.learn(1)
     model.learn(1)
-    name = any_algorithm.__name__
-    assert {path.name for path in tmp_path.iterdir()} == {f"{name}_1", f"{name}_2"}
+    assert {path.name for path in tmp_path.iterdir()} == {"CuriosityES_1", "CuriosityES_2"}
 
 
-def test_no_log_interval_is_no_log(any_algorithm, make_model, make_easy_maze, capsys):
-    make_model(any_algorithm, make_easy_maze(), verbose=1).learn(300, log_interval=None)
+def test_no_log_interval_is_no_log(make_model, make_easy_maze, capsys):
+    make_model(CuriosityES, make_easy_maze(), verbose=1).learn(300, log_interval=None)
     assert "total_timesteps" not in capsys.readouterr().out
 
 
@@ -166,25 +151,24 @@ def test_every_callback_is_known():
 
 
 @pytest.mark.parametrize("callback", MADE, ids=lambda callback: callback.__name__)
-def test_every_callback_works(any_algorithm, make_model, make_easy_maze, tmp_path, callback):
+def test_every_callback_works(make_model, make_easy_maze, tmp_path, callback):
     if callback is ProgressBarCallback:
         pytest.importorskip("rich")
     made = MADE[callback](Monitor(make_easy_maze()), str(tmp_path))
-    model = make_model(any_algorithm, make_easy_maze()).learn(600, callback=made)
+    model = make_model(CuriosityES, make_easy_maze()).learn(600, callback=made)
     assert model.num_timesteps > 0
     assert made.n_calls > 0
 
 
-def test_training_stops_after_so_many_episodes(any_algorithm, make_model, make_maze, capsys):
+def test_training_stops_after_so_many_episodes(make_model, make_maze, capsys):
     callback = StopTrainingOnMaxEpisodes(10, verbose=1)
-    model = make_model(any_algorithm, make_maze()).learn(1e9, callback=callback)
-    episodes = 10 if any_algorithm is TD3ICM else 12  # of two generations
-    assert (callback.n_episodes, model.num_timesteps) == (episodes, episodes * 50)
-    assert f"{any_algorithm.__name__} model reached max_episodes=10" in capsys.readouterr().out
+    model = make_model(CuriosityES, make_maze()).learn(1e9, callback=callback)
+    assert (callback.n_episodes, model.num_timesteps) == (12, 600)  # of two generations
+    assert "CuriosityES model reached max_episodes=10" in capsys.readouterr().out
 
 
-def test_logs_come_every_so_many_timesteps(any_algorithm, make_model, make_maze, tmp_path):
-    model = make_model(any_algorithm, make_maze())
+def test_logs_come_every_so_many_timesteps(make_model, make_maze, tmp_path):
+    model = make_model(CuriosityES, make_maze())
     model.set_logger(configure(str(tmp_path), ["json"]))
     model.learn(1200, callback=LogEveryNTimesteps(600), log_interval=None)
     rows = read_log(tmp_path)
@@ -192,7 +176,7 @@ def test_logs_come_every_so_many_timesteps(any_algorithm, make_model, make_maze,
     assert {"rollout/ep_rew_mean", "rollout/ep_len_mean", "coverage/all"} <= rows[0].keys()
 
 
-def test_callbacks_find_episodes_and_progress(any_algorithm, make_model, make_maze):
+def test_callbacks_find_episodes_and_progress(make_model, make_maze):
     seen = []
 
     def callback(locals_, globals_):
@@ -206,7 +190,7 @@ def test_callbacks_find_episodes_and_progress(any_algorithm, make_model, make_ma
         assert model._current_progress_remaining == pytest.approx(1.0 - done)
         return True
 
-    model = make_model(any_algorithm, make_maze())
+    model = make_model(CuriosityES, make_maze())
     model.learn(900, callback=callback)
     assert list(model.ep_info_buffer) == seen
     assert [episode["l"] for episode in seen] == [50] * 18

@@ -9,14 +9,13 @@ from curiosity_algos import (
     E3B,
     ICM,
     RND,
-    TD3ICM,
     CuriosityES,
     CuriosityMAPElites,
     NovelD,
 )
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites, TD3ICM])
+@pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites])
 def test_the_trained_bonus_is_at_hand(algorithm, make_model, make_easy_maze, tmp_path):
     model = make_model(algorithm, make_easy_maze())
     steps = [np.full((1, n), value, np.float32) for n, value in [(36, 0), (2, 0), (36, 1)]]
@@ -92,11 +91,10 @@ def test_errors_name_the_argument(make_model, make_maze):
             make_model(CuriosityES, make_maze(), **{name: value})
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
-def test_keywords_of_the_bonus_are_a_dictionary(algorithm, make_model, make_maze):
+def test_keywords_of_the_bonus_are_a_dictionary(make_model, make_maze):
     for value in ("horizon", [1], {3: 4}):
         with pytest.raises(ValueError, match="`bonus_kwargs` must be None or a dictionary"):
-            make_model(algorithm, make_maze(), bonus_kwargs=value)
+            make_model(CuriosityES, make_maze(), bonus_kwargs=value)
 
 
 def test_curiosity_does_not_depend_on_the_unit_of_actions(make_model, make_pendulum, assert_same):

@@ -1,13 +1,18 @@
-import pickle
-
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
 from logs import read_log
+from stable_baselines3 import TD3
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from curiosity_algos import ICM, TD3ICM
-from curiosity_algos.algorithms import td3_icm
+from curiosity_algos import ICM, TD3ICM, BonusReplayBuffer
+
+HARD = "CuriosityMaze-Hard-v0"
 
 
 @pytest.fixture
@@ -28,35 +33,25 @@ def test_defaults_are_the_papers():
     )
     assert (model.learning_starts, model.buffer_size, model.gradient_steps) == (10_000, 10**6, -1)
     assert (model.train_freq.frequency, model.train_freq.unit.value) == (1, "episode")
-    assert (model.n_updates, model.weight) == (64, 0.5)
-    assert model._bonus.optimizer.param_groups[0]["lr"] == 6e-6
+    buffer = model.replay_buffer
+    assert (buffer.n_updates, buffer.batch_size, buffer.weight, buffer.gamma) == (
+        64,
+        128,
+        0.5,
+        None,
+    )
+    assert buffer.bonus.optimizer.param_groups[0]["lr"] == 6e-6
     noise = np.array([model.action_noise() for _ in range(4000)])
     assert noise.std(axis=0) == pytest.approx([0.1, 0.1], rel=0.05)
-    assert noise.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.01)
 
 
-class TestOptimizers:
-    def test_adam_is_fused(self, make, make_maze):
-        model = make(make_maze())
-        for optimizer in (model.actor.optimizer, model.critic.optimizer):
-            assert [group["fused"] for group in optimizer.param_groups] == [True]
-        assert model.policy_kwargs == {"net_arch": [4]}
-
-    def test_what_is_asked_for_stays(self, make, make_maze):
-        given = {"optimizer_class": th.optim.RMSprop}
-        assert type(make(make_maze(), policy_kwargs=given).actor.optimizer) is th.optim.RMSprop
-        given = {"optimizer_kwargs": {"fused": False}}
-        model = make(make_maze(), policy_kwargs=given)
-        assert not model.critic.optimizer.param_groups[0]["fused"]
-
-    def test_a_model_of_before_goes_on_as_it_was(self, make, make_maze, tmp_path):
-        model = make(make_maze())
-        for optimizer in (model.actor.optimizer, model.critic.optimizer):
-            optimizer.param_groups[0]["fused"] = None
-        model.learn(60).save(tmp_path / "model")
-        loaded = TD3ICM.load(tmp_path / "model", env=make_maze())
-        for optimizer in (loaded.actor.optimizer, loaded.critic.optimizer):
-            assert optimizer.param_groups[0]["fused"] is None
+def test_settings_are_as_in_stable_baselines3_but_for_the_papers(make, make_maze):
+    given = {"optimizer_class": th.optim.RMSprop}
+    assert type(make(make_maze(), policy_kwargs=given).actor.optimizer) is th.optim.RMSprop
+    model = make(make_maze(), policy_kwargs={"optimizer_kwargs": {"fused": False}})
+    assert not model.critic.optimizer.param_groups[0]["fused"]
+    assert model.policy_kwargs["net_arch"] == [32, 32]
+    assert make(make_maze()).critic.optimizer.param_groups[0]["fused"]
 
 
 class TestTraining:
@@ -66,71 +61,42 @@ class TestTraining:
             model.learn(1, reset_num_timesteps=False)
             assert (model.num_timesteps, model._n_updates) == (n_steps, n_updates)
 
-    def test_the_bonus_has_its_own_number_of_updates(self, make, make_maze, monkeypatch):
-        calls = []
-        monkeypatch.setattr(
-            td3_icm, "train", lambda bonus, draw, **kwargs: calls.append(kwargs) or {}
-        )
-        make(make_maze(), n_updates=5, batch_size=9).learn(100)
-        assert calls == [{"n_updates": 5, "batch_size": 9}] * 2
-
-    def test_an_unscaled_bonus_is_as_populations_have_it(self, make, make_maze):
-        bonus = make(make_maze(), bonus="apt").trained_bonus
-        assert (bonus.power, bonus.horizon) == (1.0, 100)
+    def test_the_bonus_observes_all_and_has_its_own_number_of_updates(self, make, make_maze):
+        model = make(make_maze(), n_updates=5, learning_starts=60)
+        bonus, batches = model.replay_buffer.bonus, []
+        update = bonus.update
+        bonus.update = lambda *batch: batches.append(len(batch[0])) or update(*batch)
+        model.learn(150)
+        assert batches == [8] * 5 * 2
+        assert bonus.normalizer.count == 150
 
     def test_the_reward_is_the_bonus_of_now(self, make, make_easy_maze):
         model = make(make_easy_maze(), bonus_kwargs={"learning_rate": 0.1}).learn(64)
-        rows = model.replay_buffer.newest(64)
-        before = model._bonus.score(*rows).mean()
-        model.learn(64, reset_num_timesteps=False)
-        state = model.replay_buffer._rng.bit_generator.state
-        rewards = model.replay_buffer.sample(20).rewards
-        model.replay_buffer._rng.bit_generator.state = state
-        transitions = [x.numpy() for x in model.replay_buffer.sample_transitions(20)]
-        expected = 0.5 * model._bonus.score(*transitions)
-        np.testing.assert_allclose(rewards[:, 0], expected, rtol=1e-5)
-        assert abs(model._bonus.score(*rows).mean() - before) > 1e-3
+        buffer = model.replay_buffer
+        rewards = []
+        for _ in range(2):
+            state = buffer._rng.bit_generator.state
+            samples = buffer.sample(20)
+            buffer._rng.bit_generator.state = state
+            transitions = [x.numpy() for x in buffer.sample_transitions(20)]
+            expected = 0.5 * buffer.bonus.score(*transitions)
+            np.testing.assert_allclose(samples.rewards[:, 0], expected, rtol=1e-5)
+            rewards.append(samples.rewards.mean())
+            model.learn(64, reset_num_timesteps=False)
+        assert abs(rewards[0] - rewards[1]) > 1e-3
 
-    def test_inputs_are_standardized_by_what_was_seen_once(self, make, make_maze):
-        model = make(make_maze()).learn(200)
-        seen = model.replay_buffer.observations[: model.replay_buffer.size(), 0]
-        assert model._bonus.normalizer.count == len(seen) == 200
-        np.testing.assert_allclose(model._bonus.normalizer.mean, seen.mean(axis=0), atol=1e-5)
+    def test_curiosity_alone(self, make, make_easy_maze):
+        model = make(make_easy_maze(), extrinsic=False, weight=1e-9).learn(64)
+        model.replay_buffer.rewards[:] = 7.0
+        assert model.replay_buffer.sample(9).rewards.abs().max() < 1e-6
 
-    def test_the_bonus_observes_where_the_task_ended_an_episode(self, make, make_easy_maze):
-        model = make(make_easy_maze(), buffer_size=1000)
-        observed, observe = [], model._bonus.observe
-        model._bonus.observe = lambda states: observed.append(states.numpy()) or observe(states)
-        model.learn(300)
-        n = model.replay_buffer.size()
-        before, _, after = model.replay_buffer.newest(n)
-        has_ended = model.replay_buffer.dones[:n, 0] > model.replay_buffer.timeouts[:n, 0]
-        assert 0 < has_ended.sum() < n
-        expected = np.concatenate([before, after[has_ended]])
-        np.testing.assert_array_equal(
-            *(np.sort(each, axis=0) for each in (np.concatenate(observed), expected))
-        )
-
-    def test_a_bonus_of_ones_own_is_taken_as_it_is(self, make, make_maze):
-        env = make_maze()
-        bonus = ICM(env.observation_space, env.action_space, seed=0, device="cpu")
-        model = make(env, bonus=bonus).learn(100)
-        assert model._bonus is bonus
-        assert bonus.normalizer.count == 100
-
-
-def test_the_bonus_sees_actions_as_the_environment_takes_them(make, make_pendulum):
-    asked, model = [], make(make_pendulum(2**10))
-    score, update = model._bonus.score, model._bonus.update
-    model._bonus.score = lambda *batch: asked.append(batch) or score(*batch)
-    model._bonus.update = lambda *batch: asked.append(batch) or update(*batch)
-    model.learn(200)
-    largest = [np.abs(actions).max() for _, actions, _ in asked]
-    for row, part in zip(model.replay_buffer.newest(200), asked[0], strict=True):
-        np.testing.assert_array_equal(row, part)
-    assert len(largest) == 1 + 2 + 1  # the rollout's, the module's, and all of the critic's at once
-    assert all(100.0 < each <= 1024.0 for each in largest)
-    assert model.replay_buffer.sample(100).actions.abs().max() <= 1.0
+    def test_threads_change_no_bit(self, make, make_easy_maze, assert_same):
+        parameters = []
+        for n_threads in (1, 2):
+            th.set_num_threads(n_threads)
+            model = make(make_easy_maze(), policy_kwargs={"net_arch": [400, 300]})
+            parameters.append(model.learn(64).get_parameters())
+        assert_same(*parameters)
 
 
 def test_curiosity_does_not_depend_on_the_unit_of_actions(make, make_pendulum, assert_same):
@@ -138,92 +104,149 @@ def test_curiosity_does_not_depend_on_the_unit_of_actions(make, make_pendulum, a
     assert_same(models[0].get_parameters(), models[1].get_parameters())
 
 
-class TestSettings:
-    def test_errors_name_the_argument(self, make, make_maze):
-        wrong = {"weight": -1.0, "n_updates": 0, "tau": 1.1, "gamma": "abc", "policy_delay": 0}
-        wrong |= {"target_policy_noise": -0.1, "batch_size": 0, "buffer_size": 0, "extrinsic": 1}
-        wrong |= {"bonus": "novelty", "bonus_kwargs": {"depth": 3}, "learning_starts": "a"}
-        wrong |= {"seed": -1, "verbose": "a", "device": "gpu", "policy_kwargs": [32]}
-        for name, value in wrong.items():
-            with pytest.raises(ValueError, match=f"`{name}` must be"):
-                make(make_maze(), **{name: value})
-
-    def test_the_papers_learning_rate_is_no_more_than_a_default(self, make, make_maze):
-        model = make(make_maze(), bonus="rnd", bonus_kwargs={"learning_rate": 0.01})
-        assert model._bonus.name == "rnd"
-        assert model._bonus.optimizer.param_groups[0]["lr"] == 0.01
-        assert model.bonus_kwargs == {"learning_rate": 0.01}
-
-    def test_a_loaded_model_may_learn_otherwise(self, make, make_maze, tmp_path):
-        make(make_maze()).learn(100).save(tmp_path / "model")
-        loaded = TD3ICM.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
-        assert loaded._bonus.optimizer.param_groups[0]["lr"] == 0.01
-        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
-            TD3ICM.load(tmp_path / "model", bonus="rnd")
-
-    def test_curiosity_alone(self, make, make_easy_maze):
-        model = make(make_easy_maze(), extrinsic=False, weight=1e-9)
-        model.learn(64)
-        model.replay_buffer.rewards[:] = 7.0
-        assert model.replay_buffer.sample(9).rewards.abs().max() < 1e-6
-
-
-def test_it_logs_as_every_algorithm(make, make_easy_maze, tmp_path):
-    model = make(make_easy_maze())
-    model.set_logger(configure(str(tmp_path), ["json"]))
-    model.learn(300, log_interval=1)
-    rows = read_log(tmp_path)
-    names = ["coverage/reachable", "coverage/all", "intrinsic/mean", "intrinsic/max", "icm/loss"]
-    names += [
-        "coverage/visited",
-        "icm/forward_loss",
-        "icm/inverse_loss",
-        "rollout/ep_rew_mean",
-        "rollout/ep_len_mean",
-    ]
-    names += ["rollout/success_rate", "time/total_timesteps", "train/critic_loss"]
-    assert set(names) <= set(rows[-1])
-    assert rows[-1]["coverage/reachable"] == model.coverage > 0.0
-    assert rows[-1]["intrinsic/max"] > rows[-1]["intrinsic/mean"] > 0.0
-
-
-def test_a_log_holds_the_bonus_of_all_episodes_since_the_last(make, make_maze, monkeypatch):
-    seen, model = [], make(make_maze(), learning_starts=1000)
-    score = model._bonus.score
-    monkeypatch.setattr(
-        model._bonus, "score", lambda *batch: seen.append(score(*batch)) or seen[-1]
-    )
-    model.learn(200, log_interval=None)
-    logged = model.logger.name_to_value
-    assert len(seen) == 4
-    assert logged["intrinsic/mean"] == pytest.approx(0.5 * np.mean(seen), rel=1e-5)
-    assert logged["intrinsic/max"] == pytest.approx(0.5 * np.max(seen), rel=1e-5)
-
-
 def test_it_finds_a_goal_that_is_near(make, make_easy_maze):
     model = make(make_easy_maze(), learning_starts=2000, gradient_steps=1).learn(2000)
     assert 0 < model.first_success_timesteps <= model.num_timesteps
     assert 0.0 < model.best_return < 1.0
+    assert 0.0 < model.coverage < 1.0
 
 
-def test_a_replay_buffer_that_trains_by_itself_is_refused(make, make_maze, tmp_path):
-    model = make(make_maze()).learn(50)
-    model.save_replay_buffer(tmp_path / "own")
-    model.load_replay_buffer(tmp_path / "own")
-    vars(model.replay_buffer)["train_interval"] = 10
-    model.save_replay_buffer(tmp_path / "other")
-    with pytest.raises(ValueError, match="`path` must be a replay buffer that TD3ICM has saved"):
-        model.load_replay_buffer(tmp_path / "other")
+def test_it_logs_the_bonus_and_what_it_finds(make, make_easy_maze, tmp_path):
+    model = make(make_easy_maze())
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    model.learn(300, log_interval=1)
+    rows = read_log(tmp_path)
+    names = {"coverage/reachable", "coverage/all", "coverage/visited", "rollout/success_rate"}
+    names |= {"icm/loss", "icm/forward_loss", "icm/inverse_loss", "train/critic_loss"}
+    assert names <= set(rows[-1])
+    assert rows[-1]["coverage/reachable"] == model.coverage > 0.0
+    assert rows[-1]["intrinsic/max"] > rows[-1]["intrinsic/mean"] > 0.0
 
 
-def test_what_is_no_replay_buffer_of_the_env_leaves_the_model_as_it_was(
-    make, make_maze, make_pendulum, tmp_path
-):
-    model, own = make(make_maze()), make(make_pendulum(1.0))
-    before = model.replay_buffer
-    own.save_replay_buffer(tmp_path / "pendulum")
-    (tmp_path / "plain.pkl").write_bytes(pickle.dumps({"a": 1}))
-    for name, sentence in {"pendulum": "it is of others", "plain": "that TD3ICM has saved"}.items():
-        with pytest.raises(ValueError, match=f"`path` must be a replay buffer .*{sentence}"):
-            model.load_replay_buffer(tmp_path / name)
-        assert model.replay_buffer is before
+class TestEnvironments:
+    @pytest.mark.parametrize("kind", ["id", "function", "VecEnv"])
+    def test_may_be(self, make, make_maze, kind):
+        env = {"id": HARD, "function": make_maze, "VecEnv": DummyVecEnv([make_maze])}[kind]
+        model = make(env).learn(1)
+        assert model.num_timesteps == (2000 if kind == "id" else 50)
+
+    def test_several_take_steps_for_rollouts(self, make, make_maze):
+        model = make(DummyVecEnv([make_maze] * 2), train_freq=10).learn(100)
+        assert model._n_updates > 0
+
+    @pytest.mark.parametrize("env", [None, 3, gym.spaces.Discrete(2)])
+    def test_what_is_none(self, env):
+        with pytest.raises(ValueError, match="`env` must be an environment id"):
+            TD3ICM(env)
+
+    @pytest.mark.parametrize("env", [HARD, gym.make(HARD)], ids=["id", "env"])
+    def test_comes_first(self, env):
+        with pytest.raises(ValueError, match=r"TD3ICM\(env, policy="):
+            TD3ICM("MlpPolicy", env)
+
+    def test_a_bonus_sees_observations_before_they_are_normalized(self, make, make_maze):
+        model = make(VecNormalize(make_vec_env(make_maze))).learn(120)
+        assert np.abs(model.replay_buffer.observations[:50, 0, :2]).max() <= 1.0  # of the maze
+        assert model._n_updates > 0
+
+    def test_what_is_not_finite_is_never_learned(self, make, make_maze):
+        class GivesInfinity(gym.ObservationWrapper):
+            def observation(self, observation):
+                return np.full_like(observation, np.inf)
+
+        with pytest.raises(ValueError, match="`env` must give finite observations"):
+            make(GivesInfinity(make_maze())).learn(10)
+
+
+def test_errors_name_the_argument(make, make_maze):
+    wrong = {"weight": -1.0, "n_updates": 0, "batch_size": 0, "buffer_size": 0, "extrinsic": 1}
+    wrong |= {"bonus": "novelty", "bonus_kwargs": {"depth": 3}, "policy_kwargs": [32]}
+    wrong |= {"learning_rate": -1.0}
+    for name, value in wrong.items():
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            make(make_maze(), **{name: value})
+    with pytest.raises(ValueError, match="`bonus_kwargs` must be None or a dictionary"):
+        make(make_maze(), bonus_kwargs="horizon")
+
+
+class Change(BaseCallback):
+    """Calls a function with the model, once it has trained."""
+
+    def __init__(self, change):
+        super().__init__()
+        self.change = change
+
+    def _on_rollout_start(self):
+        if self.model._n_updates:
+            self.change(self.model)
+
+    def _on_step(self):
+        return True
+
+
+class TestSettings:
+    """What callbacks change counts, and stays."""
+
+    def test_of_the_action_noise_and_the_rollouts(self, make, make_maze):
+        noise, rollouts = NormalActionNoise(np.zeros(2), np.zeros(2)), []
+
+        def change(model):
+            rollouts.append(model.num_timesteps)
+            model.action_noise, model.train_freq = noise, model.train_freq._replace(frequency=2)
+
+        model = make(make_maze()).learn(250, Change(change))
+        assert (model.action_noise, model.train_freq.frequency) == (noise, 2)
+        assert rollouts == [50, 100, 200]  # the rollout under way was as long as it had been
+
+    def test_of_the_schedule(self, make, make_maze):
+        def change(model):
+            model.lr_schedule = lambda progress: 0.25
+
+        model = make(make_maze()).learn(150, Change(change))
+        assert model.actor.optimizer.param_groups[0]["lr"] == 0.25
+
+    def test_of_the_weight(self, make, make_maze):
+        def change(model):
+            model.replay_buffer.weight = 0.0
+
+        model = make(make_maze()).learn(150, Change(change))
+        assert model.replay_buffer.weight == 0.0
+        assert model.replay_buffer.sample(9).rewards.abs().max() == 0.0
+
+
+class TestBonus:
+    def test_the_papers_learning_rate_is_no_more_than_a_default(self, make, make_maze):
+        for bonus in ("icm", "rnd"):
+            model = make(make_maze(), bonus=bonus, bonus_kwargs={"learning_rate": 0.01})
+            assert model.replay_buffer.bonus.name == bonus
+            assert model.replay_buffer.bonus.optimizer.param_groups[0]["lr"] == 0.01
+
+    def test_one_of_ones_own_is_taken_as_it_is(self, make, make_maze):
+        env = make_maze()
+        bonus = ICM(env.observation_space, env.action_space, seed=0, device="cpu")
+        model = make(env, bonus=bonus).learn(100)
+        assert model.replay_buffer.bonus is bonus
+        assert bonus.normalizer.count == 100
+
+
+class TestFiles:
+    def test_they_are_those_of_stable_baselines3(self, make, make_maze, tmp_path, assert_same):
+        model = make(make_maze(), weight=3.0).learn(100)
+        model.save(tmp_path / "model")
+        model.save_replay_buffer(tmp_path / "buffer")
+        loaded = TD3ICM.load(tmp_path / "model", env=HARD)
+        assert_same(loaded.get_parameters(), model.get_parameters())
+        assert isinstance(loaded.replay_buffer, BonusReplayBuffer)
+        assert loaded.replay_buffer.weight == 3.0
+        loaded.load_replay_buffer(tmp_path / "buffer")
+        before = model.replay_buffer.bonus.state_dict()
+        assert_same(loaded.replay_buffer.bonus.state_dict(), before)
+        assert loaded.learn(1, reset_num_timesteps=False).num_timesteps == 2100
+        assert TD3.load(tmp_path / "model").num_timesteps == 100
+
+    def test_a_preset_stays(self, tmp_path):
+        assert TD3ICM(HARD, buffer_size=10).preset is None
+        TD3ICM.from_preset("paper", HARD, buffer_size=10).save(tmp_path / "model")
+        assert TD3ICM.load(tmp_path / "model").preset == "paper"
+        with pytest.raises(ValueError, match="not for CuriosityMaze-Labyrinth-v0"):
+            TD3ICM.from_preset("paper", "CuriosityMaze-Labyrinth-v0")

@@ -11,15 +11,15 @@ from saved_files import no_space, rewrite
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from curiosity_algos import ICM, NSES, TD3ICM, CanonicalES, CuriosityES
+from curiosity_algos import ICM, NSES, CanonicalES, CuriosityES
 from curiosity_algos.checkpoints import model_file as checkpoint
 from curiosity_algos.checkpoints.model_file import check_is_checkpoint, checkpoint_path
+from tests.algos.conftest import SETTINGS
 
 
-@pytest.fixture(params=[CuriosityES, TD3ICM], ids=lambda algorithm: algorithm.__name__)
-def algorithm(request):
-    """One of each reader: of plain values, and of what Stable-Baselines3 writes."""
-    return request.param
+@pytest.fixture(name="algorithm")
+def one_algorithm():
+    return CuriosityES
 
 
 def test_names_get_stable_baselines_suffix(tmp_path):
@@ -44,7 +44,6 @@ def test_a_full_disk_leaves_the_old_checkpoint(make_model, make_maze, tmp_path, 
 
 
 class TestWhatCouldNotBeRead:
-    @pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
     def test_the_old_file_survives(self, algorithm, make_model, make_maze, tmp_path):
         env = make_maze()
         bonus = ICM(env.observation_space, env.action_space, device="cpu")
@@ -155,7 +154,7 @@ class TestStatesThatDoNotFit:
     """They get one sentence, and not the KeyError of what SB3 tries for old models of its own."""
 
     def test_a_missing_one(self, algorithm, make_model, make_maze, tmp_path):
-        path, part = tmp_path / "model.zip", "_record" if algorithm is TD3ICM else "_episodes"
+        path, part = tmp_path / "model.zip", "_episodes"
         make_model(algorithm, make_maze()).save(path)
         rewrite(path, lambda members: {k: v for k, v in members.items() if k != f"{part}.pth"})
         name = algorithm.__name__
@@ -204,16 +203,17 @@ class TestSaveAndLoad:
         assert not any(each.kind is each.VAR_POSITIONAL for each in shown)
         assert "allow_pickle" in {each.name for each in shown if each.kind is each.KEYWORD_ONLY}
 
+    @pytest.mark.parametrize("each_algorithm", SETTINGS)
     def test_everything_comes_back(
-        self, any_algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
+        self, each_algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
     ):
-        model = make_model(any_algorithm, make_easy_maze()).learn(1000)
+        model = make_model(each_algorithm, make_easy_maze()).learn(1000)
         model.save(tmp_path / "model")
-        loaded = any_algorithm.load(tmp_path / "model")
+        loaded = each_algorithm.load(tmp_path / "model")
         assert_same_run(model, loaded)
         observation, _ = make_easy_maze().reset()
         assert (loaded.predict(observation)[0] == model.predict(observation)[0]).all()
-        others = {"n_envs", "start_time", "_interrupted"}  # the last is where an episode goes on
+        others = {"n_envs", "start_time"}
         for name, value in vars(model).items():
             if isinstance(value, int | float | str | None) and name not in others:
                 assert getattr(loaded, name) == value
@@ -256,7 +256,7 @@ class TestSaveAndLoad:
         assert loaded._coverage_grid == other.unwrapped.coverage_grid
 
     def test_settings_may_change(self, algorithm, make_model, make_maze, tmp_path):
-        name = "n_updates" if algorithm is TD3ICM else "n_threads"
+        name = "n_threads"
         make_model(algorithm, make_maze(), **{name: 2}).save(tmp_path / "model")
         loaded = algorithm.load(tmp_path / "model", env=make_maze(), **{name: 1})
         assert getattr(loaded, name) == 1

@@ -94,15 +94,15 @@ class TestPlainState:
         assert self.load(make_easy_maze, tmp_path, _n_told=7)._n_told == 7
 
 
-def test_every_part_is_found(any_algorithm, make_model, make_easy_maze):
-    model = make_model(any_algorithm, make_easy_maze())
+def test_every_part_is_found(algorithm, make_model, make_easy_maze):
+    model = make_model(algorithm, make_easy_maze())
     expected = {
         name
         for name, part in vars(model).items()
         if hasattr(part, "load_state_dict") and not isinstance(part, th.nn.Module | type)
     }
     saved = set(model.get_parameters())
-    assert expected >= set(stateful_parts(model)) - {"_bonus"}
+    assert expected >= set(stateful_parts(model))
     assert saved >= {"policy", *expected}
 
 

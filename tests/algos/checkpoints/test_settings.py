@@ -15,30 +15,27 @@ from curiosity_algos import (
     NSES,
     NSLC,
     RND,
-    TD3ICM,
     BonusReplayBuffer,
     BonusVecEnvWrapper,
     CuriosityES,
     MAPElites,
 )
-from tests.algos.conftest import ALL_SETTINGS
+from tests.algos.conftest import SETTINGS
 
 NO_SETTINGS = {"env", "policy", "evaluator", "verbose", "tensorboard_log"}
 SETTLED = {
     *("seed", "device", "n_threads", "policy_kwargs", "normalize_observations", "search"),
     *("archive", "emitters", "bonus", "bonus_kwargs", "buffer_size", "behavior", "n_cells", "es"),
-    *("latent_size", "trajectory_share", "n_kept", "train_freq", "stats_window_size"),
-    *("action_noise",),
+    *("latent_size", "trajectory_share", "n_kept", "stats_window_size"),
 }
 CHANGES = {
     **{"step": "paper", "mirrored_sampling": True, "phi": 0.3, "no_reward": "random"},
     **{"n_parents": 1, "n_states": 3, "archive_size": 4, "training_interval": 3},
     **{"batch_size": 3, "n_updates": 20, "n_epochs": 9, "extrinsic": False},
-    **{"learning_starts": 10_000, "tau": 0.5, "target_noise_clip": 0.01},
 }
 """Other values of settings; of other numbers half is taken."""
 WHEN = 2
-"""The generation, and of TD3 the episode, after which one is changed."""
+"""The generation after which one is changed."""
 
 
 def settings_of(algorithm):
@@ -65,19 +62,15 @@ class Change(BaseCallback):
 
 def outcome(model):
     """The policies that the model would play next, and what its bonus has learned."""
-    is_td3 = isinstance(model, TD3ICM)
-    policies = [] if is_td3 else [model._ask().ravel()]
-    networks = [model.actor] if is_td3 else []
-    networks += [model.trained_bonus] if hasattr(model, "trained_bonus") else []
-    weights = [each.detach().numpy().ravel() for one in networks for each in one.parameters()]
-    return np.concatenate(policies + weights)
+    parameters = model.trained_bonus.parameters() if hasattr(model, "trained_bonus") else ()
+    return np.concatenate([model._ask().ravel(), *(w.detach().ravel() for w in parameters)])
 
 
 @pytest.mark.parametrize(
     ("algorithm", "name"),
     [
         pytest.param(algorithm, name, id=f"{algorithm.__name__}-{name}")
-        for algorithm in ALL_SETTINGS
+        for algorithm in SETTINGS
         for name in sorted(settings_of(algorithm)[1])
     ],
 )
@@ -92,7 +85,7 @@ def test_a_change_is_in_force(
         CHANGES[name] if name in CHANGES else type(getattr(model, name))(getattr(model, name) / 2)
     )
     changed = Change(tmp_path / "model.zip", name, value)
-    n_timesteps = 64 * (4 if algorithm is TD3ICM else 36)
+    n_timesteps = 64 * 36
     model.learn(n_timesteps, callback=changed)
     assert getattr(model, name) == value
     given, as_it_was = (
@@ -104,10 +97,10 @@ def test_a_change_is_in_force(
     assert not np.array_equal(outcome(model), outcome(as_it_was))
 
 
-def test_what_parts_were_made_with_stays(any_algorithm, make_model, make_easy_maze):
-    model = make_model(any_algorithm, make_easy_maze())
+def test_what_parts_were_made_with_stays(algorithm, make_model, make_easy_maze):
+    model = make_model(algorithm, make_easy_maze())
     before = dict(vars(model))
-    for name in settings_of(any_algorithm)[0]:
+    for name in settings_of(algorithm)[0]:
         with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set: .*make a new "):
             setattr(model, name, 3)
     assert vars(model) == before
@@ -165,17 +158,9 @@ class TestOfABonus:
         assert holder._scale.gamma == holder.gamma == 0.5
 
     def test_without_a_scale_there_is_no_gamma(self, make_easy_maze):
-        buffer = self.make("buffer", make_easy_maze, gamma=None, train_interval=None)
-        for name in ("gamma", "train_interval"):
-            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
-                setattr(buffer, name, 1)
-
-
-def test_td3_pays_the_weight_that_it_logs(make_model, make_easy_maze):
-    model = make_model(TD3ICM, make_easy_maze())
-    model.weight, model.extrinsic = 0.0, False
-    model.learn(200)
-    assert model.replay_buffer.sample(9).rewards.abs().max() == 0.0
+        buffer = self.make("buffer", make_easy_maze, gamma=None)
+        with pytest.raises(ValueError, match=r"^`gamma` must stay as it was set"):
+            buffer.gamma = 0.5
 
 
 @pytest.mark.parametrize(
@@ -234,8 +219,6 @@ class TestWithoutEffect:
         (CuriosityES, "gamma", 0.5),
         (CuriosityES, "n_updates", 0),
         (AURORA, "batch_size", -1),
-        (TD3ICM, "weight", -1.0),
-        (TD3ICM, "batch_size", 0),
     ],
 )
 def test_what_it_may_be_is_said_before_it_is_in_force(
@@ -247,8 +230,7 @@ def test_what_it_may_be_is_said_before_it_is_in_force(
     with pytest.raises(ValueError, match=f"^`{name}` must be "):
         model.learn(400, reset_num_timesteps=False)
     setattr(model, name, right)
-    if algorithm is not TD3ICM:  # whose steps until the training had been taken
-        assert_same_run(model, twin)
+    assert_same_run(model, twin)
 
 
 def test_a_number_of_numpy_becomes_a_number(make_model, make_easy_maze):
@@ -257,9 +239,9 @@ def test_a_number_of_numpy_becomes_a_number(make_model, make_easy_maze):
     assert type(model.learn(1).sigma) is float
 
 
-def test_the_same_value_again_changes_nothing(any_algorithm, make_model, make_easy_maze):
-    model = make_model(any_algorithm, make_easy_maze())
-    for name in settings_of(any_algorithm)[0] & vars(model).keys():
+def test_the_same_value_again_changes_nothing(algorithm, make_model, make_easy_maze):
+    model = make_model(algorithm, make_easy_maze())
+    for name in settings_of(algorithm)[0] & vars(model).keys():
         setattr(model, name, getattr(model, name))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from saved_files import npy_header
 
-from curiosity_algos import TD3ICM, MAPElites
+from curiosity_algos import MAPElites
 from curiosity_algos.experiments import RunFolder, SaveRun
 
 ENV = "CuriosityMaze-US-v0"
@@ -156,9 +156,3 @@ class TestStrangers:
         assert run_here("enjoy", str(run.path), "--no-render", "--trust")[0] == 0
         assert pathlib.Path("ran").exists()
         del sys.modules["theirs"]
-
-    def test_models_that_run_code_need_trust(self, refused, run_here, tmp_path):
-        model = TD3ICM(gym.make(ENV, horizon=20), **SMALL)
-        model.learn(20, SaveRun(tmp_path / "run"))
-        assert "`trust` must be given" in refused("enjoy", "run", "--no-render")
-        assert run_here("enjoy", "run", "--no-render", "--trust")[0] == 0

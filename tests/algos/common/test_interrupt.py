@@ -77,7 +77,7 @@ def test_a_closed_stderr_does_not_end_the_block(monkeypatch):
 HANG = """
 import sys, time
 import gymnasium as gym
-from curiosity_algos import TD3ICM, CanonicalES
+from curiosity_algos import CanonicalES
 
 class Hanging(gym.Env):
     observation_space = gym.spaces.Box(-1, 1, (2,))
@@ -91,15 +91,13 @@ class Hanging(gym.Env):
         while True:
             time.sleep(0.01)
 
-ALGORITHM(Hanging, device="cpu").learn(1000)
+CanonicalES(Hanging, device="cpu").learn(1000)
 """
 
 
-@pytest.mark.parametrize("algorithm", ["CanonicalES", "TD3ICM"])
-def test_a_hanging_env_is_left_by_the_second_ctrl_c(algorithm):
-    code = HANG.replace("ALGORITHM", algorithm)
+def test_a_hanging_env_is_left_by_the_second_ctrl_c():
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen([sys.executable, "-W", "ignore", "-c", code], **pipes)
+    process = subprocess.Popen([sys.executable, "-W", "ignore", "-c", HANG], **pipes)
     try:
         assert process.stdout.readline() == "steps\n"
         process.send_signal(signal.SIGINT)

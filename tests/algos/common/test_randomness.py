@@ -11,11 +11,13 @@ from saved_files import through_a_file
 
 from curiosity_algos.common.randomness import (
     EpisodeSeeds,
-    GlobalGenerators,
     SpaceGenerator,
     generator_state,
+    global_state,
     load_generator_state,
+    load_global_state,
     reseed,
+    seeded_globally,
 )
 
 
@@ -57,68 +59,27 @@ class TestGlobalGenerators:
     def draw(self):
         return th.rand(2).tolist(), np.random.rand(2).tolist()  # noqa: NPY002
 
-    @pytest.fixture
-    def make(self):
-        return lambda seed=0: GlobalGenerators(np.random.SeedSequence(seed), th.device("cpu"))
+    def seeded(self, seed):
+        return seeded_globally(np.random.SeedSequence(seed), th.device("cpu"))
 
-    def test_a_run_goes_on_where_it_was(self, make):
-        alone, disturbed = make(), make()
-        with alone.lent():
-            expected = [self.draw(), self.draw()]
-        with disturbed.lent():
-            drawn = [self.draw()]
-        self.draw()
-        th.manual_seed(9)
-        with disturbed.lent():
-            drawn.append(self.draw())
-        assert drawn == expected
-
-    def test_what_others_draw_stays_as_it_was(self, make):
-        th.manual_seed(1)
-        np.random.seed(1)  # noqa: NPY002
-        expected = [self.draw(), self.draw()]
-        th.manual_seed(1)
-        np.random.seed(1)  # noqa: NPY002
-        drawn = [self.draw()]
-        with make().lent():
-            self.draw()
-        assert [*drawn, self.draw()] == expected
-
-    def test_an_error_gives_them_back(self, make):
-        generators, state = make(), th.get_rng_state()
-
-        def interrupted():
-            with generators.lent():
-                self.draw()
-                raise KeyboardInterrupt
-
-        with pytest.raises(KeyboardInterrupt):
-            interrupted()
-        assert th.equal(th.get_rng_state(), state)
-        with generators.lent():
-            second = self.draw()
-        assert second != self.first_draw(make())
-
-    def first_draw(self, generators):
-        with generators.lent():
-            return self.draw()
-
-    def test_seeds_differ(self, make):
-        assert self.first_draw(make(0)) != self.first_draw(make(1))
-        assert self.first_draw(make(0)) == self.first_draw(make(0))
+    def test_a_seed_decides_and_the_process_stays_as_it_was(self):
+        before, drawn = global_state(th.device("cpu")), []
+        for seed in (0, 0, 1):
+            with self.seeded(seed):
+                drawn.append(self.draw())
+        assert drawn[0] == drawn[1] != drawn[2]
+        with pytest.raises(ZeroDivisionError), self.seeded(0):
+            th.rand(1) / (1 // 0)
+        assert th.equal(global_state(th.device("cpu"))["torch"], before["torch"])
 
     @pytest.mark.parametrize("n_drawn", [0, 1, 700])
-    def test_states_are_taken_within_and_without(self, make, n_drawn):
-        generators, other = make(), make(1)
-        with generators.lent():
+    def test_a_state_goes_through_a_file(self, n_drawn):
+        with self.seeded(0):
             np.random.standard_normal(n_drawn)  # noqa: NPY002  odd numbers leave one behind
-            state = through_a_file(generators.state_dict())
+            state = through_a_file(global_state(th.device("cpu")))
             expected = np.random.standard_normal(), self.draw()  # noqa: NPY002
-        other.load_state_dict(state)
-        after = generators.state_dict()
-        with other.lent():
+            load_global_state(state, th.device("cpu"))
             assert (np.random.standard_normal(), self.draw()) == expected  # noqa: NPY002
-        assert th.equal(other.state_dict()["torch"], after["torch"])
 
 
 class Part:

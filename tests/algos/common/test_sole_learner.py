@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from curiosity_algos import TD3ICM, CuriosityES
+from curiosity_algos import CuriosityES
 
 
 def in_a_thread(function):
@@ -13,11 +13,10 @@ def in_a_thread(function):
         return pool.submit(function).exception()
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
 def test_a_second_model_is_refused_and_neither_run_changes(
-    algorithm, make_model, make_easy_maze, assert_same_run
+    make_model, make_easy_maze, assert_same_run
 ):
-    first, second, alone = (make_model(algorithm, make_easy_maze()) for _ in range(3))
+    first, second, alone = (make_model(CuriosityES, make_easy_maze()) for _ in range(3))
     refused = []
 
     def learn_beside(locals_, globals_):
@@ -33,31 +32,19 @@ def test_a_second_model_is_refused_and_neither_run_changes(
     assert_same_run(second, alone)
 
 
-def test_none_that_draws_from_the_process_is_made_meanwhile(make_model, make_easy_maze):
-    made = []
-
-    def make_beside(locals_, globals_):
-        made.append(in_a_thread(lambda: make_model(TD3ICM, make_easy_maze())))
-        return True
-
-    make_model(TD3ICM, make_easy_maze()).learn(1, callback=make_beside)
-    assert {type(error) for error in made} == {RuntimeError}
-
-
-@pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
-def test_a_callback_may_train_another(algorithm, make_model, make_easy_maze, assert_same_run):
-    outer, alone = (make_model(algorithm, make_easy_maze()).learn(1) for _ in range(2))
+def test_a_callback_may_train_another(make_model, make_easy_maze, assert_same_run):
+    outer, alone = (make_model(CuriosityES, make_easy_maze()).learn(1) for _ in range(2))
     inner = []
 
     def train_another(locals_, globals_):
         if not inner:
-            inner.append(make_model(TD3ICM, make_easy_maze()).learn(64))
+            inner.append(make_model(CuriosityES, make_easy_maze()).learn(64))
         return True
 
     outer.learn(128, callback=train_another, reset_num_timesteps=False)
     alone.learn(128, reset_num_timesteps=False)
     assert_same_run(outer, alone)
-    assert_same_run(inner[0], make_model(TD3ICM, make_easy_maze()).learn(64))
+    assert_same_run(inner[0], make_model(CuriosityES, make_easy_maze()).learn(64))
 
 
 def test_an_error_lets_the_next_one_learn(make_model, make_easy_maze):

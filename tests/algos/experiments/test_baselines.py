@@ -1,5 +1,7 @@
 """Each of Stable-Baselines3's algorithms as a run: trained, described, gone on with, and played."""
 
+import itertools
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from curiosity_algos.experiments import RunFolder, SaveRun, load_final_states, l
 from curiosity_algos.experiments.baselines import (
     _default_policy,
     is_baseline,
+    is_foreign,
     load_baseline,
 )
 from curiosity_algos.experiments.film import play
@@ -44,13 +47,17 @@ def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, **ot
     return RunSpec(name, env, 0, timesteps, env_kwargs, **given)
 
 
-def test_they_are_not_this_packages():
-    assert all(is_baseline(find_algorithm(name)) for name in NAMES)
-    assert not any(is_baseline(find_algorithm(name)) for name in ALGORITHMS)
+def test_they_are_those_that_stable_baselines_trains():
+    assert all(is_baseline(find_algorithm(name)) for name in (*NAMES, "TD3ICM"))
+    assert not any(is_baseline(find_algorithm(name)) for name in {*ALGORITHMS} - {"TD3ICM"})
+    assert all(
+        is_foreign(find_algorithm(name)) == (name in NAMES) for name in (*NAMES, *ALGORITHMS)
+    )
 
 
-@pytest.mark.parametrize("bonus", [None, "rnd"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    ("name", "bonus"), [*itertools.product(NAMES, [None, "rnd"]), ("TD3ICM", None)]
+)
 def test_each_is_trained_described_and_played(name, bonus, tmp_path):
     run = small(name, bonus=bonus, bonus_kwargs=TRAINED_OFTEN if bonus else {})
     run.check()
@@ -123,6 +130,7 @@ EXACT = {
     "PPO that remembers episodes": small("PPO", bonus="e3b", bonus_kwargs=TRAINED_OFTEN),
     "SAC": small("SAC"),
     "TD3 with a bonus": small("TD3", bonus="rnd", bonus_kwargs=TRAINED_OFTEN),
+    "TD3ICM": small("TD3ICM", n_envs=1),
     "DDPG that acts at random": small("DDPG", learning_starts=150),
     "PPO that holds": small("PPO", bonus="rnd", repeat_action=3, bonus_kwargs=TRAINED_OFTEN),
 }
@@ -138,7 +146,8 @@ def test_a_run_that_was_cut_goes_on_as_if_it_had_not(kind, tmp_path, monkeypatch
     cut(monkeypatch, run, killed, 130)
     assert train(run, killed)
     ended = [RunFolder(folder).result()["timesteps"] for folder in (whole, killed)]
-    assert ended == [180 if kind.startswith(("PPO", "A2C")) else 200] * 2  # whole rollouts
+    takes_20_steps = "learning_starts" in run.settings and run.n_envs > 1
+    assert ended == [200 if takes_20_steps else 180] * 2  # whole rollouts
     assert_same(load_final_states(killed), load_final_states(whole))
     one, other = parameters(killed), parameters(whole)
     assert all(th.equal(one[name], other[name]) for name in other)
@@ -174,6 +183,38 @@ def test_more_timesteps_go_on_without_the_transitions(tmp_path):
     with pytest.warns(UserWarning, match="without the replay buffer"):
         assert train(small("SAC", timesteps=240), tmp_path)
     assert RunFolder(tmp_path).result()["timesteps"] == 240
+
+
+@pytest.mark.parametrize("name", ["SAC", "TD3ICM"])
+def test_more_timesteps_go_on_with_the_bonus_and_what_a_callback_changed(
+    name, tmp_path, monkeypatch, assert_same
+):
+    """Though the last checkpoint keeps no transitions."""
+    kwargs = {"bonus": "rnd", "bonus_kwargs": TRAINED_OFTEN} if name == "SAC" else {}
+    run, longer = (small(name, n_envs=1, timesteps=n, **kwargs) for n in (180, 240))
+    trained = []
+
+    def change(self):
+        buffer = self.model.replay_buffer
+        if self.num_timesteps == 100:
+            buffer.weight, buffer.n_updates = 0.125, 3
+        trained[:] = [buffer.bonus.state_dict()]
+        return on_step(self)
+
+    on_step = SaveRun._on_step
+    with monkeypatch.context() as patched:
+        patched.setattr(SaveRun, "_on_step", change)
+        train(run, tmp_path)
+    with pytest.warns(UserWarning, match="without the replay buffer"):
+        model = run.load(RunFolder(tmp_path).checkpoint)
+    buffer = model.replay_buffer
+    assert (buffer.weight, buffer.n_updates, buffer.size()) == (0.125, 3, 0)
+    if name == "SAC":  # TD3ICM has trained once more, after its last step
+        assert_same(buffer.bonus.state_dict(), trained[0])
+    with pytest.warns(UserWarning, match="without the replay buffer"):
+        assert train(longer, tmp_path)
+    described = load_runs(tmp_path).iloc[0]
+    assert described["timesteps"] == 240
 
 
 def test_a_script_goes_on_too(tmp_path, monkeypatch):

@@ -36,17 +36,15 @@ def first_two(env, observation, info):
     return observation[:2]
 
 
-def test_a_description_has_every_setting_of_the_constructor(
-    any_algorithm, make_model, make_easy_maze
-):
-    described = describe_run(make_model(any_algorithm, make_easy_maze()))
+def test_a_description_has_every_setting_of_the_constructor(algorithm, make_model, make_easy_maze):
+    described = describe_run(make_model(algorithm, make_easy_maze()))
     assert json.loads(json.dumps(described)) == described
-    assert described["algorithm"] == any_algorithm.__name__
+    assert described["algorithm"] == algorithm.__name__
     assert described["seed"] == 0
     assert described["machine"]["cpus"] >= 1
     assert described["versions"]["numpy"] == np.__version__
     settings = described["settings"]
-    parameters = any_algorithm.__signature__.parameters
+    parameters = inspect.signature(algorithm).parameters
     assert settings.keys() == {*parameters, "preset"} - {"env", "seed"}
     assert settings["policy_kwargs"] == {"net_arch": [4]}
     for name, parameter in parameters.items():
@@ -99,7 +97,7 @@ def test_the_environment_has_its_arguments(make_model):
 )
 def test_another_environment_is_another_run(other):
     one, twin = (
-        {**describe_env(TD3ICM._wrap_env(env)), "algorithm": "NSES", "seed": 0, "settings": {}}
+        {**describe_env(CanonicalES._wrap_env(env)), "algorithm": "NSES", "seed": 0, "settings": {}}
         for env in (gym.make("Pendulum-v1"), other())
     )
     assert not differences(one, dict(one))
@@ -118,7 +116,7 @@ def test_mazes_of_other_walls_are_other_environments(tmp_path):
                 gym.make_vec("CuriosityMaze-v0", 2, "vector_entry_point", layout=given),
                 gym.make("CuriosityLocomotion-Ant-v0", world=given, sparse=True),
             )
-            there.append([describe_env(TD3ICM._wrap_env(env)) for env in envs])
+            there.append([describe_env(CanonicalES._wrap_env(env)) for env in envs])
     one, *alike, other, _, _ = there
     assert [one, one] == alike
     for here, twin in zip(one, other, strict=True):
@@ -138,7 +136,7 @@ def test_what_a_function_makes_is_described_by_its_name(make_model):
 class TestBehaviorNames:
     def named(self, names):
         env, space = gym.make("Pendulum-v1"), gym.spaces.Box(-2.0, 2.0, (2,))
-        return TD3ICM._wrap_env(BehaviorWrapper(env, first_two, space, names))
+        return CanonicalES._wrap_env(BehaviorWrapper(env, first_two, space, names))
 
     @pytest.mark.parametrize("n_envs", [None, 2])
     def test_are_those_of_the_environment(self, n_envs):
@@ -173,7 +171,7 @@ class TestBehaviorNames:
 
 def test_a_vector_environment_is_told_by_its_id():
     envs = gym.make_vec("CuriosityMaze-US-v0", num_envs=2, vectorization_mode="vector_entry_point")
-    described = describe_env(TD3ICM._wrap_env(envs))
+    described = describe_env(CanonicalES._wrap_env(envs))
     assert described["env"] == "CuriosityMaze-US-v0"
     assert "num_envs" not in described["env_kwargs"]
 
@@ -182,7 +180,7 @@ def test_a_vector_environment_is_told_by_its_id():
 def test_a_limit_of_a_vector_entry_is_that_of_a_single_one(given, limit):
     mode = {"vectorization_mode": "vector_entry_point"}
     envs = gym.make_vec("CartPole-v1", num_envs=2, **mode, **given)
-    described = describe_env(TD3ICM._wrap_env(envs))
+    described = describe_env(CanonicalES._wrap_env(envs))
     assert described["env_kwargs"] == {"max_episode_steps": limit}
     env = gym.make(decode_spec(described["env_spec"]))
     assert env.get_wrapper_attr("_max_episode_steps") == limit
@@ -195,6 +193,14 @@ def test_td3s_settings_keep_their_values(make_model, make_easy_maze):
     assert settings["train_freq"] == [1, "episode"]
     assert settings["action_noise"] == {"NormalActionNoise": {"_mu": [0, 0], "_sigma": [0.9, 0.9]}}
     assert settings["stats_window_size"] == 7
+
+
+def test_settings_of_a_replay_buffer_are_those_in_force(make_model, make_easy_maze):
+    model = make_model(TD3ICM, make_easy_maze(), weight=3.0)
+    model.replay_buffer.weight = 0.25
+    described = settings_of(model)["replay_buffer_kwargs"]
+    expected = {"bonus": "icm", "weight": 0.25, "gamma": None, "n_updates": 2, "extrinsic": True}
+    assert described.items() >= expected.items()
 
 
 @pytest.mark.parametrize(

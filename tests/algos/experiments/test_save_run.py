@@ -64,7 +64,7 @@ def without_clock(folder):
 
 
 # An algorithm for each loop; that all of them resume, tests of the algorithms say.
-@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites, TD3ICM])
+@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
 def test_the_folder_holds_the_run_which_is_the_same_as_without(
     algorithm, make_model, make_easy_maze, folder, assert_same_run
 ):
@@ -88,7 +88,7 @@ def test_the_folder_holds_the_run_which_is_the_same_as_without(
     assert loaded.num_timesteps == model.num_timesteps
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites, TD3ICM])
+@pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
 def test_a_killed_run_goes_on_to_the_same_files(
     algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
 ):
@@ -109,11 +109,8 @@ def test_a_killed_run_goes_on_to_the_same_files(
     assert without_clock(killed).equals(without_clock(whole))
     for name in ("rewarding.npz", "sample.npz", "best_policy.npz"):
         files = [RunFolder(path).checkpoint / name for path in (killed, whole)]
-        if algorithm is TD3ICM and name != "rewarding.npz":
-            assert not any(path.exists() for path in files)
-        else:
-            one, other = (dict(np.load(path)) for path in files)
-            assert_same(one, other)
+        one, other = (dict(np.load(path)) for path in files)
+        assert_same(one, other)
 
 
 def test_curiosity_is_that_of_each_individual(make_model, make_easy_maze, folder):
@@ -510,7 +507,7 @@ def test_the_last_row_is_there_whatever_was_logged(make_model, make_easy_maze, f
     model.learn(70, SaveRun(folder), log_interval=1000)
     (row,) = load_progress(folder).to_dict("records")
     assert row["time/total_timesteps"] == model.num_timesteps
-    assert row["coverage/all"] == model.coverage_shares["all"]
+    assert row["coverage/reachable"] == model.coverage
 
 
 class TestLock:
@@ -564,12 +561,9 @@ def is_held_for_another(folder):
     return "BlockingIOError" in other.stderr
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, TD3ICM])
-def test_it_warns_where_a_run_goes_on_without_its_transitions(
-    make_model, make_easy_maze, folder, algorithm
-):
-    make_model(algorithm, make_easy_maze()).learn(300, SaveRun(folder))
-    model = algorithm.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
+def test_it_warns_where_a_run_goes_on_without_its_transitions(make_model, make_easy_maze, folder):
+    make_model(CuriosityES, make_easy_maze()).learn(300, SaveRun(folder))
+    model = CuriosityES.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
     with pytest.warns(UserWarning, match="without its buffer"):
         model.learn(300, SaveRun(folder), reset_num_timesteps=False)
 

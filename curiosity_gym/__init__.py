@@ -3,6 +3,7 @@
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.registration import register_envs
 from curiosity_gym.wrappers.behavior import BehaviorAccumulator, BehaviorWrapper
+from curiosity_gym.wrappers.record_episode import RecordEpisode
 from curiosity_gym.wrappers.sparse import SparseRewardWrapper
 
 __version__ = "0.1.0"
@@ -11,6 +12,7 @@ __all__ = [
     "BehaviorAccumulator",
     "BehaviorWrapper",
     "MazeLayout",
+    "RecordEpisode",
     "SparseRewardWrapper",
     "register_envs",
 ]

@@ -31,7 +31,6 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_wrapper,
 )
 
-from curiosity_algos.checkpoints.environment_state import environment_states
 from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
 from curiosity_algos.common.arrays import Array
@@ -41,8 +40,8 @@ from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
-from curiosity_algos.sb3.wrapper_file import resume_episodes
 from curiosity_algos.state.atomic_file import atomic_file
+from curiosity_algos.state.episodes import episode_states, load_episode_states
 
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
 UNDER_WAY, TRANSITIONS = "under_way.pt", "replay_buffer.pt"
@@ -116,7 +115,7 @@ def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
     state = {
         "draws": global_state(model.device),
         "actions": SpaceGenerator(model.action_space).state_dict(),
-        "episodes": encode(environment_states(_below(model))),
+        "episodes": encode(episode_states(_below(model))),
         # Of sb3-contrib's RecurrentPPO: pairs of tensors, which its own file leaves out.
         "memory": [list(pair) for pair in getattr(model, "_last_lstm_states", None) or ()],
     }
@@ -152,7 +151,7 @@ def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
     """
     _restore_transitions(model, folder)
     state = read_plain(folder / UNDER_WAY, _KIND, what="run")
-    if not resume_episodes(_below(model), decode(state["episodes"])):
+    if not load_episode_states(_below(model), decode(state["episodes"])):
         model._last_obs = None
     elif state.get("memory"):
         learner: Any = model

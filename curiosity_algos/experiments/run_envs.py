@@ -6,7 +6,6 @@ import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from typing import Any, TypeAlias
 
@@ -17,6 +16,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 from curiosity_algos.sb3.held_observations import check_sb3_takes
+from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 Wrapping: TypeAlias = tuple[str, Mapping[str, Any]]
@@ -91,7 +91,10 @@ def open_envs(
             **kwargs,
         )
         return VecMonitor(GymnasiumVecEnv(made))
-    make = partial(make_single, env, repeat_action, kwargs, wrappers)
+
+    def make() -> gym.Env[Any, Any]:
+        return RecordEpisode(make_single(env, repeat_action, kwargs, wrappers))
+
     first = make()  # apart: its own errors are none of Stable-Baselines3's
     with closed_on_error(first):
         check_sb3_takes(first.observation_space)

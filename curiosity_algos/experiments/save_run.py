@@ -32,6 +32,7 @@ from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.state.atomic_file import atomic_file
+from curiosity_algos.state.episodes import record_episodes
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 SETTINGS = "settings.json"
@@ -113,6 +114,8 @@ class SaveRun(BaseCallback):
         self._check_folder(description)
         self._lock = self.folder.lock()
         self._begin_to_observe()
+        if not isinstance(self.model, EvolutionaryAlgorithm):
+            record_episodes(self.training_env)
         self._begin_or_go_on(description)
         self._began = self._saved = time.monotonic()
         self._log = ProgressLog(self.folder.progress, self.model.num_timesteps, self._state)

@@ -42,10 +42,10 @@ from curiosity_algos.sb3.wrapper_file import (
     check_counters,
     check_fits,
     read_wrapper,
-    resume_episodes,
     sound,
     write_wrapper,
 )
+from curiosity_algos.state.episodes import load_episode_states, record_episodes
 from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
@@ -137,6 +137,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
                 "algorithms give no others."
             )
         super().__init__(venv)
+        record_episodes(venv)
         self.observation_key = observation_key
         self.weight = weight
         self.extrinsic = extrinsic
@@ -408,7 +409,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         with blamed():
             wrapper._load_bonus(saved["state"]["bonus"])
         with sound(path):
-            is_resumed = resume_episodes(venv, saved["environments"])
+            is_resumed = load_episode_states(venv, saved["environments"])
         # Not yet, as a model's own reset would take another start then.
         wrapper._must_reset = not is_resumed
         return wrapper

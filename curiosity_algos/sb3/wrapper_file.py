@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from math import isfinite
 from typing import Any
 
 import torch as th
@@ -14,12 +13,9 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.spans import horizon_of
-from curiosity_algos.checkpoints.environment_state import (
-    environment_states,
-    load_environment_states,
-)
 from curiosity_algos.checkpoints.plain_files import check_plain, read_plain, write_plain
 from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.state.episodes import episode_states
 
 FORMAT = "curiosity bonus wrapper 6"
 WHAT = "BonusVecEnvWrapper"
@@ -47,7 +43,7 @@ def write_wrapper(
         "spaces": encode([venv.observation_space, venv.action_space]),
         "settings": settings,
         "state": state,
-        "environments": encode(environment_states(venv)),
+        "environments": encode(episode_states(venv)),
     }
     write_plain(path, content, FORMAT)
 
@@ -59,24 +55,7 @@ def read_wrapper(path: str | os.PathLike[str]) -> dict[str, Any]:
         if saved["settings"].keys() != {*SETTINGS, "bonus"}:
             raise ValueError("`settings` are others.")
         saved |= {name: decode(saved[name]) for name in ("spaces", "environments")}
-        n_envs = len(saved["state"]["scale"]["sums"])
-        states = saved["environments"]
-        if states is not None and not (len(states) == n_envs and all(map(_is_state, states))):
-            raise ValueError(f"`environments` must be None or {n_envs} states.")
     return saved
-
-
-def _is_state(state: dict[str, Any]) -> bool:
-    """Whether a state has finite rewards of each Monitor, and attributes of each behavior."""
-    rewards = state["rewards"]
-    has_parts = (
-        "env" in state and _is_list_of(list, rewards) and _is_list_of(dict, state["gathered"])
-    )
-    return has_parts and all(isfinite(one) for each in rewards for one in each)
-
-
-def _is_list_of(cls: type, value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(each, cls) for each in value)
 
 
 def check_fits(
@@ -119,18 +98,3 @@ def check_actions(actions: th.Tensor, action_space: spaces.Space[Any]) -> None:
         is_known = (actions >= 0) & (actions < int(action_space.n)) & (actions == actions.floor())
         if not is_known.all():
             raise ValueError(f"`actions` must be whole numbers below {action_space.n}.")
-
-
-def resume_episodes(venv: VecEnv, states: list[Any] | None) -> bool:
-    """Whether environments are now where they were; else they are to begin episodes."""
-    if states is None:
-        return False
-    venv.reset()
-    try:
-        load_environment_states(venv, states)
-    except ValueError:  # others of the same spaces
-        return False
-    except Exception:
-        venv.reset()
-        raise
-    return True

@@ -160,23 +160,6 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self._accumulator.step(self.env, observation, info)
         return observation, reward, terminated, truncated, {**info, "behavior": self._behavior()}
 
-    @property
-    def gathered(self) -> dict[str, Any]:
-        """A copy of what a `BehaviorAccumulator` holds, to put back later; of a function nothing.
-
-        Raises:
-            TypeError: If the accumulator has `__slots__` instead of attributes of its own.
-        """
-        is_function = isinstance(self._accumulator, _LastStep)
-        return {} if is_function else copy.deepcopy(vars(self._accumulator))
-
-    @gathered.setter
-    def gathered(self, value: dict[str, Any]) -> None:
-        if not isinstance(self._accumulator, _LastStep):
-            own = vars(self._accumulator)
-            own.clear()  # of what came since
-            own.update(copy.deepcopy(value))
-
     def _behavior(self) -> Float64Array:
         """A new array: environments may write into the same one at every step."""
         behavior = _numbers(self._accumulator.result())

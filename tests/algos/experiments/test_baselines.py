@@ -42,7 +42,8 @@ def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, **ot
     else:
         settings |= {"learning_starts": learning_starts, "train_freq": 20}
         settings |= {"buffer_size": 500, "batch_size": 16}
-    env, env_kwargs = (US, {"horizon": 50}) if name not in ("DQN", "QRDQN") else ("CartPole-v1", {})
+    env = others.pop("env", US if name not in ("DQN", "QRDQN") else "CartPole-v1")
+    env_kwargs = {"horizon": 50} if env == US else {}
     given = {"settings": settings, "bonus": bonus, "n_envs": n_envs, **others}
     return RunSpec(name, env, 0, timesteps, env_kwargs, **given)
 
@@ -132,6 +133,17 @@ EXACT = {
     "TD3 with a bonus": small("TD3", bonus="rnd", bonus_kwargs=TRAINED_OFTEN),
     "TD3ICM": small("TD3ICM", n_envs=1),
     "DDPG that acts at random": small("DDPG", learning_starts=150),
+    "DQN": small("DQN"),
+    "PPO in CartPole": small("PPO", env="CartPole-v1", bonus="apt", bonus_kwargs=TRAINED_OFTEN),
+    "PPO in MiniGrid": small(
+        "PPO",
+        env="MiniGrid-MultiRoom-N2-S4-v0",
+        wrappers=[("minigrid.wrappers:ImgObsWrapper", {})],
+        bonus="apt",
+        bonus_kwargs=TRAINED_OFTEN,
+    ),
+    "PPO in Ant": small("PPO", env="Ant-v5", bonus="apt", bonus_kwargs=TRAINED_OFTEN),
+    "SAC in Ant": small("SAC", env="Ant-v5", bonus="icm", bonus_kwargs=TRAINED_OFTEN),
     "PPO that holds": small("PPO", bonus="rnd", repeat_action=3, bonus_kwargs=TRAINED_OFTEN),
 }
 
@@ -141,6 +153,8 @@ def test_a_run_that_was_cut_goes_on_as_if_it_had_not(kind, tmp_path, monkeypatch
     run = EXACT[kind]
     if run.repeat_action > 1 and not HOLDS:
         pytest.skip("gymnasium < 1.3")
+    if "MiniGrid" in kind:
+        pytest.importorskip("minigrid")
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(run, whole)
     cut(monkeypatch, run, killed, 130)
@@ -151,17 +165,6 @@ def test_a_run_that_was_cut_goes_on_as_if_it_had_not(kind, tmp_path, monkeypatch
     assert_same(load_final_states(killed), load_final_states(whole))
     one, other = parameters(killed), parameters(whole)
     assert all(th.equal(one[name], other[name]) for name in other)
-
-
-@pytest.mark.parametrize("bonus", [None, "rnd"])
-def test_other_environments_begin_new_episodes(bonus, tmp_path, monkeypatch):
-    run = small("DQN", bonus=bonus)
-    stood = cut(monkeypatch, run, tmp_path, 130)
-    model = run.load(RunFolder(tmp_path).checkpoint)
-    assert model._last_obs is None
-    assert model.replay_buffer.size() == stood / 2
-    assert train(run, tmp_path)
-    assert RunFolder(tmp_path).result()["timesteps"] == 200
 
 
 def test_another_run_is_refused(tmp_path):

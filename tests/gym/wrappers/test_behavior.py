@@ -263,30 +263,6 @@ class TestAccumulator:
         )
 
 
-class Pushed:
-    """How often the cart was pushed to the right, which it knows of once it was."""
-
-    def reset(self, env, observation, info):
-        vars(self).clear()
-
-    def step(self, env, observation, info):
-        self.n = getattr(self, "n", 0) + (env.unwrapped.steps_beyond_terminated is None)
-
-    def result(self):
-        return [getattr(self, "n", 0), 0]
-
-
-def test_what_was_gathered_is_put_back_whole():
-    env = make_mean_cart_pole(behavior=Pushed())
-    env.reset(seed=0)
-    begun = env.gathered
-    for _ in range(2):
-        *_, info = env.step(0)
-    assert info["behavior"].tolist() == [2, 0]
-    env.gathered = begun
-    assert env.step(0)[4]["behavior"].tolist() == [1, 0]
-
-
 def test_names_are_found_through_wrappers_and_made_again():
     env = BehaviorWrapper(gym.make("CartPole-v1"), cart_and_pole, SPACE, ["cart (m)", "pole (rad)"])
     outer = RecordEpisodeStatistics(env)

@@ -1,0 +1,137 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.wrappers import FrameStackObservation, StickyAction, TimeLimit
+from stable_baselines3.common.monitor import Monitor
+
+from curiosity_gym import BehaviorWrapper, RecordEpisode
+from curiosity_gym.wrappers import record_episode
+
+
+class MeanPosition:
+    """The mean of all positions of an episode, in x."""
+
+    def reset(self, env, observation, info):
+        self.positions = [observation[0]]
+
+    def step(self, env, observation, info):
+        self.positions.append(observation[0])
+
+    def result(self):
+        return [np.mean(self.positions)]
+
+
+def dm_control():
+    import shimmy  # noqa: F401  registers the ids
+
+    return gym.make("dm_control/cartpole-swingup-v0")
+
+
+def minigrid():
+    pytest.importorskip("minigrid")
+    return gym.make("MiniGrid-MultiRoom-N2-S4-v0")
+
+
+MAKERS = {
+    "maze": lambda: gym.make("CuriosityMaze-Hard-v0", horizon=40),
+    "cart_pole": lambda: gym.make("CartPole-v1"),
+    "sticky": lambda: StickyAction(gym.make("CartPole-v1"), 0.3),
+    "taxi": lambda: TimeLimit(gym.make("Taxi-v4"), 40),
+    "stacked": lambda: FrameStackObservation(gym.make("Pendulum-v1"), 4),
+    "accumulator": lambda: BehaviorWrapper(
+        gym.make("MountainCarContinuous-v0"), MeanPosition(), gym.spaces.Box(-2.0, 2.0, (1,))
+    ),
+    "minigrid": minigrid,
+    **{
+        name: pytest.param(make, id=name, marks=pytest.mark.extra("control"))
+        for name, make in {
+            "ant": lambda: gym.make("Ant-v5"),
+            "stacker": lambda: gym.make("CuriosityControl-Stacker-v0", random_start=True),
+            "dm_control": dm_control,
+        }.items()
+    },
+}
+
+
+def play(env, n, seed):
+    """What n steps come to, of actions that `seed` draws."""
+    env.action_space.seed(seed)
+    outcomes = []
+    for _ in range(n):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        behavior = np.asarray(info.get("behavior", 0.0)).tolist()
+        outcomes.append((str(observation), reward, behavior, info.get("episode", {}).get("r")))
+        if terminated or truncated:
+            env.reset()
+    return outcomes
+
+
+@pytest.mark.parametrize("n_steps", [0, 67])
+@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+def test_an_episode_goes_on_bit_for_bit_elsewhere(make, n_steps):
+    one, other = (RecordEpisode(Monitor(make())) for _ in range(2))
+    one.reset(seed=5)
+    play(one, n_steps, seed=0)
+    assert other.load_episode_state(one.episode_state())
+    assert play(one, 150, seed=1) == play(other, 150, seed=1)
+
+
+def test_an_episode_goes_on_from_its_seed():
+    one, other = (RecordEpisode(gym.make("CartPole-v1")) for _ in range(2))
+    one.reset(seed=5, options={"low": -0.01, "high": 0.01})
+    play(one, 5, seed=0)
+    assert one.episode_state()["start"] == 5
+    other.load_episode_state(one.episode_state())
+    np.testing.assert_array_equal(one.unwrapped.state, other.unwrapped.state)
+
+
+class Noisy(gym.ObservationWrapper):
+    """Draws from a generator that no reset seeds."""
+
+    rng = np.random.default_rng(0)
+
+    def observation(self, observation):
+        return observation + self.rng.normal(size=observation.shape)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda: Noisy(gym.make("CartPole-v1")),
+        lambda: gym.make("CartPole-v1", max_episode_steps=3),
+        lambda: gym.make("MountainCar-v0"),
+    ],
+    ids=["draws from elsewhere", "ends before", "another"],
+)
+def test_an_environment_that_cannot_go_on_says_so(other):
+    env = RecordEpisode(Noisy(gym.make("CartPole-v1")))
+    env.reset(seed=0)
+    play(env, 5, seed=0)
+    assert not RecordEpisode(other()).load_episode_state(env.episode_state())
+
+
+@pytest.mark.parametrize("start", [None, {"bit_generator": "PCG64", "state": {"state": "a"}}])
+def test_what_is_no_state_is_refused(start):
+    env = RecordEpisode(gym.make("CartPole-v1"))
+    env.reset(seed=0)
+    state = env.episode_state()
+    with pytest.raises(ValueError, match=r"^`state` must"):
+        env.load_episode_state(state | {"start": start})
+    with pytest.raises(ValueError, match=r"^`state` must have start, options, actions"):
+        env.load_episode_state({"start": 0})
+
+
+def test_there_is_no_state_before_an_episode_or_of_a_very_long_one(monkeypatch):
+    env = RecordEpisode(gym.make("MountainCarContinuous-v0"))
+    assert env.episode_state() is None
+    env.reset(seed=0)
+    monkeypatch.setattr(record_episode, "LONGEST", 10)
+    play(env, 10, seed=0)
+    assert len(env.episode_state()["actions"]) == 10
+    play(env, 10, seed=0)
+    assert env.episode_state() is None
+
+
+def test_recording_changes_no_spec():
+    env = gym.make("CartPole-v1")
+    assert RecordEpisode(env).spec == env.spec

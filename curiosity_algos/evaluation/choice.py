@@ -84,8 +84,6 @@ def follow_env(
     now = known_task(as_played(env))
     if now is None if known is None else known.is_same(now):
         return evaluator
-    if evaluator is not _local(evaluator):  # workers
-        evaluator.close()  # type: ignore[attr-defined]
     # What others like it have not been changed in plays alone.
     played = as_played(env) if now is None else env
     return choose_evaluator(choice, played, policy_kwargs, n_threads)

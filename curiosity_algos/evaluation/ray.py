@@ -29,7 +29,7 @@ ray, exceptions = import_extra("ray", "ray", "ray.exceptions")
 SHARDS_PER_WORKER = 2
 """More shards than workers, as episodes and machines differ in speed."""
 MAX_RETRIES = 5
-"""Times that Ray begins anew what was lost: an episode that kills its process would go on forever."""
+"""Times that Ray plays a shard again: an episode may kill its process each time."""
 _PLAY_SHARD = ray.remote(play_shard)
 
 MakeEvaluator = Callable[[], Evaluator]
@@ -195,7 +195,7 @@ class RayEvaluator:
         ended, _ = ray.wait(list(running), timeout=self.timeout)
         if not ended:
             raise RuntimeError(
-                f"Ray has ended no shard of a generation for {self.timeout:g} seconds: its machines "
+                f"Ray has ended no shard of a generation for {self.timeout:g} seconds: machines "
                 "may be gone or busy, or episodes longer. A saved model goes on where it was saved."
             )
         return ended[0]

@@ -348,7 +348,7 @@ def test_errors_name_the_argument(name, value, message):
     "env",
     [
         *(make_cartpole(), make_vec(), DummyVecEnv([make_cartpole] * 2)),
-        lambda lock=threading.Lock(): make_cartpole(),  # it cannot travel
+        lambda event=threading.Event(): make_cartpole(),  # noqa: B008  # it cannot travel
     ],
 )
 def test_an_environment_that_workers_cannot_make_is_refused(env):

@@ -25,7 +25,7 @@ from benchmarks.results import FOLDER, collect
 from curiosity_algos import BonusVecEnvWrapper
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.sweep import Processes, sweep
+from curiosity_algos.experiments.sweep import sweep
 
 US = MAZES[1]
 SPARSE = ("MountainCarContinuous-v0", "CuriositySparse-PointMaze_Large-v0")
@@ -107,7 +107,7 @@ def main(
         for run, seed in product(RUNS[name], map(int, seeds.split(",")))
     ]
     table = name.partition("/")[0]
-    sweep(specs, runs / table, backend=Processes(jobs), interval=600.0)
+    sweep(specs, runs / table, jobs=jobs, interval=600.0)
     collect(runs / table, table, out)
 
 

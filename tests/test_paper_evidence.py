@@ -21,7 +21,7 @@ from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
 from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.sweep import Processes, sweep
+from curiosity_algos.experiments.sweep import sweep
 
 US = MAZES[1]
 
@@ -33,7 +33,7 @@ def plan(tmp_path_factory):
     plan = Plan(folder, BUDGETS["smoke"], "paper", (0, 1))
     others = [Series("NSES", {"behavior": "state"}), Series("NSES", {"step": "canonical"})]
     runs = [*plan.runs(4), *plan.runs(8), *(plan.run(series, US, 0) for series in others)]
-    sweep(list({run.folder(folder): run for run in runs}.values()), folder, backend=Processes(1))
+    sweep(list({run.folder(folder): run for run in runs}.values()), folder, jobs=1)
     return plan
 
 
@@ -152,7 +152,7 @@ def test_what_is_collected_again_replaces_what_was_there(plan, collected, tmp_pa
 
 def test_runs_of_other_folders_are_added(plan, collected, tmp_path):
     run = RunSpec("NSLC", MAZES[2], 3, 1e5, {"horizon": 50}, {"n_threads": 1, "preset": "tuned"})
-    sweep([run], tmp_path / "more", backend=Processes(1))
+    sweep([run], tmp_path / "more", jobs=1)
     out = tmp_path / "out"
     shutil.copytree(collected, out)
     paper.collect(tmp_path / "more", out=out)
@@ -178,7 +178,7 @@ def test_a_projection_stays_where_some_of_its_runs_are_missing(plan, collected, 
 
 def test_an_unfinished_run_is_left_out(tmp_path):
     run = RunSpec("NSES", US, 0, 1e5, {"horizon": 50}, {"n_threads": 1})
-    sweep([run], tmp_path, backend=Processes(1))
+    sweep([run], tmp_path, jobs=1)
     (result,) = tmp_path.rglob("result.json")
     text = result.read_text()
     assert '"total_timesteps": 100000' in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import traceback
 from functools import partial
 from typing import Annotated
 
@@ -17,7 +18,6 @@ from curiosity_algos.cli.report import report
 from curiosity_algos.cli.reproduce import reproduce
 from curiosity_algos.cli.sweep import sweep
 from curiosity_algos.cli.train import train
-from curiosity_algos.common.origin import is_foreign, message_of
 from curiosity_gym import __version__
 
 INTERRUPTED = 130
@@ -53,8 +53,13 @@ def options(
 
 
 def _is_mistake(error: Exception) -> bool:
-    is_sentence = isinstance(error, ValueError | OSError | ImportError | gym.error.Error)
-    return is_sentence and not is_foreign(error)
+    """Whether this package says so: not a library, nor code of the user's, which it calls."""
+    if not isinstance(error, ValueError | OSError | ImportError):
+        return isinstance(error, gym.error.Error)
+    frames = traceback.walk_tb(error.__traceback__)
+    names = [frame.f_globals.get("__name__", "").partition(".")[0] for frame, _ in frames]
+    *_, source = (name for name in names if name not in sys.stdlib_module_names)
+    return source in {"curiosity_algos", "curiosity_gym"}
 
 
 def main() -> None:
@@ -70,7 +75,8 @@ def main() -> None:
     except Exception as error:
         if not (hasattr(error, "exit_code") or _is_mistake(error)):
             raise
-        message = getattr(error, "format_message", partial(message_of, error))()
+        message = getattr(error, "format_message", partial(str, error))()
+        message += "".join(f" ({note})" for note in getattr(error, "__notes__", []))
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
     if status == INTERRUPTED and not TRAINING.isdisjoint(sys.argv[1:2]):  # typer's status, too

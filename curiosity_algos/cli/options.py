@@ -117,7 +117,7 @@ def make_runs(
     wrappers: list[str] | None,
     **common: Any,
 ) -> list[RunSpec]:
-    """A run of each algorithm, bonus, environment, seed and setting, all of which can begin.
+    """A run of each algorithm, bonus, environment, seed and setting.
 
     `settings` are those that have an option of their own, None where it is not given: they count
     more than `hyperparams`. What is `common` all runs have.
@@ -130,7 +130,7 @@ def make_runs(
     found = alternatives("hyperparams", hyperparams)
     swept = {n: values for n, values in found.items() if len(values) > 1 and n not in given}
     plain = {name: values[0] for name, values in found.items() if name not in swept}
-    runs = grid(
+    return grid(
         algos,
         envs,
         seeds,
@@ -142,8 +142,6 @@ def make_runs(
         wrappers=[_wrapping(text) for text in wrappers or []],
         **common,
     )
-    check_all(runs)
-    return runs
 
 
 def find_own_modules() -> None:

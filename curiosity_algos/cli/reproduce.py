@@ -63,7 +63,7 @@ def reproduce(
     from curiosity_algos.experiments.figures import canvas, paper
     from curiosity_algos.experiments.figures.evidence import TrainedRuns
     from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
-    from curiosity_algos.experiments.sweep import Processes, sweep
+    from curiosity_algos.experiments.sweep import sweep
     from curiosity_gym.validation import check_choice
 
     check_choice(tuple(BUDGETS), budget=budget)
@@ -76,11 +76,11 @@ def reproduce(
         canvas.check_out(path)
     chosen = BUDGETS[budget].seeds if seeds is None else options.numbers("seeds", seeds)
     plan = Plan(folder, BUDGETS[budget], preset, chosen)
-    backend = Processes(plan.budget.jobs if jobs is None else jobs)
+    jobs = plan.budget.jobs if jobs is None else jobs
     needed = {run.folder(folder): run for figure in figures for run in plan.runs(figure)}
     runs = list(needed.values())
     options.check_all(runs)
-    sweep(runs, folder, backend=backend, interval=interval)
+    sweep(runs, folder, jobs=jobs, interval=interval)
     for figure, path in paths.items():
         drawing = paper.draw(figure, TrainedRuns(plan))
         if note := plan.note(figure):

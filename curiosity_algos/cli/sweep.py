@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from curiosity_algos.cli import options
-from curiosity_gym.validation import check_choice
-
-if TYPE_CHECKING:
-    from curiosity_algos.experiments.sweep import Backend
 
 
 def sweep(
@@ -46,19 +42,6 @@ def sweep(
         int | None,
         typer.Option(help="Runs to train at a time. Without it, one for each processor."),
     ] = None,
-    backend: Annotated[
-        str, typer.Option(help="Where runs are trained: local, or ray for a cluster.")
-    ] = "local",
-    address: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of the Ray cluster, or auto. Without it, Ray is started on this machine."
-        ),
-    ] = None,
-    num_cpus: Annotated[
-        float | None,
-        typer.Option(help="Processors of the cluster for each run. Without it, one."),
-    ] = None,
     interval: options.Interval = 60.0,
 ) -> None:
     """Train each algorithm on each environment with each seed.
@@ -87,24 +70,5 @@ def sweep(
         n_envs=n_envs,
         repeat_action=repeat_action,
     )
-    made = _make_backend(backend, jobs, address=address, num_cpus=num_cpus)
-    sweeps.sweep(runs, log_folder, backend=made, interval=interval)
-
-
-def _make_backend(name: str, jobs: int | None, **settings: Any) -> Backend:
-    """A backend, with those of a cluster's settings that are given."""
-    check_choice(("local", "ray"), backend=name)
-    given = {option: value for option, value in settings.items() if value is not None}
-    if name == "local":
-        from curiosity_algos.experiments.sweep import Processes
-
-        if given:
-            raise ValueError(f"`{next(iter(given))}` must be left out unless `backend` is ray.")
-        return Processes(jobs)
-    if jobs is not None:
-        raise ValueError(
-            "`jobs` must be left out with ray: it begins what `num_cpus` leave room for."
-        )
-    from curiosity_algos.experiments.ray_sweep import RayBackend
-
-    return RayBackend(**given)
+    options.check_all(runs)
+    sweeps.sweep(runs, log_folder, jobs=jobs, interval=interval)

@@ -59,6 +59,7 @@ def train(
             help="Show a progress bar. Without it, there is one on a terminal.",
         ),
     ] = None,
+    interval: options.Interval = 60.0,
 ) -> None:
     """Train one model, and keep its run in a folder.
 
@@ -89,7 +90,7 @@ def train(
     folder = run.folder(log_folder)
     if progress is None:
         progress = sys.stdout.isatty() and sys.stderr.isatty()
-    if not training.train(run, folder, progress_bar=progress):
+    if not training.train(run, folder, interval=interval, progress_bar=progress):
         typer.echo(f"{folder} is finished.")
         return
     typer.echo(training.summary(folder))

@@ -1,10 +1,12 @@
-"""Ctrl-C that waits until what has begun is done."""
+"""Ctrl-C that waits until what has begun is done, and processes that end with another."""
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -52,3 +54,14 @@ def deferred_interrupt(what: str) -> Iterator[None]:
             signal.signal(signal.SIGINT, previous)
     if received:
         raise HeldInterrupt
+
+
+def end_with(parent: int) -> None:
+    """End this process as soon as its parent, of this number, is gone, however that ended."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -8,16 +8,15 @@ import math
 import os
 import pickle
 import signal
-import time
 import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
-from threading import Thread
 from typing import Any
 
 import cloudpickle
 
 from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.common.interrupt import end_with
 from curiosity_algos.evaluation.rollouts import Rollouts, concatenate
 
 SHARDS_PER_PROCESS = 2
@@ -94,15 +93,8 @@ _player: Any = None
 def _begin(packed: bytes, parent: int) -> None:
     global _packed
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that began it
-    Thread(target=_end_with, args=(parent,), daemon=True).start()
+    end_with(parent)
     _packed = packed
-
-
-def _end_with(parent: int) -> None:
-    """End this process as soon as its parent is gone, however that ended."""
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(1)
 
 
 def _play(parameters: Float32Array, seed: int) -> Rollouts:

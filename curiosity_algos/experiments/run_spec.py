@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import inspect
 import os
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,6 @@ from stable_baselines3.common.vec_env import VecEnv
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.common.names import find_algorithm, find_known
 from curiosity_algos.common.networks import torch_device
-from curiosity_algos.common.origin import is_foreign
 from curiosity_algos.evaluation.arguments import check_learning
 from curiosity_algos.evaluation.environments import open_env
 from curiosity_algos.experiments import baselines
@@ -106,21 +106,10 @@ class RunSpec:
         Raises:
             ValueError: If a name, a keyword or a value is wrong.
         """
-        if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
-            find_known("env", self.env, gym.registry, hint=ELSEWHERE)
-        cls = find_algorithm(self.algorithm)
-        self._check_settings(cls)
-        # The run itself warns.
-        with warnings.catch_warnings(action="ignore"), closing(self._make_env()) as venv:
-            try:
-                model = self._make_model(venv)
-            except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
-                if is_foreign(error):
-                    raise
-                # Of classes that take what they are given.
-                message = f"`env` and `hyperparams` must fit {cls.__name__}: {error}"
-                raise ValueError(message) from error
-            check_learning(model.get_env(), self.timesteps, None)
+        with warnings.catch_warnings(action="ignore"):  # the run itself warns
+            env = self.make().get_env()
+        assert env is not None
+        env.close()
 
     def _check_settings(self, cls: type[Any]) -> None:
         check_at_least_one(n_envs=self.n_envs, repeat_action=self.repeat_action)
@@ -138,10 +127,27 @@ class RunSpec:
         torch_device(self.settings.get("device", "cpu"))  # raises where there is none
 
     def make(self) -> BaseAlgorithm:
-        """A model that has not trained."""
-        venv = self._make_env()
+        """A model that has not trained.
+
+        Raises:
+            ValueError: If a name, a keyword or a value is wrong.
+        """
+        if self.env.rpartition(":")[2] not in gym.registry and ":" not in self.env:
+            find_known("env", self.env, gym.registry, hint=ELSEWHERE)
+        cls = find_algorithm(self.algorithm)
+        self._check_settings(cls)
+        venv = self._make_env()  # apart: its own errors are none of the algorithm's
         with closed_on_error(venv):
-            return self._make_model(venv)
+            try:
+                model = self._make_model(venv)
+            except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
+                # Of classes that take what they are given.
+                message = f"`env` and `hyperparams` must fit {cls.__name__}: {error}"
+                raise ValueError(message) from error
+            except ValueError as error:
+                raise ValueError(str(error)) from error  # what a library refuses, too
+            check_learning(model.get_env(), self.timesteps, None)
+            return model
 
     def _make_model(self, venv: VecEnv) -> BaseAlgorithm:
         cls = find_algorithm(self.algorithm)
@@ -195,6 +201,25 @@ class RunSpec:
         env: VecEnv = open_env(self.env, **self.env_kwargs)
         return env
 
+    def words(self, parent: str | os.PathLike[str]) -> list[str]:
+        """The words of `curiosity train` for this run, in its folder below `parent`.
+
+        Raises:
+            ValueError: If a keyword has a value that no text says.
+        """
+        words = ["--algo", self.algorithm, "--env", self.env, "--seed", f"{self.seed}"]
+        words += ["-n", f"{self.timesteps}", "-f", str(Path(parent, self.variant))]
+        words += ["--bonus", self.bonus or "none", "--n-envs", f"{self.n_envs}"]
+        words += ["--repeat-action", f"{self.repeat_action}"]
+        keywords = {"--env-kwargs": self.env_kwargs, "--hyperparams": self.settings}
+        for option, values in (keywords | {"--bonus-kwargs": self.bonus_kwargs}).items():
+            for name, value in values.items():
+                words += [option, f"{name}:{_literal(name, value)}"]
+        for entry, values in self.wrappers:
+            pairs = [f"{name}={_literal(name, value, but=':')}" for name, value in values.items()]
+            words += ["--wrapper", ":".join([entry.replace(":", "."), *pairs])]
+        return words
+
     def load(self, checkpoint: Path) -> BaseAlgorithm:
         """The model as it was at a checkpoint."""
         passed_again = MAY_DIFFER | {"evaluator", "archive", "emitters", "search"}
@@ -205,3 +230,15 @@ class RunSpec:
                 return load_baseline(cls, checkpoint, venv, **free)
             model: BaseAlgorithm = cls.load(checkpoint / "model", env=venv, **free)
             return model
+
+
+def _literal(name: str, value: Any, but: str = "\0") -> str:
+    """The text of a value, which the command makes the same value of."""
+    text = repr(value)
+    with suppress(SyntaxError, ValueError):
+        if but not in text and ast.literal_eval(text) == value:
+            return text
+    raise ValueError(
+        f"`{name}` must be a number, a text, or lists and dictionaries of them, where several runs "
+        f"are trained at a time, got {value!r}."
+    )

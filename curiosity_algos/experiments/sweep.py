@@ -5,38 +5,42 @@ from __future__ import annotations
 import inspect
 import os
 import signal
-from _thread import interrupt_main
+import subprocess
+import sys
+import tempfile
+import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import product
-from multiprocessing import connection, get_context, parent_process
-from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
-from threading import Thread
 from typing import Any, TypeAlias
 
 from tqdm import tqdm
 
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.origin import is_foreign, message_of
 from curiosity_algos.experiments.baselines import find_bonus
 from curiosity_algos.experiments.run_spec import RunSpec, variant_of
 from curiosity_algos.experiments.training import is_finished, summary, train
 from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one, check_positive
 
-Outcome: TypeAlias = bool | BaseException
-"""Outcome of a run that has ended: whether there was anything to do, or its error."""
-Train: TypeAlias = Callable[[RunSpec], bool]
-"""Trains a run: whether there was anything to do."""
-Backend: TypeAlias = Callable[[Sequence[RunSpec], Train], Iterator[tuple[RunSpec, Outcome]]]
-"""Trains runs, wherever that is, and gives each as it ends."""
+Outcome: TypeAlias = bool | str
+"""Outcome of a run that has ended: whether there was anything to do, or what its error says."""
 MAX_RETRIES = 5
-"""Times that a run is begun again after its process was killed, or its machine was lost."""
+"""Times that a command is begun again after it was killed."""
+COMMAND = """
+import signal
+from curiosity_algos.common.interrupt import end_with
+signal.signal(signal.SIGINT, signal.default_int_handler)
+end_with({parent})
+from curiosity_algos.cli import main
+main()
+"""
+"""The command `curiosity`, which ends with the sweep, in a shell that ignores Ctrl-C, too."""
+SECONDS = 0.05
+"""Between two looks at the commands."""
 
 
 def grid(
@@ -82,25 +86,37 @@ def grid(
 
 
 def sweep(
-    runs: Sequence[RunSpec], folder: Path, *, backend: Backend, interval: float = 60.0
+    runs: Sequence[RunSpec], folder: Path, *, jobs: int | None = None, interval: float = 60.0
 ) -> None:
     """Train every run in its folder, and print what each has come to; a bar counts them.
 
+    Each run is a command `curiosity train` in a process of its own. One that is killed, as for want
+    of memory, begins again, and goes on from its last checkpoint. After Ctrl-C runs end after their
+    generation; a second one kills them.
+
     Args:
-        runs: Runs to train.
+        runs: Runs to train, in environments that the command knows too: MODULE:ID is one that a
+            module registers.
         folder: Parent of the folders of all runs.
-        backend: Trains those that are not finished: `Processes`, or `RayBackend`.
+        jobs: Runs at a time; None: one a processor. A single one is trained in this process.
         interval: Seconds between two checkpoints of a run.
 
     Raises:
-        ValueError: If `interval` is not above 0; in the end, if runs failed, which stop no others.
+        ValueError: If `jobs` or `interval` is out of its range, or a command cannot say a run's
+            keywords; in the end, if runs failed, which stop no others.
     """
+    jobs = available_cpus() if jobs is None else jobs
+    check_at_least_one(jobs=jobs)
     check_positive(interval=interval)
+    alone = [_alone(run) for run in runs]
+    if jobs > 1:
+        for run in alone:
+            run.words(folder)
     errors, n_finished = [], 0
     with tqdm(total=len(runs), unit="run", disable=None) as bar:
-        for run, outcome in _outcomes(runs, folder, backend, interval):
-            if isinstance(outcome, BaseException):
-                errors.append(f"{run.folder(folder)}: {message_of(outcome)}")
+        for run, outcome in _outcomes(alone, folder, jobs, interval):
+            if isinstance(outcome, str):
+                errors.append(f"{run.folder(folder)}: {outcome}")
             elif outcome:
                 bar.write(summary(run.folder(folder)))
             else:
@@ -112,182 +128,127 @@ def sweep(
         raise ValueError(f"{len(errors)} of {len(runs)} runs failed: {'; '.join(errors)}")
 
 
+def _alone(run: RunSpec) -> RunSpec:
+    """A run on one thread of the processor, unless it is to have another device."""
+    settings = {"device": "cpu", **run.settings}
+    if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
+        settings["n_threads"] = 1
+    return replace(run, settings=settings)
+
+
 def _outcomes(
-    runs: Sequence[RunSpec], folder: Path, backend: Backend, interval: float
+    runs: Sequence[RunSpec], folder: Path, jobs: int, interval: float
 ) -> Iterator[tuple[RunSpec, Outcome]]:
     left = []
     for run in runs:
         try:
             is_done = is_finished(run, run.folder(folder))
-        except (OSError, ValueError) as error:  # another run is there, or other files
-            if is_foreign(error):
-                raise
-            yield run, error
-            continue
-        if is_done:
-            yield run, False
+        except Exception as error:  # as of another run, or other files, that are there
+            yield run, _said(error)
         else:
-            left.append(run)
-    if left:
-        # Processes of other machines have another working directory.
-        alone = partial(_train_alone, folder=folder.absolute(), interval=interval)
-        yield from backend(left, alone)
+            if is_done:
+                yield run, False
+            else:
+                left.append(run)
+    yield from (_in_turn if jobs == 1 else _side_by_side)(left, folder, jobs, interval)
 
 
-def _train_alone(run: RunSpec, *, folder: Path, interval: float) -> bool:
-    settings = {"device": "cpu", **run.settings}
-    if "n_threads" in inspect.signature(find_algorithm(run.algorithm)).parameters:
-        settings["n_threads"] = 1
-    with single_torch_thread():
-        return train(replace(run, settings=settings), run.folder(folder), interval=interval)
-
-
-class Processes:
-    """A backend: each run has a process of its own; one at a time, they are trained in this one.
-
-    A run whose process is killed, as for want of memory, begins again in another, and goes on from
-    the checkpoint in its folder. Ctrl-C is passed on to the runs under way, even if it came to this
-    process alone: they end after their generation, and a second one kills them.
-
-    Args:
-        jobs: Runs at a time; None: one a processor.
-    """
-
-    def __init__(self, jobs: int | None = None) -> None:
-        self.jobs = available_cpus() if jobs is None else jobs
-        check_at_least_one(jobs=self.jobs)
-
-    def __call__(self, runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
-        """Train the runs, and give each as it ends."""
-        yield from _in_turn(runs, train) if self.jobs == 1 else _apart(runs, train, self.jobs)
-
-
-def _in_turn(runs: Sequence[RunSpec], train: Train) -> Iterator[tuple[RunSpec, Outcome]]:
+def _in_turn(
+    runs: Sequence[RunSpec], folder: Path, jobs: int, interval: float
+) -> Iterator[tuple[RunSpec, Outcome]]:
     for run in runs:
         try:
-            outcome: Outcome = train(run)
-        except Exception as error:  # of any kind, as from a process
-            outcome = error
+            with single_torch_thread():
+                outcome: Outcome = train(run, run.folder(folder), interval=interval)
+        except Exception as error:  # of any kind, as from a command
+            outcome = _said(error)
         yield run, outcome
 
 
-def _apart(runs: Sequence[RunSpec], train: Train, jobs: int) -> Iterator[tuple[RunSpec, Outcome]]:
+def _side_by_side(
+    runs: Sequence[RunSpec], folder: Path, jobs: int, interval: float
+) -> Iterator[tuple[RunSpec, Outcome]]:
     waiting = deque((run, 1) for run in runs)
     under_way: list[_Attempt] = []
     try:
         while waiting or under_way:
-            if waiting and len(under_way) < jobs:
-                attempt = _Attempt(train, *waiting.popleft())
-                under_way.append(attempt)  # before it begins: Ctrl-C may come at any time
-                try:
-                    attempt.begin()
-                except Exception as error:  # of any kind: as of settings that cannot be sent
-                    under_way.remove(attempt)
-                    yield attempt.run, error
-                continue
+            while waiting and len(under_way) < jobs:
+                under_way.append(_Attempt(*waiting.popleft(), folder, interval))
             for attempt in _ended(under_way):
                 under_way.remove(attempt)
-                outcome = attempt.end()
+                outcome = attempt.outcome()
                 if outcome is None:
                     waiting.append((attempt.run, attempt.number + 1))
                 else:
                     yield attempt.run, outcome
+    except KeyboardInterrupt:
+        line = "Ctrl-C: waiting for the ends of generations; press it again to stop at once."
+        print(line, file=sys.stderr)
+        raise
     finally:
-        _stop([attempt for attempt in under_way if attempt.has_begun])
+        _stop([attempt.process for attempt in under_way])
 
 
 class _Attempt:
-    """A process that trains a run; `number` counts those of the same run from 1."""
+    """A command that trains a run; `number` counts those of the same run from 1."""
 
-    def __init__(self, train: Train, run: RunSpec, number: int) -> None:
-        context = get_context("spawn")
+    def __init__(self, run: RunSpec, number: int, folder: Path, interval: float) -> None:
         self.run = run
         self.number = number
-        self.pipe, self._its_pipe = context.Pipe()
-        self._process = context.Process(target=_begin, args=(self._its_pipe, train, run))
+        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
+        command = [sys.executable, "-c", COMMAND.format(parent=os.getpid()), "train"]
+        self.process = subprocess.Popen(
+            [*command, *run.words(folder), "--interval", f"{interval}"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._errors,
+            process_group=0,  # Ctrl-C in a terminal is for the sweep, which passes it on
+        )
 
-    @property
-    def has_begun(self) -> bool:
-        return self._process.pid is not None
-
-    def begin(self) -> None:
-        with _ctrl_c_blocked():
-            self._process.start()
-        self._its_pipe.close()
-
-    def end(self) -> Outcome | None:
-        """Wait for the outcome; None if the process was killed, and may begin again."""
-        outcome: Outcome | None = None
-        with suppress(EOFError, OSError):  # it has ended before or while it sent anything
-            outcome = self.pipe.recv()
-        self._process.join()
-        self.pipe.close()
-        status = self._process.exitcode
-        assert status is not None
-        # One that ends by itself would do so again: without what it needs to begin, for example.
-        if outcome is None and (status >= 0 or self.number > MAX_RETRIES):
-            outcome = RuntimeError(
-                f"Its process ended without a result at attempt {self.number}, status {status}."
-            )
-        return outcome
-
-    def interrupt(self) -> None:
-        with suppress(OSError):  # it has ended
-            self.pipe.send(None)
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.join()
+    def outcome(self) -> Outcome | None:
+        """What has come of it, after its end; None if it was killed, and may begin again."""
+        status = self.process.returncode
+        with self._errors as file:
+            file.seek(0)
+            said = file.read()
+        if status < 0 and self.number <= MAX_RETRIES:
+            return None
+        tqdm.write(said, file=sys.stderr, end="")  # as of warnings
+        if status < 0:
+            return f"It was killed {self.number} times, by signal {-status}."
+        if not status:
+            return True
+        return _message(said.splitlines()) or f"It ended with status {status}."
 
 
 def _ended(attempts: Sequence[_Attempt]) -> list[_Attempt]:
-    """Wait for the next that end."""
-    ready = connection.wait([attempt.pipe for attempt in attempts])
-    return [attempt for attempt in attempts if attempt.pipe in ready]
+    """Those that have ended, after a moment."""
+    time.sleep(SECONDS)
+    return [attempt for attempt in attempts if attempt.process.poll() is not None]
 
 
-def _stop(attempts: Sequence[_Attempt]) -> None:
-    """Let runs end as after Ctrl-C; another one ends them at once."""
+def _said(error: Exception) -> str:
+    """What an error says and notes."""
+    return " ".join(
+        [*str(error).split(), *(f"({note})" for note in getattr(error, "__notes__", []))]
+    )
+
+
+def _message(lines: Sequence[str]) -> str:
+    """The same, of the lines that Python or the command prints of an error."""
+    *_, first, last = ("", "", *lines)
+    said = f"{first} ({last})" if last.startswith("traceback in ") else last
+    return said.removeprefix("Error: ")
+
+
+def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Let commands end as after Ctrl-C; another one ends them at once."""
     try:
-        for attempt in attempts:
-            attempt.interrupt()
-        for attempt in attempts:
-            attempt.end()
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait()
     finally:
-        for attempt in attempts:
-            attempt.kill()
-
-
-@contextmanager
-def _ctrl_c_blocked() -> Iterator[None]:
-    """Keep Ctrl-C from processes that are begun in the block: with the sweep's, it came twice."""
-    if not hasattr(signal, "pthread_sigmask"):  # on Windows
-        yield
-        return
-    ensure_running()  # as this begins, it lets Ctrl-C through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _begin(pipe: connection.Connection, train: Train, run: RunSpec) -> None:
-    """Train a run in this process, and send its outcome."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
-    try:
-        Thread(target=_watch, args=(pipe,), daemon=True).start()
-        outcome: Outcome = train(run)
-    except BaseException as error:  # of any kind: errors of one's own are seldom made to be sent
-        outcome = RuntimeError(message_of(error))
-    pipe.send(outcome)
-
-
-def _watch(pipe: connection.Connection) -> None:
-    """Interrupt the run once the sweep says so; end this process as soon as the sweep's is gone."""
-    parent = parent_process()
-    assert parent is not None
-    if parent.sentinel not in connection.wait([parent.sentinel, pipe]):
-        interrupt_main()
-        connection.wait([parent.sentinel])
-    os._exit(1)
+        for process in processes:
+            process.kill()
+            process.wait()

@@ -73,9 +73,13 @@ def train(
     """
     if is_finished(run, folder):
         return False
-    RunFolder(folder).lock().release()  # raises where another process trains
-    with _traceback_kept(folder):
-        _learn(run, folder, interval=interval, progress_bar=progress_bar)
+    checkpoint = RunFolder(folder).checkpoint
+    model = run.make() if checkpoint is None else run.load(checkpoint)
+    with _its_env(model):
+        RunFolder(folder).lock().release()  # raises where another process trains
+        save = SaveRun(folder, interval=interval, save_replay_buffer=True)
+        with _traceback_kept(folder), closing(save):
+            _learn(model, save, run.timesteps, progress_bar=progress_bar)
     return True
 
 
@@ -93,19 +97,15 @@ def _traceback_kept(folder: Path) -> Iterator[None]:
         raise
 
 
-def _learn(run: RunSpec, folder: Path, *, interval: float, progress_bar: bool) -> None:
-    checkpoint = RunFolder(folder).checkpoint
-    save = SaveRun(folder, interval=interval, save_replay_buffer=True)
-    model = run.make() if checkpoint is None else run.load(checkpoint)
-    rest = max(0, int(run.timesteps) - model.num_timesteps)
+def _learn(model: BaseAlgorithm, save: SaveRun, timesteps: float, *, progress_bar: bool) -> None:
+    rest = max(0, int(timesteps) - model.num_timesteps)
     is_theirs = is_baseline(type(model))
-    with _its_env(model), closing(save):
-        try:
-            with single_torch_thread() if is_theirs else nullcontext():
-                model.learn(rest, save, reset_num_timesteps=False, progress_bar=progress_bar)
-        except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
-            save.save()
-            raise
+    try:
+        with single_torch_thread() if is_theirs else nullcontext():
+            model.learn(rest, save, reset_num_timesteps=False, progress_bar=progress_bar)
+    except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
+        save.save()
+        raise
 
 
 def _its_env(model: BaseAlgorithm) -> closing[VecEnv]:

@@ -136,7 +136,7 @@ def test_environments_are_closed(algorithm, tracked, tmp_path):
     assert train(replace(run, timesteps=40), tmp_path)
     with pytest.raises(TypeError, match="its own"):
         train(replace(run, env_kwargs={"fails": "step"}), tmp_path / "failed")
-    with pytest.raises(TypeError, match="nonsense"):
+    with pytest.raises(ValueError, match="nonsense"):
         replace(run, settings={"nonsense": 1}).make()
 
 

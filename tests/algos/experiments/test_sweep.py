@@ -1,32 +1,25 @@
-"""Runs of a sweep, in processes and in this one."""
+"""Runs of a sweep, in commands and in this process."""
 
 import io
-import multiprocessing
-import os
 import signal
+import subprocess
 import sys
 import time
 from dataclasses import replace
-from functools import partial
-from multiprocessing import get_context
+from pathlib import Path
 
+import numpy as np
 import pytest
-import slow_runs
 import torch as th
 
-from curiosity_algos.experiments import load_final_states, load_runs
+from curiosity_algos.cli import main
+from curiosity_algos.experiments import load_final_states, load_runs, training
+from curiosity_algos.experiments import sweep as sweeps
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.sweep import (
-    MAX_RETRIES,
-    Processes,
-    _Attempt,
-    _ended,
-    grid,
-    sweep,
-)
+from curiosity_algos.experiments.sweep import MAX_RETRIES, grid, sweep
 from curiosity_algos.experiments.training import train
 
-SETTINGS = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
+ROOT = Path(__file__).parents[3]
 
 
 def test_a_sweep_has_no_run_twice():
@@ -57,63 +50,107 @@ def test_a_setting_cannot_leave_the_folder(tmp_path):
     assert {".."}.isdisjoint(part for run in runs for part in run.folder(tmp_path).parts)
 
 
+class Object:
+    """A setting that no text says."""
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        RunSpec("NSES", "a-v0", 0, 1, settings={"evaluator": Object()}),
+        RunSpec("NSES", "a-v0", 0, 1, {"limit": np.float64(0.5)}),
+        RunSpec("NSES", "a-v0", 0, 1, wrappers=[("a:B", {"name": "c:d"})]),
+    ],
+)
+def test_what_no_command_can_say_is_refused(run, tmp_path):
+    with pytest.raises(ValueError, match=r"^`(evaluator|limit|name)` must be a number, "):
+        sweep([run], tmp_path, jobs=2)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_command_trains_the_same_run(tmp_path, monkeypatch):
+    """Every field of a run comes back, whatever its values are."""
+    odd = {"a": [1, 2.5, None], "b": {"c": (True, "x:y=z, 'w'")}, "d": 1e-300}
+    run = RunSpec("PPO", "CartPole-v1", 3, 5e3, odd, odd, "sigma=0.1", "apt", odd, 2, 3)
+    run = replace(run, wrappers=[("gymnasium.wrappers:TimeLimit", {"max_episode_steps": 7})])
+    trained = []
+    monkeypatch.setattr(training, "train", lambda *args, **_: trained.append(args))
+    monkeypatch.setattr(training, "summary", str)
+    monkeypatch.setattr(sys, "argv", ["curiosity", "train", *run.words(tmp_path)])
+    with pytest.raises(SystemExit):
+        main()
+    ((same, folder),) = trained
+    assert same == replace(run, variant="")
+    assert folder == run.folder(tmp_path)
+
+
+SCRIPT = """
+import os, pathlib, signal, sys, time
+words = dict(zip(sys.argv[2::2], sys.argv[3::2]))
+folder, seed = pathlib.Path(words["-f"]), words["--seed"]
+with (folder / seed).open("ab") as file:
+    file.write(b".")
+    n_begun = file.tell()
+"""
+"""In the place of a command: it leaves a byte in a file of the seed's name."""
+WAIT = """
+signal.signal(signal.SIGINT, lambda *_: (folder / "interrupted").touch())
+while not (folder / "interrupted").exists() or seed == "1":
+    time.sleep(0.01)
+"""
+"""One that ends after Ctrl-C, unless its seed is 1."""
+
+
 @pytest.fixture
-def forks(monkeypatch):
-    """Processes are begun with all that they need, as others take seconds to import it."""
-    if not hasattr(os, "fork"):
-        pytest.skip("there are no forks")
-    monkeypatch.setattr(
-        "curiosity_algos.experiments.sweep.get_context", lambda _: get_context("fork")
-    )
+def outcomes_of(tmp_path, monkeypatch):
+    """Outcomes of runs with these seeds, whose commands execute some code instead."""
+    monkeypatch.setattr(sweeps, "is_finished", lambda *_: False)
+
+    def begin(code, seeds):
+        monkeypatch.setattr(sweeps, "COMMAND", SCRIPT + code)
+        runs = [RunSpec("NSES", "a-v0", seed, 1) for seed in seeds]
+        return ((run.seed, out) for run, out in sweeps._outcomes(runs, tmp_path, 2, 60.0))
+
+    return begin
 
 
-@pytest.mark.usefixtures("forks")
-def test_no_run_begins_in_a_sweep_that_was_interrupted(tmp_path):
-    outcomes = Processes(2)([tmp_path / str(i) for i in range(6)], slow_runs.touch)
+def test_a_run_that_is_killed_begins_again_and_stops_no_others(outcomes_of, tmp_path):
+    """As often as its seed says."""
+    kill = "if n_begun <= int(seed): os.kill(os.getpid(), signal.SIGKILL)"
+    outcomes = dict(outcomes_of(kill, [0, MAX_RETRIES + 2, 1, MAX_RETRIES]))
+    assert outcomes.pop(MAX_RETRIES + 2) == "It was killed 6 times, by signal 9."
+    assert outcomes == dict.fromkeys([0, 1, MAX_RETRIES], True)
+    n_begun = {int(path.name): path.stat().st_size for path in tmp_path.iterdir()}
+    assert n_begun == {0: 1, 1: 2, MAX_RETRIES: 6, MAX_RETRIES + 2: 6}
+
+
+NOTED = "error = OSError('no room'); error.add_note('traceback in a.txt'); raise error"
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("sys.exit('Error: no room (traceback in a.txt)')", "no room (traceback in a.txt)"),
+        (NOTED, "OSError: no room (traceback in a.txt)"),
+        ("sys.exit(3)", "It ended with status 3."),
+    ],
+)
+def test_what_an_error_says_and_notes_is_the_outcome(code, message, outcomes_of):
+    assert list(outcomes_of(code, [0])) == [(0, message)]
+
+
+def test_no_run_begins_in_a_sweep_that_was_interrupted(outcomes_of, tmp_path):
+    outcomes = outcomes_of("seed == '0' or exec(" + repr(WAIT) + ")", [0, 2, 3, 4])
     next(outcomes)
     outcomes.close()  # as Ctrl-C does
-    assert 2 <= len(list(tmp_path.iterdir())) <= 4
+    assert len(list(tmp_path.glob("[0-9]"))) <= 3
 
 
-@pytest.mark.usefixtures("forks")
-def test_a_run_whose_process_is_killed_begins_again_and_stops_no_others(tmp_path):
-    n_killed = [0, MAX_RETRIES + 2, 1, 0, MAX_RETRIES]  # the second more often than is borne
-    paths = [tmp_path / str(i) / str(n) for i, n in enumerate(n_killed)]
-    for path in paths:
-        path.parent.mkdir()
-    outcomes = dict(Processes(2)(paths, slow_runs.fall))
-    with pytest.raises(RuntimeError, match=r"^Its process ended .* attempt 6, status -9\.$"):
-        raise outcomes.pop(paths[1])
-    assert outcomes == dict.fromkeys([paths[0], *paths[2:]], True)
-    assert [path.stat().st_size for path in paths] == [1, MAX_RETRIES + 1, 2, 1, MAX_RETRIES + 1]
-
-
-@pytest.mark.usefixtures("forks")
-def test_a_run_that_ends_its_process_fails_alone(tmp_path):
-    paths = [tmp_path / name for name in ("leaves", "stays")]
-    outcomes = dict(Processes(2)(paths, slow_runs.leave))
-    with pytest.raises(RuntimeError, match=r"attempt 1, status 3\.$"):
-        raise outcomes[paths[0]]
-    assert outcomes[paths[1]] is True
-
-
-@pytest.mark.usefixtures("forks")
-def test_what_an_error_says_and_notes_comes_from_the_process(tmp_path):
-    ((_, outcome),) = Processes(2)([tmp_path / "0"], slow_runs.refuse)
-    assert str(outcome) == "no simulator (traceback in error.txt)"
-
-
-def test_a_run_that_no_process_can_be_sent_fails_alone(tmp_path):
-    runs = [tmp_path / "0", lambda: None]
-    (outcome,) = [outcome for run, outcome in Processes(2)(runs, slow_runs.touch) if run is runs[1]]
-    assert "pickle" in str(outcome)
-
-
-def pressing_ctrl_c(call, file):
+def pressing_ctrl_c(call, path):
     """The call, after Ctrl-C, once the file is there."""
 
     def pressed(*args):
-        while not file.exists():
+        while not path.exists():
             time.sleep(0.01)
         signal.raise_signal(signal.SIGINT)
         return call(*args)
@@ -121,36 +158,54 @@ def pressing_ctrl_c(call, file):
     return pressed
 
 
-@pytest.mark.usefixtures("forks")
-def test_a_second_ctrl_c_ends_runs_that_go_on_after_the_first(tmp_path, monkeypatch):
-    path = tmp_path / "run"
-    first, second = path, path.with_suffix(".interrupted")
-    sweeping = "curiosity_algos.experiments.sweep"
-    monkeypatch.setattr(f"{sweeping}._ended", pressing_ctrl_c(_ended, first))
-    monkeypatch.setattr(f"{sweeping}._Attempt.end", pressing_ctrl_c(_Attempt.end, second))
+@pytest.mark.parametrize("seed", [0, 1])
+def test_ctrl_c_interrupts_runs_and_a_second_one_kills_them(
+    seed, outcomes_of, tmp_path, monkeypatch
+):
+    first, interrupted = tmp_path / f"{seed}", tmp_path / "interrupted"
+    outcomes = outcomes_of(WAIT, [seed])
+    if seed == 1:
+        wait = pressing_ctrl_c(subprocess.Popen.wait, interrupted)
+        monkeypatch.setattr(subprocess.Popen, "wait", wait)
+    monkeypatch.setattr(sweeps, "_ended", pressing_ctrl_c(sweeps._ended, first))
     with pytest.raises(KeyboardInterrupt):
-        list(Processes(2)([path], slow_runs.hang))
-    assert second.exists()
-    assert multiprocessing.active_children() == []
+        list(outcomes)
+    assert interrupted.exists()
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_it_tells_how_runs_ended(jobs, tmp_path, capsys):
-    runs = grid(
-        ["canonical_es"],
-        ["CuriosityMaze-US-v0"],
-        [0, 1, 2],
-        timesteps=1200,
-        env_kwargs={"horizon": 50},
-        settings=SETTINGS,
-    )
-    train(runs[2], runs[2].folder(tmp_path))
-    sweep(runs, tmp_path, backend=Processes(jobs))
-    *told, last = capsys.readouterr().out.splitlines()
-    told = sorted(line.partition(": best return")[0] for line in told)
-    assert told == [str(run.folder(tmp_path)) for run in runs[:2]]
+FALL = f"""
+import os, pathlib, signal, sys
+sys.path.insert(0, {str(ROOT)!r})
+from curiosity_algos.experiments import RunFolder
+commit = RunFolder.commit
+def fall(self, timesteps, write):
+    commit(self, timesteps, write)
+    killed = pathlib.Path(sys.argv[sys.argv.index("-f") + 1], "killed")
+    if timesteps and not killed.exists():
+        killed.write_text(str(timesteps))
+        os.kill(os.getpid(), signal.SIGKILL)
+RunFolder.commit = fall
+"""
+"""A command is killed once, after a checkpoint."""
+
+
+def test_results_depend_neither_on_the_number_of_jobs_nor_on_kills(
+    tmp_path, capsys, assert_same, monkeypatch
+):
+    alone, beside = tmp_path / "alone", tmp_path / "beside"
+    runs = [make_run(seed, 800) for seed in range(3)]
+    train(runs[2], runs[2].folder(beside))
+    sweep(runs, alone, jobs=1)
+    capsys.readouterr()
+    monkeypatch.setattr(sweeps, "COMMAND", FALL + sweeps.COMMAND)
+    sweep(runs, beside, jobs=2, interval=1e-6)
+    *said, last = capsys.readouterr().out.splitlines()
+    said = sorted(line.partition(": best return")[0] for line in said)
+    assert said == [str(run.folder(beside)) for run in runs[:2]]
     assert last == "1 of 3 runs were finished before."
-    assert len(load_runs(tmp_path)) == 3
+    assert 0 < int((beside / "killed").read_text()) < 800
+    for run in runs:
+        assert_same(*(load_final_states(run.folder(folder)) for folder in (alone, beside)))
 
 
 def test_a_bar_counts_runs_and_failures_are_told_at_the_end(tmp_path, monkeypatch):
@@ -161,38 +216,26 @@ def test_a_bar_counts_runs_and_failures_are_told_at_the_end(tmp_path, monkeypatc
     monkeypatch.setattr(sys, "stderr", Screen())
     runs = [RunSpec("NSES", "CuriosityMaze-US-v0", seed, 1000) for seed in range(3)]
 
-    def backend(runs, train):
-        return zip(runs, (False, OSError("disk full"), False), strict=True)
-
+    ended = zip(runs, (False, "disk full", False), strict=True)
+    monkeypatch.setattr(sweeps, "_outcomes", lambda *_: ended)
     with pytest.raises(ValueError, match=r"^1 of 3 runs failed: .*/1: disk full$"):
-        sweep(runs, tmp_path, backend=backend)
+        sweep(runs, tmp_path, jobs=2)
     assert "3/3" in sys.stderr.getvalue()
 
 
-def make_run(seed, **settings):
-    kwargs = {"horizon": 20}
+def make_run(seed, timesteps=100, **settings):
     small = {"population_size": 4, **settings}
-    return RunSpec("MAPElites", "CuriosityMaze-US-v0", seed, 100, kwargs, small)
-
-
-def test_a_run_whose_process_is_killed_goes_on_from_its_checkpoint(tmp_path, assert_same):
-    here, there = tmp_path / "here", tmp_path / "there"
-    run = replace(make_run(0), timesteps=3000)
-    sweep([run], here, backend=Processes(1))
-    fall = partial(slow_runs.fall_after_a_checkpoint, folder=there)
-    assert [outcome for _, outcome in Processes(2)([run], fall)] == [True]
-    assert 0 < int((there / "killed").read_text()) < 3000
-    assert_same(*(load_final_states(run.folder(folder)) for folder in (here, there)))
+    return RunSpec("MAPElites", "CuriosityMaze-US-v0", seed, timesteps, {"horizon": 20}, small)
 
 
 def test_one_at_a_time_needs_no_process(tmp_path, monkeypatch):
-    monkeypatch.setattr("curiosity_algos.experiments.sweep.get_context", None)
+    monkeypatch.setattr(sweeps, "_Attempt", None)
     th.set_num_threads(2)
     runs = [make_run(0), make_run(1, population_size="many"), make_run(2)]
     blocked = runs[2].folder(tmp_path)
     blocked.mkdir(parents=True)
     (blocked / "notes").write_text("mine")
     with pytest.raises(ValueError, match=r"^2 of 3 runs failed: .*2: .*, there is none.*1: `pop"):
-        sweep(runs, tmp_path, backend=Processes(1))
+        sweep(runs, tmp_path, jobs=1)
     assert load_runs(tmp_path)["seed"].tolist() == [0]
     assert th.get_num_threads() == 2

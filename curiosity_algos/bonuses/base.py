@@ -29,7 +29,14 @@ class Bonus(Protocol):
     """Scores transitions, high where few like them were seen, and learns from them.
 
     Several threads may score at once: scoring changes nothing.
+
+    Attributes:
+        horizon: Steps that the transitions span at most which it learns from.
+        observes_ends: Whether it observes the last states of episodes too, see `show`.
     """
+
+    horizon: int = 1
+    observes_ends: bool = True
 
     @property
     def name(self) -> str:
@@ -44,6 +51,7 @@ class Bonus(Protocol):
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
+        return self.score(observations[:-1], actions, observations[1:])
 
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...), which `show` chooses of what came, into statistics."""
@@ -100,6 +108,8 @@ class NetworkBonus(HasSettings, th.nn.Module):
     """
 
     name: ClassVar[str]
+    horizon: int = 1
+    observes_ends: bool = True
 
     def __init__(
         self,
@@ -259,7 +269,7 @@ def show(bonus: Bonus, before: Array, ends: Array) -> None:
         before: (n, ...).
         ends: (m, ...), the last states of episodes that the task ended, no limit of time.
     """
-    if getattr(bonus, "observes_ends", True):
+    if bonus.observes_ends:
         before = np.concatenate([before, ends])
     bonus.observe(th.from_numpy(before))
 

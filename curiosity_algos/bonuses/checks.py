@@ -182,7 +182,7 @@ class _Corridor(gym.Env[Any, Any]):
         return np.full(1, self._n, dtype=np.float32), 0.0, self._n == HORIZON, False, {}
 
 
-class _AtTheEnd:
+class _AtTheEnd(Bonus):
     """A bonus of 1 for reaching the end of the corridor, and 0 for all else; it learns nothing."""
 
     name = "end"
@@ -190,12 +190,6 @@ class _AtTheEnd:
     def score(self, observations: Any, actions: Any, next_observations: Any) -> Float32Array:
         reached: Mask = next_observations[:, 0] == HORIZON
         return reached.astype(np.float32)
-
-    def score_trajectory(self, observations: Any, actions: Any) -> Float32Array:
-        return self.score(observations[:-1], actions, observations[1:])
-
-    def observe(self, observations: th.Tensor) -> None:
-        pass
 
     def update(self, *batch: th.Tensor) -> dict[str, float]:
         return {}

@@ -20,9 +20,8 @@ ARRAYS = ("observations", "actions", "lengths")
 
 
 def horizon_of(bonus: Bonus) -> int:
-    """Steps that the transitions span at most which a bonus learns from: its `horizon`, or 1."""
-    horizon: int = getattr(bonus, "horizon", 1)
-    return horizon
+    """Steps that the transitions span at most which a bonus learns from."""
+    return bonus.horizon
 
 
 class RecentSteps:

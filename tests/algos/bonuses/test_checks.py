@@ -9,6 +9,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from curiosity_algos.bonuses import checks
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.checks import (
     check_bonus,
     check_wrapper,
@@ -30,7 +31,7 @@ class FrozenAtZero(ICM):
             parameter.zero_()
 
 
-class Scripted:
+class Scripted(Bonus):
     """A bonus that is 1 everywhere, and two other numbers once it is trained."""
 
     name = "scripted"
@@ -40,9 +41,6 @@ class Scripted:
 
     def score(self, observations, actions, next_observations):
         return np.full(30, next(self.trained) if self.is_trained else 1.0)
-
-    def observe(self, observations):
-        pass
 
     def update(self, *batch):
         self.is_trained = True

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curiosity_algos.bonuses.icm import ICM
-from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
+from curiosity_algos.bonuses.spans import RecentSteps
 from curiosity_algos.bonuses.transitions import draw_steps
 
 
@@ -26,13 +25,6 @@ class TestDrawSteps:
         generator = rng()
         assert draw_steps(generator, (2, 3), 1).tolist() == [[1] * 3] * 2
         assert generator.random() == rng().random()
-
-
-def test_a_bonus_has_its_horizon_or_learns_from_single_steps():
-    class WithHorizon:
-        horizon = 7
-
-    assert (horizon_of(WithHorizon()), horizon_of(ICM)) == (7, 1)
 
 
 def make_steps(horizon=5, n_actions=2, seed=0):

@@ -6,6 +6,7 @@ import torch as th
 from gymnasium import spaces
 from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
 
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
@@ -24,7 +25,7 @@ SPACE = spaces.Box(-1, 1, (4,))
 ACTIONS = [spaces.Box(-1, 1, (2,)), spaces.Discrete(6)]
 
 
-class Recorder:
+class Recorder(Bonus):
     """A bonus that tells all parts of a transition apart, and remembers its training."""
 
     name = "recorder"

@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import (
 from torch_threads import heavy_threads
 
 import curiosity_algos
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.sb3 import wrapper_file
@@ -81,7 +82,7 @@ class Switched(gym.ObservationWrapper):
         return (np.arange(4) < observation[0]).astype(np.int8)
 
 
-class Recorder:
+class Recorder(Bonus):
     """A bonus that is where a step of 1 leads to, and remembers what it was asked and taught."""
 
     name = "recorder"

@@ -19,6 +19,7 @@ from toys import OFF_POLICY, Toy
 
 from curiosity_algos import ExplorationCallback
 from curiosity_algos.bonuses import make
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.sb3.scale import BonusScale
 
@@ -26,7 +27,7 @@ BONUSES = [name for name, bonus in make.BONUSES.items() if not hasattr(bonus, "e
 OBSERVATIONS, ACTIONS = spaces.Box(-9, 9, (1,)), spaces.Box(-1, 1, (1,))
 
 
-class Weighted:
+class Weighted(Bonus):
     """What a transition is worth tells all three parts apart, times a factor that tests change."""
 
     name = "weighted"
@@ -40,9 +41,6 @@ class Weighted:
         before, after = numbers
         actions = np.asarray(actions, dtype=np.float32).reshape(len(actions))
         return self.factor * (2 * before + 10 * actions + 4 * after)
-
-    def score_trajectory(self, observations, actions):
-        return self.score(observations[:-1], actions, observations[1:])
 
     def observe(self, observations):
         self.seen += observations.ravel().tolist()

@@ -106,7 +106,7 @@ class RayEvaluator:
             if value is not None:
                 check_at_least_one(**{name: value})
         check_positive(num_cpus=num_cpus, **({} if timeout is None else {"timeout": timeout}))
-        self._needs = {"num_cpus": num_cpus, "resources": dict(resources or {})}
+        self._needs: dict[str, Any] = {"num_cpus": num_cpus, "resources": dict(resources or {})}
         self._task()  # raises what Ray says of them
         opened = open_env(env)
         if hasattr(opened, "evaluate"):

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
 from benchmarks.population import POPULATION_SIZE, random_policies
 from curiosity_algos import make_evaluator
-from curiosity_algos.evaluation.blocks import summarize_in_blocks
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.rollouts import Summarizer
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_gym.processors import available_cpus
@@ -99,16 +99,13 @@ def _run(plan: Plan) -> list[Table]:
     ]
 
 
-def _task(evaluator: Any, workload: Workload) -> Task:
+def _task(evaluator: Evaluator, workload: Workload) -> Task:
     """Seconds of a generation."""
     parameters = random_policies(evaluator, workload.n)
     summarizers = _summarizers(workload.env_id, workload.n)
 
     def play() -> None:
-        if hasattr(evaluator, "evaluate_and_summarize"):
-            evaluator.evaluate_and_summarize(parameters, 0, summarizers)
-        else:
-            summarize_in_blocks(evaluator, parameters, 0, summarizers)
+        evaluator.evaluate_and_summarize(parameters, 0, summarizers)
 
     for _ in range(3):  # compiles, and starts the workers
         play()
@@ -131,7 +128,7 @@ def _seconds_of_a_shard(plan: Plan) -> float:
     return seconds(lambda: evaluator.evaluate_and_summarize(parameters, 0, {})) / n
 
 
-class Nothing:
+class Nothing(Evaluator):
     """An evaluator that plays nothing."""
 
     n_parameters = 1

@@ -17,7 +17,7 @@ from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, secon
 from benchmarks.population import POPULATION_SIZE, random_policies
 from benchmarks.python_loop import loop_task
 from curiosity_algos import make_evaluator
-from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.extras import import_extra
 from curiosity_gym.processors import available_cpus

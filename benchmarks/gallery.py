@@ -21,7 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from benchmarks.figures import IMAGES
 from curiosity_algos import CuriosityES, make_evaluator
-from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.film import write_film
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed

@@ -23,7 +23,7 @@ from benchmarks.measure import (
 )
 from benchmarks.roofline import loops_task
 from curiosity_algos import make_evaluator
-from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_gym.compiled import ThreadPool
 
 POPULATION_SIZE = 56

@@ -11,7 +11,7 @@ from benchmarks.measure import Plan, Row, Table, interleave, ratios
 from benchmarks.population import POPULATION_SIZE, random_policies
 from curiosity_algos import make_evaluator
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_gym.processors import available_cpus
 
 ENVIRONMENTS = ("Pendulum-v1", "Pusher-v5")

@@ -26,7 +26,7 @@ from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import make_evaluator
 from curiosity_algos.common.names import find_algorithm
-from curiosity_algos.evaluation.evaluator import Evaluator
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_gym.core import CoverageGrid
 
@@ -86,7 +86,7 @@ class Counter:
         self._end = next(self._ends, self._end)
 
 
-class CountingEvaluator:
+class CountingEvaluator(Evaluator):
     """An evaluator, and a count of the steps of all that it plays, policy by policy."""
 
     def __init__(self, evaluator: Evaluator, counter: Counter) -> None:

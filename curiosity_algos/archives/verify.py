@@ -15,8 +15,9 @@ import numpy as np
 
 from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import open_env
-from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator, replay
+from curiosity_algos.evaluation.evaluator import AnyEnv, make_evaluator, replay
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import (
     GymnasiumView,
     MadeEnv,
     MadeVecEnv,
     describe,
 )
-from curiosity_algos.evaluation.evaluator import Evaluator, check_policy_kwargs, make_evaluator
+from curiosity_algos.evaluation.evaluator import check_policy_kwargs, make_evaluator
 from curiosity_algos.evaluation.mlp import build_mlp
-from curiosity_algos.evaluation.transparent import KnownTask, as_played, known_task
+from curiosity_algos.evaluation.transparent import as_played, known_task
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_choice
 
@@ -39,11 +40,11 @@ def choose_evaluator(
             return RayEvaluator(env, policy_kwargs)
         return make_evaluator(env, policy_kwargs, n_threads)
     wanted = build_mlp(*describe(env), check_policy_kwargs(policy_kwargs)).n_parameters
-    own = getattr(choice, "n_parameters", None)
-    if own != wanted or not hasattr(choice, "evaluate"):
+    own = choice.n_parameters if isinstance(choice, Evaluator) else None
+    if own != wanted:
         raise ValueError(
-            '`evaluator` must be "auto", "ray" or an Evaluator of the policy\'s '
-            f"{wanted} parameters, got {choice!r} of {own}."
+            f'`evaluator` must be "auto", "ray" or an {Evaluator.__module__}.Evaluator of the '
+            f"policy's {wanted} parameters, got {choice!r} of {own}."
         )
     return choice
 
@@ -55,15 +56,9 @@ def why_unreached(choice: Evaluator | str, chosen: Evaluator, env: MadeEnv) -> s
         return "" if may_play else "they are those of `evaluator`"
     if isinstance(env, GymnasiumView):
         return "change those of the VectorEnv, which is its `vector_env`"
-    local = _local(chosen)
+    local = chosen.local or chosen
     makes_others = isinstance(local, VectorEvaluator) and local.make_another is not None
     return OTHERS if makes_others else ""
-
-
-def _local(evaluator: Evaluator) -> Evaluator:
-    """The evaluator itself, or what each worker of a cluster has one like."""
-    local: Evaluator = getattr(evaluator, "local", evaluator)
-    return local
 
 
 def follow_env(
@@ -80,7 +75,7 @@ def follow_env(
     """
     if not isinstance(choice, str):
         return evaluator
-    known: KnownTask | None = getattr(_local(evaluator), "known", None)
+    known = (evaluator.local or evaluator).known
     now = known_task(as_played(env))
     if now is None if known is None else known.is_same(now):
         return evaluator

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import (
     MadeEnv,
     MadeVecEnv,
@@ -33,29 +34,6 @@ AnyEnv = MadeEnv | MakeEnv | str
 
 BATCH = 64
 """Episodes that are replayed at once: trajectories of more would ask for memory, for no speed."""
-
-
-class Evaluator(Protocol):
-    """Plays one episode with each policy of a population.
-
-    One that has a `block_size`, a whole number, is given no more policies at once by algorithms
-    that can do without whole trajectories. One whose `draws` is False begins all episodes alike,
-    whatever the seed.
-
-    Attributes:
-        n_parameters: Length of a policy's parameter vector.
-    """
-
-    n_parameters: int
-
-    def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
-        """Play one episode of each policy.
-
-        Args:
-            parameters: (P, n_parameters), float32.
-            seed: Every episode's reset gets it, so that individuals are compared on equal terms;
-                environments that draw nothing ignore it.
-        """
 
 
 def make_evaluator(
@@ -115,7 +93,7 @@ def replay(
         parameters: (n, n_parameters).
         seeds: (n,) of their episodes; None: no seed.
     """
-    begins = [None] if seeds is None or not getattr(evaluator, "draws", True) else np.unique(seeds)
+    begins = [None] if seeds is None or not evaluator.draws else np.unique(seeds)
     for seed in begins:
         alike = np.arange(len(parameters)) if seed is None else np.flatnonzero(seeds == seed)
         for i in range(0, len(alike), BATCH):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array, Mask
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
 from curiosity_algos.evaluation.mlp import Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import (
@@ -18,9 +18,6 @@ from curiosity_algos.evaluation.rollouts import (
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
-
-if TYPE_CHECKING:  # it brings PyTorch with it, which workers that play a maze do without
-    from curiosity_algos.evaluation.transparent import KnownTask
 
 SLICES_PER_THREAD = 4
 """More slices than threads, as episodes differ in length."""
@@ -61,7 +58,7 @@ def _rollout_slice(
             visited[i, cell_of(grid, state)] = True  # twice, as it is slower before the branch
 
 
-class MazeEvaluator:
+class MazeEvaluator(Evaluator):
     """Evaluates populations on one maze; the same bits for every number of threads.
 
     Args:
@@ -72,12 +69,9 @@ class MazeEvaluator:
         max_steps: Steps after which an episode ends.
         n_threads: None: as many as there are processors.
 
-    Attributes:
-        known: The maze in an environment that it was made for, if it was.
     """
 
     draws = False
-    known: KnownTask | None = None
 
     def __init__(
         self,

@@ -14,11 +14,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.blocks import RolloutParts
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import open_env
-from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, make_evaluator
+from curiosity_algos.evaluation.evaluator import AnyEnv, make_evaluator
 from curiosity_algos.evaluation.ray_worker import Generation, play_shard
-from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_parameters, concatenate
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.extras import import_extra
 from curiosity_gym.processors import available_cpus
@@ -58,7 +58,7 @@ def connect(
     ray.init(address=address, logging_level="warning", **options)
 
 
-class RayEvaluator:
+class RayEvaluator(Evaluator):
     """Evaluates populations on the processes of a Ray cluster; the same bits as without.
 
     What algorithms read of trajectories is read there, and nothing else is sent back.
@@ -80,15 +80,13 @@ class RayEvaluator:
             Ray has been connected to, or that the variable `RAY_ADDRESS` names, or else one that is
             started on this machine.
 
-    Attributes:
-        n_parameters: Length of a policy's parameter vector.
-        n_live: Processes that have played the last generation.
-        local: The evaluator that every process has one like.
-
     Raises:
         ValueError: If an argument is out of its range, or workers cannot make the environment.
         gymnasium.error.DependencyNotInstalled: If Ray is not there (extra `ray`).
     """
+
+    block_size = 0  # trajectories stay where they were played
+    local: Evaluator
 
     def __init__(
         self,
@@ -109,8 +107,8 @@ class RayEvaluator:
         self._needs: dict[str, Any] = {"num_cpus": num_cpus, "resources": dict(resources or {})}
         self._task()  # raises what Ray says of them
         opened = open_env(env)
-        if hasattr(opened, "evaluate"):
-            self.local: Evaluator = opened
+        if isinstance(opened, Evaluator):
+            self.local = opened
             self._packed = _pickled(env, "env")
         else:
             self.local = make_evaluator(opened, policy_kwargs, max(1, int(num_cpus)))
@@ -138,6 +136,7 @@ class RayEvaluator:
         parameters: Float32Array,
         seed: int | None,
         summarizers: Mapping[str, Summarizer] | None,
+        first: int = 0,
     ) -> Rollouts:
         """One episode of each policy (P, n_parameters), and what is read of its trajectory.
 
@@ -167,13 +166,14 @@ class RayEvaluator:
 
     def _shards(self, n: int) -> list[slice]:
         size = self.shard_size or math.ceil(n / (SHARDS_PER_WORKER * self._n_wanted()))
-        batch = getattr(self.local, "batch_size", 1)
+        batch = self.local.batch_size
         size = math.ceil(size / batch) * batch
         return [slice(begin, min(begin + size, n)) for begin in range(0, n, size)]
 
     def _gather(self, generation: Any, shards: list[slice]) -> Rollouts:
         """Rollouts of all shards, in whatever order they come."""
-        task, parts, workers = self._task(), RolloutParts(shards[-1].stop), set()
+        task, workers = self._task(), set()
+        parts: dict[int, Rollouts] = {}
         waiting, at_once = deque(shards), self.n_workers or len(shards)
         running: dict[Any, slice] = {}
         try:
@@ -182,14 +182,13 @@ class RayEvaluator:
                     shard = waiting.popleft()
                     running[task.remote(generation, shard)] = shard
                 ended = self._next_ended(running)
-                worker, rollouts = _result(ended)
+                worker, parts[running.pop(ended).start] = _result(ended)
                 workers.add(worker)
-                parts.put(running.pop(ended), rollouts)
         finally:
             for each in running:  # after an error, or Ctrl-C
                 ray.cancel(each)
         self.n_live = len(workers)
-        return parts.rollouts()
+        return concatenate([parts[begin] for begin in sorted(parts)])
 
     def _next_ended(self, running: Mapping[Any, slice]) -> Any:
         ended, _ = ray.wait(list(running), timeout=self.timeout)

@@ -7,16 +7,12 @@ import pickle
 import platform
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.blocks import summarize_in_blocks
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
-
-if TYPE_CHECKING:  # it brings PyTorch with it, which workers that play a maze do without
-    from curiosity_algos.evaluation.evaluator import Evaluator
 
 N_KEPT = 4
 """Evaluators that a process keeps: it may work for several searches."""
@@ -51,7 +47,7 @@ def _play(
     if generation.summarizers is None:
         return evaluator.evaluate(parameters, generation.seed)
     summarizers = pickle.loads(generation.summarizers)
-    return summarize_in_blocks(evaluator, parameters, generation.seed, summarizers, first)
+    return evaluator.evaluate_and_summarize(parameters, generation.seed, summarizers, first)
 
 
 @lru_cache(N_KEPT)

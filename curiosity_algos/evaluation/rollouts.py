@@ -205,7 +205,7 @@ def sparse_returns(horizon: int, lengths: Int64Array, success: Mask) -> Float64A
 
 
 def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
-    """Join parts of a population into one record without summaries, as long as the longest."""
+    """Join parts of a population into one record, as long as the longest."""
     if len(parts) == 1:
         return parts[0]
     longest = max(part.lengths.max() for part in parts)
@@ -219,6 +219,10 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
         observations=_join_trajectories([part.observations for part in parts], longest + 1),
         actions=_join_trajectories([part.actions for part in parts], longest),
         visited=_union([part.visited for part in parts]),
+        summaries={
+            name: tuple(map(np.concatenate, zip(*(p.summaries[name] for p in parts), strict=True)))
+            for name in parts[0].summaries
+        },
     )
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
 
 from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.mlp import Mlp, forward_each, scratch
 from curiosity_algos.evaluation.rollouts import (
@@ -23,9 +24,6 @@ from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import LocomotionTask
 
-if TYPE_CHECKING:  # as in `maze`
-    from curiosity_algos.evaluation.transparent import KnownTask
-
 MAX_SIMULATIONS = 256
 """Throughput is flat from 56 on, and a simulation takes half a megabyte."""
 
@@ -33,7 +31,7 @@ MAX_SIMULATIONS = 256
 AnySimulation = Simulation | LocomotionSimulation
 
 
-class SimulationEvaluator:
+class SimulationEvaluator(Evaluator):
     """Evaluates populations on one task; the same bits for every number of threads.
 
     An individual whose episode has ended is not stepped any more.
@@ -47,11 +45,7 @@ class SimulationEvaluator:
             the simulation, added up.
         n_threads: None: as many as there are processors.
 
-    Attributes:
-        known: The task of an environment that it was made for, if it was.
     """
-
-    known: KnownTask | None = None
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos.common.arrays import Array, Float32Array
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.batches import (
     Batch,
     GymnasiumBatch,
@@ -56,7 +57,7 @@ HINT = (
 LOGGER = logging.getLogger(__name__)
 
 
-class VectorEvaluator:
+class VectorEvaluator(Evaluator):
     """Evaluates populations on any Gymnasium env, VectorEnv or SB3 VecEnv.
 
     Episodes begin together, as many as there are envs, and every reset is seeded: results do not

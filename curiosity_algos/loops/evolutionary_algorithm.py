@@ -28,12 +28,12 @@ from curiosity_algos.evaluation.arguments import (
     check_order,
     use_python_numbers,
 )
-from curiosity_algos.evaluation.blocks import play
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.choice import choose_evaluator, follow_env, why_unreached
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space
 from curiosity_algos.evaluation.environments import describe, open_env
 from curiosity_algos.evaluation.episodes import Firsts
-from curiosity_algos.evaluation.evaluator import AnyEnv, Evaluator, check_policy_kwargs
+from curiosity_algos.evaluation.evaluator import AnyEnv, check_policy_kwargs
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
@@ -291,7 +291,7 @@ class EvolutionaryAlgorithm(PopulationModel):
     @property
     def n_workers(self) -> int | None:
         """Workers of a Ray cluster that evaluate at present; None without a cluster."""
-        return getattr(self.evaluator, "n_live", None)
+        return None if self.evaluator is None else self.evaluator.n_live
 
     # -- the loop -------------------------------------------------------------------------------
 
@@ -371,7 +371,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._take_evaluator(choice, follow_env(self.evaluator, choice, *settings))
         self._put_in_force()
         parameters = self._ask()
-        rollouts = play(self.evaluator, parameters, self._episodes.draw(), self._summarizers())
+        rollouts = self.evaluator.play(parameters, self._episodes.draw(), self._summarizers())
         if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again
             self.env.seed(self._episodes.current + 1)
         if len(rollouts) != len(parameters):

@@ -14,8 +14,8 @@ from stable_baselines3.common.type_aliases import TensorDict
 
 from curiosity_algos.checkpoints.model_file import read_attributes, read_model
 from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.episodes import Firsts
-from curiosity_algos.evaluation.evaluator import Evaluator
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.sb3.resumable import Resumable
 from curiosity_gym.validation import check_choice

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import (
 )
 
 from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.mlp import act
@@ -271,7 +272,7 @@ class Target(gym.Env):
         return np.zeros(1, dtype=np.float32), -abs(float(action[0]) - 0.5), True, False, {}
 
 
-class TargetEvaluator:
+class TargetEvaluator(Evaluator):
     """All individuals' steps at once."""
 
     def __init__(self, mlp):

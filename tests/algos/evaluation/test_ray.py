@@ -23,6 +23,7 @@ ray = pytest.importorskip("ray")
 from ray.cluster_utils import Cluster  # noqa: E402
 
 from curiosity_algos.evaluation import ray as ray_evaluator  # noqa: E402
+from curiosity_algos.evaluation.base import Evaluator  # noqa: E402
 from curiosity_algos.evaluation.ray import RayEvaluator  # noqa: E402
 from curiosity_algos.evaluation.ray_worker import Generation  # noqa: E402
 from curiosity_algos.experiments import RunFolder  # noqa: E402
@@ -90,7 +91,7 @@ def assert_equal(one, other):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
-class Eventful:
+class Eventful(Evaluator):
     """An evaluator with which something happens before it plays.
 
     Args:

@@ -33,6 +33,7 @@ from curiosity_algos import (
     CuriosityMAPElites,
     MAPElites,
 )
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.coverage import env_attribute
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.mlp import act
@@ -605,7 +606,7 @@ def test_trajectories_are_freed_before_others_come(algorithm, make_model, make_m
     assert callback.locals["rollouts"].observations is callback.seen()  # of the last they stay
 
 
-class Halved:
+class Halved(Evaluator):
     """Evaluates as another does, and pays half."""
 
     def __init__(self, evaluator):

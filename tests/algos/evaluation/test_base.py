@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from curiosity_algos import AURORA, CuriosityES, make_evaluator
-from curiosity_algos.evaluation.blocks import play
+from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.rollouts import no_summarizers
 from curiosity_gym import MazeLayout
 
@@ -21,7 +21,7 @@ def make_population(evaluator, n):
     return rng.normal(0, 1, (n, evaluator.n_parameters)).astype(np.float32)
 
 
-class Counting:
+class Counting(Evaluator):
     """An evaluator that remembers how many policies it was given at once."""
 
     def __init__(self, block_size=None):
@@ -45,7 +45,7 @@ def lengths_of(n):
 @pytest.mark.parametrize(("n", "sizes"), [(4, [4]), (9, [4, 4, 1])])
 def test_more_than_a_block_are_cut(n, sizes):
     evaluator = Counting(block_size=4)
-    rollouts = play(evaluator, make_population(evaluator, n), 0, lengths_of)
+    rollouts = evaluator.play(make_population(evaluator, n), 0, lengths_of)
     assert evaluator.sizes == sizes
     assert (rollouts.observations is None) == (n > 4)
     lengths, places = rollouts.summary("lengths", lengths_of)
@@ -60,14 +60,14 @@ def test_more_than_a_block_are_cut(n, sizes):
 @pytest.mark.parametrize(("block_size", "summarizers"), [(4, None), (None, no_summarizers)])
 def test_some_are_given_whole(block_size, summarizers):
     evaluator = Counting(block_size)
-    rollouts = play(evaluator, make_population(evaluator, 9), 0, summarizers)
+    rollouts = evaluator.play(make_population(evaluator, 9), 0, summarizers)
     assert evaluator.sizes == [9]
     assert rollouts.trajectories[0].shape[:2] == (9, 13)
 
 
 def test_without_trajectories_there_is_no_new_summary():
     evaluator = Counting(block_size=4)
-    rollouts = play(evaluator, make_population(evaluator, 9), 0, no_summarizers)
+    rollouts = evaluator.play(make_population(evaluator, 9), 0, no_summarizers)
     with pytest.raises(ValueError, match="hold no trajectories"):
         rollouts.summary("observations", lambda n: {"observations": lambda r, _: r.trajectories})
 

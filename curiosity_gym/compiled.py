@@ -63,7 +63,8 @@ def _keep_on_disk(dispatcher: Any, package: str) -> None:
         return
     index = dispatcher._cache._cache_file
     inlined = sorted({__name__.partition(".")[0], package})
-    index._source_stamp = (index._source_stamp, *map(_digest, inlined))
+    # Numba compares its version before it unpickles what may name a class that has moved.
+    index._version = (index._version, *map(_digest, inlined))
 
 
 @cache

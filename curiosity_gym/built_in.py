@@ -1,4 +1,4 @@
-"""The four mazes that have a name, and what stands for a layout."""
+"""The four mazes that have a name, and the arguments that mean a layout."""
 
 import os
 from collections.abc import Mapping

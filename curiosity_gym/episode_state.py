@@ -1,4 +1,4 @@
-"""The states that episodes are resumed from: what is checked of them, and generators in them."""
+"""Checks the states that episodes resume from, and reads the generators in them."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         simulation: Of one episode.
         horizon: Steps after which an episode is truncated.
         render_mode: "rgb_array" or None.
-        make_viewer: Makes what draws the simulation.
+        make_viewer: Makes the viewer of the simulation.
         sparse: False: rewards are those of the simulation.
 
     Raises:
@@ -98,16 +98,16 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
             gymnasium.error.ResetNeeded: If no episode is under way.
             SimulationError: If the physics of a control task became unstable.
         """
-        given, action = action, as_float32(action)
-        # Python's own loop: a few numbers are checked before an array function has begun.
-        if action.shape != self._action_shape or not all(map(math.isfinite, action.tolist())):
+        array = as_float32(action)
+        # Python's own loop checks a few numbers faster than an array function.
+        if array.shape != self._action_shape or not all(map(math.isfinite, array.tolist())):
             raise ValueError(
-                f"`action` must be {self._action_shape[0]} finite numbers, got {given!r:.60}."
+                f"`action` must be {self._action_shape[0]} finite numbers, got {action!r:.60}."
             )
         if self._t < 0 or self._ended:
             raise ResetNeeded("Call reset() before step(): no episode is under way.")
         t, self._t = self._t + 1, -1  # no episode is under way, should the physics fail
-        terminated, success = self._advance(action)
+        terminated, success = self._advance(array)
         reward = self._reward(success, t)
         truncated = not terminated and t == self.horizon
         self._t, self._ended = t, terminated or truncated
@@ -123,7 +123,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         return bool(terminated[0]), bool(self.simulation.success[0])
 
     def _reward(self, success: bool, t: int) -> float:
-        if not vars(self)["sparse"]:  # at once: every step reads it
+        if not vars(self)["sparse"]:  # directly: every step reads it
             return float(self.simulation.rewards[0])
         return 1.0 - t / self.horizon if success else 0.0
 
@@ -188,7 +188,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         return self._viewer
 
     def close(self) -> None:
-        """Let go of the viewer, which frees what it holds; the next picture makes another."""
+        """Drop the viewer; the next picture makes another."""
         self._viewer = None
 
     def __getstate__(self) -> dict[str, Any]:

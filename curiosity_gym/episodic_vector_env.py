@@ -161,9 +161,9 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
             raise ValueError(
                 f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seeds)}."
             )
-        for each in seeds:
-            check_seed(each)
-        return [None if each is None else int(each) for each in seeds]
+        for own in seeds:
+            check_seed(own)
+        return [None if own is None else int(own) for own in seeds]
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         mask = None if options is None else options.get("reset_mask")
@@ -257,14 +257,14 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     def _infos(self, mask: Mask) -> dict[str, Any]:
         """Infos in the form that Gymnasium's vector environments give.
 
-        They tell of `mask`, and of a last step where one was taken since the episode began.
+        The envs of `mask` have entries, and those of the last step if there was one.
         """
-        told = [({**self.simulation.info, "is_success": self.simulation.success.copy()}, mask)]
+        parts = [({**self.simulation.info, "is_success": self.simulation.success.copy()}, mask)]
         stepped = mask & (self._steps > 0)
         if stepped.any():
-            told.append((self.simulation.outcome, stepped))
+            parts.append((self.simulation.outcome, stepped))
         infos: dict[str, Any] = {}
-        for values, has in told:
+        for values, has in parts:
             for key, value in values.items():
                 if not has.all():
                     value[~has] = np.zeros((), value.dtype)  # the arrays are new

@@ -1,4 +1,4 @@
-"""Settings of an environment that nothing reads once it is made: an assignment is an error."""
+"""Refuses to change settings that nothing reads once an environment is made."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _Fixed:
         raise AttributeError(f"{owner.__name__} has no attribute {self._name!r}.")
 
     def __set__(self, env: Any, value: object) -> None:
-        # Which a constructor sets after the settings.
+        # A constructor sets `metadata` after the settings.
         if type(env) is self._owner and "metadata" in vars(env):
             raise AttributeError(
                 f"`{self._name}` of {self._owner.__name__} cannot be changed: make another "
@@ -36,7 +36,7 @@ class _Fixed:
 
 
 def fixed(*names: str) -> Callable[[_C], _C]:
-    """A decorator of an environment's class: no assignment changes these settings and `COMMON`."""
+    """A decorator of an environment's class: these settings, and `COMMON`, are read-only."""
 
     def decorate(cls: _C) -> _C:
         for name in (*COMMON, *names):

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
@@ -61,7 +61,8 @@ class MazeLayout:
         for field in ("width", "height"):
             self._set(field, _number_above(2 * ROBOT_RADIUS, field, getattr(self, field)))
         for field in ("start", "goal"):
-            self._set(field, _point(field, getattr(self, field)))
+            place = _floats(field, getattr(self, field), "two numbers (x, y)", (2,))
+            self._set(field, tuple(place.tolist()))
         self._set("walls", _clip(_walls(self.walls), self.width, self.height))
         self.walls.setflags(write=False)
         _check_start(self)
@@ -116,9 +117,9 @@ class MazeLayout:
         _check_rows(rows)
         start, goal = (_center_of(letter, rows, size) for letter in "SG")
         walls = [
-            (x * size, y * size, length * size, size)
+            (run.start() * size, y * size, len(run.group()) * size, size)
             for y, row in enumerate(rows)
-            for x, length in _wall_runs(row)
+            for run in re.finditer("#+", row)
         ]
         return cls(name, len(rows[0]) * size, len(rows) * size, start, goal, np.array(walls))
 
@@ -185,11 +186,6 @@ def _number_above(limit: float, field: str, value: object) -> float:
         what = f"above {limit:g}, at most {LARGEST:.0e}"
         raise ValueError(f"{field} must be {what}, got {number:g}.")
     return number
-
-
-def _point(field: str, value: object) -> tuple[float, float]:
-    x, y = _floats(field, value, "two numbers (x, y)", (2,)).tolist()
-    return x, y
 
 
 def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> Float64Array:
@@ -268,8 +264,3 @@ def _check_rows(rows: list[str]) -> None:
 def _center_of(letter: str, rows: list[str], cell_size: float) -> tuple[float, float]:
     y, row = next((y, row) for y, row in enumerate(rows) if letter in row)
     return (row.index(letter) + 0.5) * cell_size, (y + 0.5) * cell_size
-
-
-def _wall_runs(row: str) -> Iterator[tuple[int, int]]:
-    """Yield the first column and the length of each run of `#`."""
-    return ((run.start(), len(run.group())) for run in re.finditer("#+", row))

@@ -23,11 +23,8 @@ def _quota() -> float:
     """Processors that a container has time for, above 0; infinity where nothing limits it."""
     for names in QUOTAS:
         with suppress(OSError, ValueError):  # the other version's, or "max"
-            time, period = (int(n) for name in names for n in _words(name))
+            texts = [(CONTROL_GROUP / name).read_text() for name in names]
+            time, period = map(int, " ".join(texts).split())
             if time > 0:  # -1: no limit
                 return time / period
     return math.inf
-
-
-def _words(name: str) -> list[str]:
-    return (CONTROL_GROUP / name).read_text().split()

@@ -1,4 +1,4 @@
-"""The base of what simulates: the single and the vector environments of a kind drive the same."""
+"""The base of simulations, which the single and the vector environments of a kind share."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class BaseSimulation:
         draws: Whether episodes begin at random.
         n: Number of episodes.
         observations: (n, O), overwritten by each step.
-        rewards: (n,) of the last step of each, of a kind that does not reward success alone.
+        rewards: (n,) rewards of the last step, if the task rewards more than success.
         success: (n,) whether that step reached the goal; False where an episode begins.
     """
 
@@ -66,7 +66,7 @@ class BaseSimulation:
 
     @abstractmethod
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
-        """Advance episodes by a step; which of them it ends, (k,), a new array.
+        """Advance episodes by a step; whether it ends each of them, (k,), a new array.
 
         Args:
             actions: (k, A), one row for each of `ids`.
@@ -74,7 +74,7 @@ class BaseSimulation:
         """
 
     def advance(self, actions: FloatArray, resets: Mask, rngs: list[np.random.Generator]) -> Mask:
-        """Step all (n, A), but begin an episode in those of `resets`; which a step ended, (n,)."""
+        """Step all (n, A), but reset those of `resets`; whether a step ended each, (n,)."""
         if not resets.any():
             return self.step(actions)
         ended = np.zeros(self.n, dtype=np.bool_)
@@ -96,7 +96,7 @@ class BaseSimulation:
     @property
     @abstractmethod
     def state(self) -> Float64Array:
-        """(n, S) all that the next steps depend on, finite; a new array."""
+        """All that the next steps depend on, (n, S), finite; a new array."""
 
     @abstractmethod
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
@@ -141,7 +141,7 @@ class MujocoSimulation(BaseSimulation):
         return type(self)(self.task, n, n_threads)
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """See `BaseSimulation`; observations are given, as no state has the forces of contacts."""
+        """See `BaseSimulation`; a state lacks forces of contacts, which observations may hold."""
         before = self.state
         self._put(state)
         if self._has_warned():
@@ -155,7 +155,7 @@ class MujocoSimulation(BaseSimulation):
 
     @abstractmethod
     def _has_warned(self) -> bool:
-        """Whether MuJoCo warned of a state; it does not any more."""
+        """Whether MuJoCo has warned of a state; this clears the warning."""
 
     @abstractmethod
     def write_data(self, simulation: int, data: Any) -> None:
@@ -167,12 +167,12 @@ class MujocoSimulation(BaseSimulation):
         return frame
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle the state of the physics: what simulates owns threads and does not pickle."""
+        """Pickle the state of the physics alone, as the simulator owns threads."""
         made_of = {"made_of": (self.task, self.n, self.n_threads), "state": self.state}
         return {**made_of, **{name: getattr(self, name) for name in self._kept}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the simulations anew: the next step gives the same bits as that of the original."""
+        """Make the simulations anew; their next step gives the same bits."""
         self.__init__(*state.pop("made_of"))  # type: ignore[misc]
         self._put(state.pop("state"))
         self.__dict__.update(state)

@@ -1,4 +1,4 @@
-"""Arguments that every algorithm takes, checked before anything is made of them."""
+"""Checks of the arguments that every algorithm takes, before anything is made of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 
 def check_keywords_known(cls: type[BaseAlgorithm], unknown: Iterable[str]) -> None:
-    """Raise TypeError, as Python does, if keywords are left that an algorithm does not know."""
+    """Raise TypeError, as Python does, if an algorithm does not know a keyword."""
     for name in unknown:
         near = get_close_matches(name, inspect.signature(cls).parameters, n=1)
         meant = f": did you mean {near[0]}?" if near else "."
@@ -28,7 +28,7 @@ def check_keywords_known(cls: type[BaseAlgorithm], unknown: Iterable[str]) -> No
 
 
 def check_order(algorithm: BaseAlgorithm, env: object, policy: object) -> None:
-    """Raise ValueError unless the environment comes first, and the policy is of a known kind."""
+    """Raise ValueError unless the environment comes first, and the algorithm knows the policy."""
     name, aliases = type(algorithm).__name__, type(algorithm).policy_aliases
     is_sb3_order = isinstance(env, str) and env.endswith("Policy")  # of SB3, whatever its kind
     if is_sb3_order or not isinstance(policy, str | type):
@@ -46,7 +46,7 @@ def check_common(seed: object, device: Any, verbose: object) -> None:
 
 
 def use_python_numbers(algorithm: BaseAlgorithm) -> None:
-    """Replace settings that are numbers of numpy's, some of which torch refuses, by Python's."""
+    """Make Python's numbers of settings that are numpy's: torch refuses some of these."""
     arguments = inspect.signature(type(algorithm)).parameters
     for name in arguments.keys() & vars(algorithm).keys():
         vars(algorithm)[name] = plain(vars(algorithm)[name])
@@ -71,7 +71,7 @@ def check_learning(
 
 
 def check_no_options(env: VecEnv | None) -> None:
-    """Raise ValueError if the next reset of an environment has options, which no episode gets."""
+    """Raise ValueError if the next reset of an environment has options: no episode gets them."""
     while isinstance(env, VecEnvWrapper):
         env = env.venv
     if any(getattr(env, "_options", ())):
@@ -84,6 +84,6 @@ def check_no_options(env: VecEnv | None) -> None:
 def _is_callback(callback: object) -> bool:
     """Whether Stable-Baselines3 takes it: callbacks are objects, not their classes."""
     if isinstance(callback, list):
-        return all(isinstance(each, BaseCallback) for each in callback)
+        return all(isinstance(part, BaseCallback) for part in callback)
     is_function = callable(callback) and not isinstance(callback, type)
     return callback is None or isinstance(callback, BaseCallback) or is_function

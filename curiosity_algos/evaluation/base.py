@@ -1,7 +1,7 @@
-"""The base of evaluators, which play populations, and large ones in blocks.
+"""The base of evaluators. They play populations, and play large ones in blocks.
 
-Of 10,000 episodes in a maze the trajectories are 3 gigabytes, and what a search learns from is a
-tenth of one. Blocks are also faster: their memory is used again, and stays in place.
+The trajectories of 10,000 episodes in a maze take 3 gigabytes; what a search reads of them takes a
+tenth of one. Blocks are also faster: they use the same memory again.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class Evaluator(ABC):
 
     Attributes:
         n_parameters: Length of a policy's parameter vector.
-        block_size: Policies that algorithms which need no whole trajectories let it play at once;
-            None: any number.
-        batch_size: Policies whose episodes must be played side by side, to be the same again.
+        block_size: Most policies that it plays at once for an algorithm that needs no whole
+            trajectories; None: any number.
+        batch_size: Policies that must play side by side, so that their episodes are reproducible.
         draws: Whether episodes begin at random, by the seed.
         known: The maze, task or robot of the environment, if it plays that without the environment.
         local: The evaluator that each process of a cluster has one like; None: there is no cluster.
@@ -57,9 +57,9 @@ class Evaluator(ABC):
     def play(
         self, parameters: Float32Array, seed: int, make_summarizers: MakeSummarizers | None
     ) -> Rollouts:
-        """One episode of each policy (P, n_parameters), with summaries if they are several blocks.
+        """Play one episode of each policy (P, n_parameters).
 
-        Summaries are the same as of whole trajectories, which `make_summarizers` None asks for.
+        Several blocks give summaries, and no trajectories, unless `make_summarizers` is None.
         """
         n = len(parameters)
         if make_summarizers is None or self.block_size is None or n <= self.block_size:
@@ -75,7 +75,7 @@ class Evaluator(ABC):
     ) -> Rollouts:
         """Play policies in blocks, and keep summaries in place of trajectories.
 
-        The policies (P, n_parameters) are those of a population from its `first` on.
+        The policies (P, n_parameters) are part of a population, from its policy `first` on.
         """
         n = len(parameters)
         size = self.block_size or n

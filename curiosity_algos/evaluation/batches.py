@@ -1,8 +1,8 @@
-"""Batches: one way to step several episodes at once, whatever kind of environment they are in.
+"""Batches step several episodes at once, in environments of any kind.
 
-The episodes of a `SingleEnvBatch`, `GymnasiumBatch` or `Sb3Batch` begin together. The last
-observation of an episode is the true one, never that of the next reset. What a batch returns for
-an episode after its end is undefined. Observations come as vectors; actions are the environment's.
+The episodes of a `SingleEnvBatch`, `GymnasiumBatch` or `Sb3Batch` begin together. A batch gives the
+true last observation of an episode, never the first of the next. What it gives of an episode after
+its end is undefined. Observations are vectors; actions are as the environment takes them.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Step:
         observations: (n, O).
         rewards: (n,).
         ended: (n,), whether an episode ended in this step.
-        terminated: (n,), whether the task ended it, no limit of time.
-        infos: Of the episodes that ended.
+        terminated: (n,), whether the task ended it, and not a time limit.
+        infos: Infos of the episodes that ended.
         behaviors: `info["behavior"]` of the active episodes that go on, where they have one.
     """
 
@@ -55,7 +55,7 @@ class SingleEnvBatch:
         self.envs = envs
         self.n = len(envs)
         for monitor in (monitor for env in envs for monitor in monitors(env)):
-            monitor.allow_early_resets = True  # who plays beside others may have to stop early
+            monitor.allow_early_resets = True  # an episode may have to stop early
         self._seen, space = seen, seen.space
         self._shape = space.shape
         # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.
@@ -188,7 +188,7 @@ def final_observations(infos: Mapping[str, Any]) -> Any:
 
 
 def check_last_observations(infos: Iterable[Mapping[str, Any]]) -> None:
-    """Raise ValueError unless infos of a VecEnv, of ended episodes, have the last observation."""
+    """Raise ValueError unless a VecEnv's infos of ended episodes have the last observation."""
     if not all("terminal_observation" in info for info in infos):
         raise ValueError(
             "`env` must give the last observation of an episode as `terminal_observation` in its "
@@ -197,7 +197,7 @@ def check_last_observations(infos: Iterable[Mapping[str, Any]]) -> None:
 
 
 def terminations(ended: Mask, infos: Sequence[Mapping[str, Any]]) -> Mask:
-    """Which of the steps (n,) of a VecEnv the task ended, no limit of time."""
+    """Whether the task ended an episode in each of the steps (n,) of a VecEnv, not a time limit."""
     was_cut = [bool(info.get("TimeLimit.truncated", False)) for info in infos]
     terminated: Mask = ended & ~np.array(was_cut)
     return terminated
@@ -210,7 +210,7 @@ def has_generators(env: VectorEnv[Any, Any, Any]) -> bool:
 
 
 def info_rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
-    """Infos of a VectorEnv as one dictionary an env, those of ended episodes aside.
+    """Infos of a VectorEnv as one dictionary for each env, without those of ended episodes.
 
     `_key` masks which envs have `key`; in a dictionary that has a mask, its own may have none.
     """
@@ -227,7 +227,7 @@ def info_rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
 
 
 def _each(values: Any, n: int) -> Any:
-    """One value an env; numbers as Python has them."""
+    """One value for each env; numbers are Python's."""
     if isinstance(values, Mapping):
         return info_rows(values, n)
     return values.tolist() if isinstance(values, np.ndarray) and values.ndim == 1 else values

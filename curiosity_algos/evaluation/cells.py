@@ -1,7 +1,7 @@
-"""The cells of a grid over behaviors that episodes visited, at whatever step.
+"""The cells of a grid over behaviors that episodes visited in any step.
 
-A cell is visited when a step ends in it. That of a reset is not, until a step ends there: vector
-environments that reset by themselves show no behavior of it, and it says nothing of the policies.
+A step visits the cell that it ends in. A reset visits none: vector environments that reset by
+themselves give no behavior of it, and it says nothing about the policies.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from curiosity_gym.compiled import compiled
 from curiosity_gym.core import CoverageGrid
 
 BLOCK = 64
-"""Arrays of behaviors that wait to be looked up at once: most of the time goes into the calls."""
+"""Arrays of behaviors that are looked up in one call, as the calls take most of the time."""
 
 Axis = tuple[int, float, float]
 """An entry of the behavior that counts, its lower bound, and its upper minus its lower bound."""
 
 
 class CompiledGrid(NamedTuple):
-    """A `CoverageGrid` for the compiled functions, which make a loop over a tuple straight code."""
+    """A `CoverageGrid` for the compiled functions, which unroll loops over tuples."""
 
     axes: tuple[Axis, ...]
     n_cells: int
@@ -47,17 +47,17 @@ def cell_of(grid: CompiledGrid, behavior: Float64Array) -> int:
     last = grid.n_cells - 1.0
     for dimension, low, extent in grid.axes:
         place = (behavior[dimension] - low) / extent * grid.n_cells
-        # In this order, which takes NaN to 0: compiled functions check no bounds of arrays.
+        # This order makes 0 of NaN: compiled functions check no bounds of arrays.
         place = place if place > 0.0 else 0.0
         cell = cell * grid.n_cells + int(place if place < last else last)
     return cell
 
 
 class VisitedCells:
-    """The distinct cells that behaviors were in, whatever their order.
+    """The distinct cells that behaviors were in.
 
     Args:
-        grid: Of the cells; None: nothing is counted.
+        grid: The grid; None: nothing is counted.
     """
 
     def __init__(self, grid: CoverageGrid | None) -> None:
@@ -68,8 +68,8 @@ class VisitedCells:
     def add(self, behaviors: Float64Array) -> None:
         """Count the cells of behaviors (k, B), an array that is not written to any more.
 
-        Those that are not finite have none, nor have those without the entries that count: an
-        environment is held to its behavior when an episode ends, and may know none before.
+        A behavior that is not finite, or lacks the entries that count, has no cell: an environment
+        must give behaviors at the ends of episodes, and may know none before.
         """
         if self._grid is None or behaviors.shape[1] <= max(self._grid.dimensions):
             return

@@ -1,4 +1,4 @@
-"""The evaluator that a user names, gives or leaves open."""
+"""Chooses the evaluator that a user asks for, and follows the environment."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ OTHERS = (
     "others are made by the same id or function. Pass a VecEnv of as many as shall play, such as "
     "make_vec_env(env, n_envs=16), or give `set_env` one of other settings"
 )
-"""What to do where an evaluator has made environments beside the one that is in sight."""
+"""What to do where an evaluator plays environments that the user cannot reach."""
 
 
 def choose_evaluator(
     choice: Evaluator | str, env: MadeEnv, policy_kwargs: dict[str, Any], n_threads: int | None
 ) -> Evaluator:
-    """What an algorithm's `evaluator` says: the user's own, or "auto" or "ray"; see it there.
+    """The evaluator that the argument `evaluator` of an algorithm asks for.
 
     Raises:
-        ValueError: If it is none of these, or of other policies; as `make_evaluator`.
+        ValueError: If it is none, or is of other policies; as `make_evaluator`.
     """
     if isinstance(choice, str):
         check_choice(("auto", "ray"), evaluator=choice)
@@ -68,10 +68,10 @@ def follow_env(
     policy_kwargs: dict[str, Any],
     n_threads: int | None,
 ) -> Evaluator:
-    """The evaluator, or another that was chosen if a maze, a task or a robot has changed since.
+    """The evaluator, or a new one if the maze, task or robot has changed since it was made.
 
-    Compiled evaluators know of the environment what it was when they were made. One that the user
-    gave plays its own.
+    A compiled evaluator plays the environment as it was when the evaluator was made. An evaluator
+    of the user's own stays.
     """
     if not isinstance(choice, str):
         return evaluator
@@ -79,6 +79,6 @@ def follow_env(
     now = known_task(as_played(env))
     if now is None if known is None else known.is_same(now):
         return evaluator
-    # What others like it have not been changed in plays alone.
+    # It plays alone: others of its id or function lack the change.
     played = as_played(env) if now is None else env
     return choose_evaluator(choice, played, policy_kwargs, n_threads)

@@ -18,10 +18,10 @@ from curiosity_gym.core import CoverageGrid
 
 
 class Coverage:
-    """The cells of a grid in which episodes ended, and those that they visited on their way.
+    """The cells of a grid that episodes ended in, and those that they visited.
 
     Args:
-        grid: What is counted; None: nothing, as for an env without a `behavior_space`.
+        grid: The grid; None: nothing is counted, as for an env without a `behavior_space`.
     """
 
     def __init__(self, grid: CoverageGrid | None) -> None:
@@ -56,13 +56,13 @@ class Coverage:
             return
         cells = self.grid.cells(behaviors)
         self._final = np.union1d(self._final, cells)
-        # Those of a user's evaluator need not hold the final ones.
+        # A user's evaluator may leave the final ones out.
         self._visited.add_cells(cells.tolist())
         if visited is not None:
             self._visited.add_cells(np.asarray(visited).tolist())
 
     def add_steps(self, behaviors: Sequence[Any]) -> None:
-        """Count the cells that steps of episodes ended in, by the behaviors (B,) after them."""
+        """Count the cells of the behaviors (B,) after steps."""
         self._visited.add_each(behaviors)
 
     @property
@@ -102,7 +102,7 @@ class Coverage:
     def state_dict(self) -> dict[str, Any]:
         """The cells, `final` and `visited`, both ascending."""
         cells = {"final": self._final.copy(), "visited": self._visited.indices()}
-        return {name: th.from_numpy(each) for name, each in cells.items()}
+        return {name: th.from_numpy(indices) for name, indices in cells.items()}
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""

@@ -1,4 +1,4 @@
-"""Spaces, limits, attributes and ids of environments of any kind that users pass."""
+"""Spaces, limits, attributes and ids of environments of any kind."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 
 
 class Opened:
-    """Environments, and processes that play some, which are closed together, once."""
+    """Environments and processes that are closed together, once."""
 
     def __init__(self) -> None:
         self.parts: list[Any] = []
@@ -51,7 +51,7 @@ class MadeVecEnv(SingleVecEnv):
 
     Attributes:
         make: Makes another.
-        opened: What evaluators have made of it: each owns its own, which is closed with either.
+        opened: What evaluators have made; the evaluator and this close it.
     """
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
@@ -68,16 +68,16 @@ class MadeVecEnv(SingleVecEnv):
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:
-    """The environment of an id, with keywords, or of a function; anything else as it is."""
+    """Make the environment of an id, with keywords, or of a function; anything else stays."""
     if isinstance(env, str):
-        made = gym.make(env, **kwargs)
-        assert made.spec is not None
+        first = gym.make(env, **kwargs)
+        assert first.spec is not None
         # Of the spec: in another process nobody may have registered the id.
-        return MadeVecEnv(made, partial(gym.make, made.spec))
+        return MadeVecEnv(first, partial(gym.make, first.spec))
     if isinstance(env, gym.Env | VectorEnv | VecEnv) or not _needs_no_arguments(env):
         return env
-    made = env()
-    return MadeVecEnv(made, env) if isinstance(made, gym.Env) else made
+    first = env()
+    return MadeVecEnv(first, env) if isinstance(first, gym.Env) else first
 
 
 def _needs_no_arguments(function: Any) -> bool:
@@ -89,9 +89,9 @@ def _needs_no_arguments(function: Any) -> bool:
 
 
 class GymnasiumView(SingleVecEnv):
-    """A Gymnasium VectorEnv for SB3, which does not take it: one env of the same kind.
+    """One env of a Gymnasium VectorEnv's kind: SB3 takes no VectorEnv.
 
-    The VectorEnv itself, `vector_env`, is what evaluates populations; both are closed together.
+    Populations play in the VectorEnv itself, `vector_env`; both are closed together.
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
@@ -150,23 +150,23 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
 
 
 def step_limit(env: MadeEnv) -> int | None:
-    """Steps after which an environment truncates its episodes, at most; None where unknown."""
-    limits = [each for each in _limits(env) if isinstance(each, int | np.integer)]
+    """Most steps of an environment's episodes; None where unknown."""
+    limits = [limit for limit in _limits(env) if isinstance(limit, int | np.integer)]
     return max(map(int, limits), default=None)
 
 
 def _limits(env: MadeEnv) -> list[Any]:
-    """Limits of an environment itself, and of all its single ones, those that have any."""
-    # Worker processes are not asked for their spec: they die of one that cannot be pickled.
+    """The limits that an environment and its single environments have."""
+    # A worker process would die of a spec that cannot be pickled.
     limits = [getattr(getattr(env, "spec", None), "max_episode_steps", None)]
     # Of a TimeLimit, and of sparse environments.
     for name in ("_max_episode_steps", "horizon"):
         limits += env_attributes(env, name)
-    return limits + [limit for each in _single_envs(env) for limit in _limits(each)]
+    return limits + [limit for single in _single_envs(env) for limit in _limits(single)]
 
 
 def _single_envs(env: Any) -> list[Any]:
-    """Those of a vector environment that are in this process."""
+    """The environments of a vector environment, if they are in this process."""
     is_vector = isinstance(env, VectorEnv | VecEnv)
     return list(getattr(env.unwrapped, "envs", [])) if is_vector else []
 
@@ -176,15 +176,15 @@ def env_attributes(env: MadeEnv, name: str) -> list[Any]:
 
     A vector environment without single ones has it once.
     """
-    # Asked for first: a worker process dies of an attribute that is not there.
+    # Ask first: a worker process dies of an attribute that is not there.
     if isinstance(env, VecEnv):
         return env.get_attr(name) if _has_attr(env, name) else []
     if isinstance(env, gym.Env):
         return [env.get_wrapper_attr(name)] if env.has_wrapper_attr(name) else []
     inner: Any = env.unwrapped
     if hasattr(inner, "envs"):
-        values = [env_attributes(each, name) for each in inner.envs]
-        return [value for each in values for value in each] if all(values) else []
+        values = [env_attributes(single, name) for single in inner.envs]
+        return [value for own in values for value in own] if all(values) else []
     if isinstance(inner, AsyncVectorEnv):
         return list(inner.call(name)) if all(inner.call("has_wrapper_attr", name)) else []
     return [getattr(inner, name)] if hasattr(inner, name) else []
@@ -205,19 +205,19 @@ def env_attribute(env: MadeEnv, name: str) -> Any:
 
 
 def env_id(env: Any) -> str | None:
-    """The id that an environment was made by, or None where it has none."""
+    """The id of an environment, or None where it has none."""
     if isinstance(env, str):
         return env.rpartition(":")[2]
     if isinstance(env, VecEnv):
         spec = env_attribute(env, "spec")
     else:
-        specs = [getattr(each, "spec", None) for each in (env, *_single_envs(env))]
-        spec = next((each for each in specs if each is not None), None)
+        specs = [getattr(part, "spec", None) for part in (env, *_single_envs(env))]
+        spec = next((spec for spec in specs if spec is not None), None)
     return None if spec is None else str(spec.id)
 
 
 def env_name(env: Any) -> str:
-    """The id of an environment, or else its class; another process is not asked."""
+    """The id of an environment, or else its class, without a question to other processes."""
     if isinstance(env, VecEnvWrapper):
         return env_name(env.unwrapped)
     inner = next(iter(_single_envs(env)), env)

@@ -35,11 +35,11 @@ class Firsts:
 
     @property
     def metrics(self) -> dict[str, int]:
-        """Those that are known, by their names in a log."""
+        """The known ones by their names in a log."""
         return {f"time/first_{name}": at for name, at in vars(self).items() if at is not None}
 
     def state_dict(self) -> dict[str, int | None]:
-        """Both, for a checkpoint."""
+        """Both numbers, for a checkpoint."""
         return dict(vars(self))
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
@@ -51,14 +51,13 @@ class Firsts:
 
 
 class EpisodeRecord:
-    """Counts what episodes find over the steps of a VecEnv, for who steps it.
+    """Counts what episodes find, from the steps of a VecEnv.
 
     Args:
-        grid: Cells that coverage counts; None: nothing.
+        grid: The grid of coverage; None: it counts nothing.
 
     Attributes:
-        coverage: Of the behaviors that episodes ended with and those after each step, where infos
-            have a "behavior".
+        coverage: The cells of the behaviors in infos, at the ends of episodes and after each step.
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
         firsts: First reward, of an episode that a Monitor saw, and first success.
     """
@@ -98,5 +97,5 @@ class EpisodeRecord:
 
 
 def _behaviors(infos: Sequence[Mapping[str, Any]]) -> list[Any]:
-    """Those of the infos that have one."""
+    """The behaviors of the infos that have one."""
     return [info["behavior"] for info in infos if "behavior" in info]

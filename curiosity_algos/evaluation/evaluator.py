@@ -33,7 +33,7 @@ from curiosity_gym.validation import check_at_least_one
 AnyEnv = MadeEnv | MakeEnv | str
 
 BATCH = 64
-"""Episodes that are replayed at once: trajectories of more would ask for memory, for no speed."""
+"""Episodes that are replayed at once: more would take memory, and save no time."""
 
 
 def make_evaluator(
@@ -43,12 +43,11 @@ def make_evaluator(
 
     Args:
         env: An id, a function that makes an environment, a Gymnasium env or VectorEnv, or an SB3
-            VecEnv without wrappers. Of an id or a function as many environments are made as
-            save time, each anew, where none of the compiled evaluators fits; an environment plays
-            alone.
+            VecEnv without wrappers. Where no compiled evaluator fits, an id or a function makes as
+            many environments as save time, and an environment plays alone.
         policy_kwargs: `net_arch`, widths of the hidden layers (default 32, 16).
-        n_threads: Threads of the compiled evaluators; None: as many as there are processors. Of an
-            id or a function that has none of these: processes; None: this one alone.
+        n_threads: Threads of the compiled evaluators; None: as many as there are processors. Where
+            none fits an id or a function: processes; None: this one alone.
 
     Raises:
         ValueError: If the env's spaces or its VecEnv wrappers are not supported, it has running
@@ -86,12 +85,12 @@ def _compiled(known: KnownTask, mlp: Mlp, n_threads: int | None) -> Evaluator:
 def replay(
     evaluator: Evaluator, parameters: Float32Array, seeds: Array | None
 ) -> Iterator[tuple[Int64Array, Rollouts]]:
-    """Play policies again: indices and episodes of a few at a time that begin alike.
+    """Play policies again, a few at a time that begin alike: their indices and episodes.
 
     Args:
-        evaluator: What plays them.
+        evaluator: The evaluator.
         parameters: (n, n_parameters).
-        seeds: (n,) of their episodes; None: no seed.
+        seeds: (n,) seeds of their episodes; None: no seed.
     """
     begins = [None] if seeds is None or not evaluator.draws else np.unique(seeds)
     for seed in begins:
@@ -106,10 +105,10 @@ def check_policy_kwargs(policy_kwargs: dict[str, Any] | None) -> list[int]:
     """The hidden layers' widths; raises ValueError where there are other keys, or no list."""
     if not isinstance(policy_kwargs, dict | None):
         raise ValueError(f"`policy_kwargs` must be a dictionary or None, got {policy_kwargs!r}.")
-    given = dict(policy_kwargs or {})
-    net_arch = given.pop("net_arch", DEFAULT_NET_ARCH)
-    if given:
-        raise ValueError(f"`policy_kwargs` may hold `net_arch` alone, got {sorted(given)} too.")
+    others = dict(policy_kwargs or {})
+    net_arch = others.pop("net_arch", DEFAULT_NET_ARCH)
+    if others:
+        raise ValueError(f"`policy_kwargs` may hold `net_arch` alone, got {sorted(others)} too.")
     if not isinstance(net_arch, list | tuple):
         raise ValueError(f"`net_arch` must be a list of layer widths, got {net_arch!r}.")
     return list(net_arch)

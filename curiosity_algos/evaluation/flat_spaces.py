@@ -1,6 +1,6 @@
-"""Spaces of any kind as policies and bonuses see them: vectors, as `gymnasium.spaces.flatten` has.
+"""Makes vectors of values of any space, for policies and bonuses, as `gymnasium.spaces.flatten`.
 
-What is a vector already is taken as it is. Numbers keep their unit: images are not scaled.
+Vectors stay as they are. Numbers keep their unit: images are not scaled.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ ActionArray = Float32Array | Int64Array
 Space = spaces.Space[Any]
 
 ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
-"""What becomes numbers; a Dict or a Tuple may hold several of them."""
+"""Spaces that become numbers; a Dict or a Tuple may hold several of them."""
 OF_NO_SIZE = spaces.Graph, spaces.OneOf, spaces.Sequence
-"""What holds numbers, but now more of them and then fewer."""
+"""Spaces whose values differ in size."""
 MAX_ENTRIES = 4096
-"""Numbers that networks take of an observation which is no vector: 64 by 64 pixels of gray."""
+"""Most numbers of an observation that is no vector: 64 by 64 pixels of gray."""
 LARGEST_INTEGER = 2**24
-"""Up to here float32 tells all whole numbers apart."""
+"""Float32 tells all whole numbers apart up to here."""
 
 
 def is_vector(space: Space) -> TypeGuard[spaces.Box[Any]]:
@@ -40,9 +40,9 @@ def is_range(space: spaces.Box[Any]) -> bool:
 
 
 def numeric(space: Space) -> Space:
-    """The space without those entries of Dicts that are no numbers, such as a text.
+    """The space without the entries of Dicts that are no numbers, such as a text.
 
-    Itself where there are none. What observations have of such entries is not looked at.
+    The space itself, if there are none.
     """
     if not any(_is_no_number(entry) for _, entry in _leaves(space)):
         return space
@@ -50,8 +50,8 @@ def numeric(space: Space) -> Space:
         return spaces.Tuple([numeric(entry) for entry in space.spaces])
     if not isinstance(space, spaces.Dict):
         return space
-    kept = {name: numeric(each) for name, each in space.items() if not _is_no_number(each)}
-    return spaces.Dict({name: each for name, each in kept.items() if each != spaces.Dict()})
+    kept = {name: numeric(entry) for name, entry in space.items() if not _is_no_number(entry)}
+    return spaces.Dict({name: entry for name, entry in kept.items() if entry != spaces.Dict()})
 
 
 def warn_of_what_is_left_out(space: Space) -> None:
@@ -70,11 +70,11 @@ def warn_of_what_is_left_out(space: Space) -> None:
 class FlatObservations:
     """Makes vectors of the observations of a space.
 
-    One-hot where values are counted; a Dict's entries in the order of their names.
+    Counted values become one-hot; a Dict's entries come in the order of their names.
 
     Args:
-        space: Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such, or of
-            others of these two. What is no number in a Dict is left out, see `numeric`.
+        space: Box, Discrete, MultiBinary or MultiDiscrete, or Dicts and Tuples of such. What is no
+            number in a Dict is left out, see `numeric`.
 
     Attributes:
         size: O, length of a vector.
@@ -84,10 +84,10 @@ class FlatObservations:
     """
 
     def __init__(self, space: Space) -> None:
-        shown = numeric(space)
-        for name, entry in _leaves(shown):
+        own = numeric(space)
+        for name, entry in _leaves(own):
             _check_entry(space, name, entry)
-        self._own = _sorted(shown)
+        self._own = _sorted(own)
         self.size = spaces.flatdim(self._own)
         if self.size == 0:
             raise ValueError(_refused(space, "it must have at least one entry of numbers."))
@@ -95,7 +95,7 @@ class FlatObservations:
 
     @cached_property
     def space(self) -> spaces.Box[Any]:
-        """Of the vectors, a Box (O,); a vector's own space."""
+        """The space of the vectors, a Box (O,)."""
         flat: Any = self._own if self._is_vector else spaces.flatten_space(self._own)
         return flat  # type: ignore[no-any-return]
 
@@ -120,7 +120,7 @@ class FlatObservations:
         )
 
     def many(self, observations: Any) -> Array:
-        """The vectors (n, O) of n observations, as vector environments of either API give them."""
+        """The vectors (n, O) of n observations of a vector environment of either API."""
         if self._is_vector:
             return np.array(observations)
         try:
@@ -129,15 +129,15 @@ class FlatObservations:
             raise self._wrong(observations) from None
 
     def own(self, vectors: Array) -> Any:
-        """The observations that vectors (n, O) are of, stacked as vector environments do."""
+        """The observations of vectors (n, O), stacked as vector environments stack them."""
         if is_vector(self._own):
             return vectors
-        items = [spaces.unflatten(self._own, each) for each in vectors]
+        items = [spaces.unflatten(self._own, vector) for vector in vectors]
         empty: Any = create_empty_array(self._own, n=len(items))
         return concatenate(self._own, items, empty)
 
     def is_batch(self, observation: Any) -> bool:
-        """Whether it is several observations, and not one; ValueError if it is neither."""
+        """Whether there are several observations, and not one; ValueError if there are neither."""
         try:
             entry, value = next(_entries(self._own, observation))
         except (KeyError, TypeError, IndexError) as error:
@@ -155,21 +155,21 @@ class FlatObservations:
         """Where in the vectors an entry of a Dict is."""
         assert isinstance(self._own, spaces.Dict)
         names = list(self._own)
-        begin = sum(spaces.flatdim(self._own[each]) for each in names[: names.index(name)])
+        begin = sum(spaces.flatdim(self._own[before]) for before in names[: names.index(name)])
         return slice(begin, begin + spaces.flatdim(self._own[name]))
 
 
 class FlatActions:
-    """Actions of a space as numbers: what a policy's outputs mean, and what a bonus sees.
+    """Makes actions of a policy's outputs, and numbers of actions for a bonus.
 
-    A Discrete from 0; a Box of one dimension; a MultiBinary as its bits, and of a MultiDiscrete the
-    one-hot of each choice.
+    A Discrete begins at 0, a Box has one dimension, a MultiBinary gives its bits, and a
+    MultiDiscrete the one-hot of each choice.
 
     Args:
         space: Box, Discrete, MultiBinary or MultiDiscrete.
 
     Attributes:
-        space: What a bonus sees: Discrete, or a Box (A,).
+        space: The space of what a bonus sees: Discrete, or a Box (A,).
 
     Raises:
         ValueError: If the space is another, or empty.
@@ -195,14 +195,14 @@ class FlatActions:
 
     @property
     def has_scores(self) -> bool:
-        """Whether outputs are scores of what can be chosen, and not the numbers of a Box."""
+        """Whether outputs are scores of choices, and not the numbers of a Box."""
         return not isinstance(self._own, spaces.Box)
 
     def choose(self, outputs: Float32Array) -> ActionArray:
-        """Actions as a bonus sees them, (n, A) float32 or (n,) int64, of outputs (n, n_outputs).
+        """Actions for a bonus, (n, A) float32 or (n,) int64, of outputs (n, n_outputs).
 
-        Outputs of a Box are within its bounds. Of scores the largest wins, as in deterministic
-        policies of Stable-Baselines3; a bit is on where its score is above 0.
+        Outputs of a Box are within its bounds. The largest score wins, as in deterministic policies
+        of Stable-Baselines3; a bit is on if its score is above 0.
         """
         if isinstance(self._own, spaces.Discrete):
             largest: Int64Array = outputs.argmax(axis=1)
@@ -216,7 +216,7 @@ class FlatActions:
         return np.rint(outputs) if np.issubdtype(self.space.dtype, np.integer) else outputs
 
     def taken(self, actions: ActionArray) -> Array:
-        """Actions (n, ...) as the environment takes them, of what a bonus sees."""
+        """Actions (n, ...) for the environment, of actions for a bonus."""
         if self._is_plain:
             return actions
         taken: Array
@@ -225,17 +225,17 @@ class FlatActions:
         elif isinstance(self._own, spaces.Box):
             taken = np.clip(actions.reshape(-1, *self._own.shape), self._own.low, self._own.high)
         else:
-            taken = np.array([spaces.unflatten(self._own, each) for each in actions])
+            taken = np.array([spaces.unflatten(self._own, action) for action in actions])
         return taken.astype(self._own.dtype)
 
     def seen(self, actions: Array) -> ActionArray:
-        """Actions as a bonus sees them, of n as the environment takes them."""
+        """Actions for a bonus, of n actions for the environment."""
         if isinstance(self._own, spaces.Discrete):
             indices: Int64Array = np.asarray(actions, dtype=np.int64) - self._own.start
             return indices
         if self._is_plain:
             return np.array(actions, dtype=np.float32)
-        return np.array([spaces.flatten(self._own, each) for each in actions], dtype=np.float32)
+        return np.array([spaces.flatten(self._own, action) for action in actions], np.float32)
 
 
 def _named_entries(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str | int, Space]]:
@@ -246,7 +246,7 @@ def _named_entries(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str | i
 
 
 def _leaves(space: Space, name: str = "") -> Iterator[tuple[str, Space]]:
-    """The entries that hold no others, those of inner Dicts and Tuples too, as in "robot.arm"."""
+    """The entries that hold no others, with whole names such as "robot.arm"."""
     if not isinstance(space, spaces.Dict | spaces.Tuple):
         yield name, space
         return
@@ -259,7 +259,7 @@ def _is_no_number(space: Space) -> bool:
 
 
 def _sorted(space: Space) -> Space:
-    """The space, its Dicts in the order of their names, as equal ones may come in another."""
+    """The space, its Dicts sorted by name: equal ones may come in another order."""
     if isinstance(space, spaces.Dict):  # Gymnasium sorts a plain dictionary
         return spaces.Dict({name: _sorted(entry) for name, entry in space.spaces.items()})
     if isinstance(space, spaces.Tuple):
@@ -268,7 +268,7 @@ def _sorted(space: Space) -> Space:
 
 
 def _entries(space: Space, observation: Any) -> Iterator[tuple[Space, Any]]:
-    """The spaces of entries that hold no others, and what an observation has in each."""
+    """The spaces of the entries that hold no others, and the observation's value in each."""
     if not isinstance(space, spaces.Dict | spaces.Tuple):
         yield space, observation
         return
@@ -277,14 +277,14 @@ def _entries(space: Space, observation: Any) -> Iterator[tuple[Space, Any]]:
 
 
 def _fits(entry: Space, value: Any) -> bool:
-    """Whether Gymnasium makes of a value the numbers that it says; a Box may exceed its bounds."""
+    """Whether a value is of a space, but that it may exceed the bounds of a Box."""
     if isinstance(entry, spaces.Discrete | spaces.MultiDiscrete):
         return bool(entry.contains(value))
     return bool(np.shape(value) == entry.shape)
 
 
 def _rows(space: Space, values: Any) -> Array:
-    """Of n observations of a space what Gymnasium's `flatten` gives of each, (n, O)."""
+    """What Gymnasium's `flatten` makes of each of n observations, (n, O)."""
     if isinstance(space, spaces.Dict | spaces.Tuple):
         entries = [_rows(entry, values[name]) for name, entry in _named_entries(space)]
         return np.concatenate(entries, axis=1)

@@ -1,4 +1,4 @@
-"""Mazes in closed loop: policy and dynamics compiled as one, individuals shared among threads."""
+"""Plays policies in mazes: policy and dynamics are compiled as one, and threads share the work."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 SLICES_PER_THREAD = 4
 """More slices than threads, as episodes differ in length."""
 BLOCK_SIZE = 128
-"""Individuals whose trajectories malloc gives the same memory again: more come from the system."""
+"""Individuals whose trajectories get the same memory from malloc again; more would not."""
 
 
 @compiled

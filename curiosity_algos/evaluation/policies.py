@@ -19,7 +19,7 @@ from curiosity_algos.evaluation.mlp import DEFAULT_NET_ARCH, act, build_mlp
 class MlpPolicy(BasePolicy):
     """The flat-vector MLP as an SB3 policy, deterministic.
 
-    `predict` runs the same compiled function as the evaluators: what was scored is what acts.
+    `predict` runs the same compiled function as the evaluators.
 
     Args:
         observation_space: See `FlatObservations`, and `MAX_ENTRIES`.
@@ -27,8 +27,8 @@ class MlpPolicy(BasePolicy):
         net_arch: Widths of the hidden layers.
 
     Attributes:
-        seen: Makes the vectors of observations that the network, and a bonus, sees.
-        acted: Makes actions of what the network gives.
+        seen: Makes vectors of observations, for the network and a bonus.
+        acted: Makes actions of the network's outputs.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class MlpPolicy(BasePolicy):
         return actions[()], state  # an array without dimensions is no key of a table
 
     def obs_to_tensor(self, observation: Any) -> tuple[th.Tensor, bool]:
-        """Vectors (n, n_inputs) of one observation or a batch of the env's own, and which it is."""
+        """Vectors (n, n_inputs) of one or several observations, and whether they are several."""
         is_batch = self.seen.is_batch(observation)
         vectors = self.seen.many(observation) if is_batch else self.seen.one(observation)[None]
         return th.as_tensor(np.array(vectors)), is_batch

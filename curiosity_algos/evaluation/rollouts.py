@@ -14,9 +14,9 @@ from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int
 Summary = tuple[Array, ...]
 """Summaries of the trajectories of P individuals: arrays (P, ...)."""
 Summarizer = Callable[["Rollouts", slice], Summary]
-"""`summarize(rollouts, individuals)`: of rollouts of those individuals of a population."""
+"""`summarize(rollouts, individuals)`: the summary of rollouts of these individuals."""
 MakeSummarizers = Callable[[int], Mapping[str, Summarizer]]
-"""`make_summarizers(P)`: what summarizes the trajectories of so many individuals, by name."""
+"""`make_summarizers(P)`: summarizers, by name, for the trajectories of P individuals."""
 
 
 def check_parameters(parameters: Array, n_parameters: int) -> Float32Array:
@@ -36,13 +36,13 @@ def check_parameters(parameters: Array, n_parameters: int) -> Float32Array:
 
 
 def check_observations(observations: Array) -> None:
-    """Raise ValueError unless what is to be learned from is finite."""
+    """Raise ValueError unless observations are finite."""
     if not np.isfinite(observations).all():
         raise ValueError("`env` must give finite observations, it gave NaN or infinity.")
 
 
 def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
-    """The behaviors of infos, at least one, as an array (P, B).
+    """Behaviors, at least one, as an array (P, B).
 
     Raises:
         ValueError: If they are not all numbers, of the same shape (B,).
@@ -62,7 +62,7 @@ def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
 
 
 def final_behaviors(infos: Sequence[Mapping[str, Any]]) -> Float64Array:
-    """The behaviors (P, B) of infos at the ends of P episodes, at least one; B 0 without any.
+    """The behaviors (P, B) of infos at the ends of P episodes, at least one; B is 0 without any.
 
     Raises:
         ValueError: If they are not all finite numbers, of the same shape.
@@ -79,7 +79,7 @@ def check_finite(behaviors: Float64Array) -> None:
 
 
 def _shape(behavior: Any) -> tuple[int, ...] | None:
-    """The shape of numbers; None: it has none."""
+    """The shape of numbers; None if it has none."""
     try:
         return np.asarray(behavior, dtype=np.float64).shape
     except (TypeError, ValueError):  # text, or rows of unequal length
@@ -87,7 +87,7 @@ def _shape(behavior: Any) -> tuple[int, ...] | None:
 
 
 def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
-    """`MakeSummarizers` of a search that needs nothing of trajectories."""
+    """A `MakeSummarizers` for a search that reads no trajectories."""
     return {}
 
 
@@ -95,26 +95,25 @@ def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
 
-    Observations and actions are as policies and bonuses see them: vectors, see `flat_spaces`.
-    Rewards count as the env gives them, in float64: rounded to 6 digits, returns are those that
-    SB3's Monitor records, and so `evaluate_policy` of a monitored env.
+    Observations and actions are those that policies and bonuses see: vectors, see `flat_spaces`.
+    Returns add up the env's rewards in float64. Rounded to 6 digits, they are those that SB3's
+    Monitor records, and so `evaluate_policy` of a monitored env.
 
     Attributes:
         returns: (P,) float64, sum of rewards.
         lengths: (P,) int64, environment steps.
         success: (P,) bool, `info["is_success"]` at the end; False where the env has none.
-        terminated: (P,) bool, whether the task ended the episode, no limit of time.
+        terminated: (P,) bool, whether the task ended the episode, and not a time limit.
         behaviors: (P, B) float64, `info["behavior"]` at the end; B = 0 where the env has none.
-        final_observations: (P, O) float32, the true last observation, never a reset one.
+        final_observations: (P, O) float32, the true last observation, never that of a reset.
         observations: (P, T + 1, O) float32; entries after an episode's end are undefined.
-        actions: (P, T, A) float32, or (P, T) int64 from 0 on for Discrete actions; undefined after
-            an episode's end, too.
+        actions: (P, T, A) float32, or (P, T) int64 from 0 on for Discrete actions; entries after an
+            episode's end are undefined.
         visited: (V,) int64, ascending, the cells of the environment's coverage grid in which a step
             of any individual ended (`curiosity_algos.evaluation.cells`). None: not counted; then
-            the cells of `behaviors` are all that is known to have been visited, as observations and
-            actions do not tell behaviors.
-        summaries: Summaries of the trajectories, made where they were played, by name; trajectories
-            may be None then.
+            only the cells of `behaviors` are known.
+        summaries: Summaries of the trajectories by name. The process that played them has made
+            them; trajectories may be None then.
     """
 
     returns: Float64Array
@@ -129,15 +128,15 @@ class Rollouts:
     summaries: Mapping[str, Summary] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        found = f"{self.timesteps:,} steps, {np.sum(self.success):,} successes"
-        return f"<{type(self).__name__}: {len(self):,} episodes, {found}>"
+        steps, successes = f"{self.timesteps:,} steps", f"{np.sum(self.success):,} successes"
+        return f"<{type(self).__name__}: {len(self):,} episodes, {steps}, {successes}>"
 
     def __len__(self) -> int:
         """Number of individuals."""
         return len(self.returns)
 
     def check(self, behavior_space: spaces.Box[Any] | None) -> None:
-        """Raise ValueError where the env gave what nothing can be learned from."""
+        """Raise ValueError if returns or behaviors are not finite, or of another shape."""
         if not np.isfinite(self.returns).all():
             raise ValueError("`env` must give finite rewards, an episode's return was not finite.")
         check_finite(self.behaviors)
@@ -158,7 +157,7 @@ class Rollouts:
         return self.observations, self.actions
 
     def summary(self, name: str, make_summarizers: MakeSummarizers) -> Summary:
-        """The summary of a name, made now unless it was where the trajectories were played.
+        """The summary of a name, made now if it was not made where the trajectories were played.
 
         Raises:
             ValueError: If there is neither such a summary nor trajectories.
@@ -168,16 +167,16 @@ class Rollouts:
         return make_summarizers(len(self))[name](self, slice(0, len(self)))
 
     def summarize(self, summarizers: Mapping[str, Summarizer], individuals: slice) -> Rollouts:
-        """The same, some individuals of a population, with summaries instead of trajectories."""
-        summaries = {name: each(self, individuals) for name, each in summarizers.items()}
+        """The same rollouts, of some individuals, with summaries instead of trajectories."""
+        summaries = {name: read(self, individuals) for name, read in summarizers.items()}
         return replace(self.without_trajectories(), summaries=summaries)
 
     def without_trajectories(self) -> Rollouts:
-        """The same, but for observations, actions and what was read of them."""
+        """The same rollouts without observations, actions and summaries."""
         return replace(self, observations=None, actions=None, summaries={})
 
     def infos(self, seconds: float) -> list[dict[str, Any]]:
-        """The info of the last step of each episode, as a Monitor would give it so late."""
+        """The info of the last step of each episode, as a Monitor gives it at that time."""
         infos = [
             {
                 "episode": {"r": round(float(gained), 6), "l": int(n), "t": round(seconds, 6)},
@@ -205,20 +204,21 @@ def sparse_returns(horizon: int, lengths: Int64Array, success: Mask) -> Float64A
 
 
 def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
-    """Join parts of a population into one record, as long as the longest."""
+    """Join parts of a population into one record, as long as the longest episode."""
     if len(parts) == 1:
         return parts[0]
     longest = max(part.lengths.max() for part in parts)
+    visited = [part.visited for part in parts if part.visited is not None]
     names = ("returns", "lengths", "success", "terminated", "final_observations")
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in names
     }
     return Rollouts(
         **joined,
-        behaviors=as_behaviors([each for part in parts for each in part.behaviors]),
+        behaviors=as_behaviors([behavior for part in parts for behavior in part.behaviors]),
         observations=_join_trajectories([part.observations for part in parts], longest + 1),
         actions=_join_trajectories([part.actions for part in parts], longest),
-        visited=_union([part.visited for part in parts]),
+        visited=np.unique(np.concatenate(visited)) if visited else None,
         summaries={
             name: tuple(map(np.concatenate, zip(*(p.summaries[name] for p in parts), strict=True)))
             for name in parts[0].summaries
@@ -226,21 +226,11 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
     )
 
 
-def _union(visited: list[Int64Array | None]) -> Int64Array | None:
-    """The cells of all parts; None where no part counted any."""
-    counted = [cells for cells in visited if cells is not None]
-    return np.unique(np.concatenate(counted)) if counted else None
-
-
 def _join_trajectories(arrays: list[Any], length: int) -> Any:
-    """Parts of trajectories in one array, or None where one has none."""
-    if any(each is None for each in arrays):
+    """Parts of trajectories in one array, or None if a part has none."""
+    if any(array is None for array in arrays):
         return None
-    return np.concatenate([_fit(array, length) for array in arrays])
-
-
-def _fit(array: Array, length: int) -> Array:
-    """Trajectories cut or padded to a length: evaluators need not cut them at their longest."""
-    array = array[:, :length]
-    missing = length - array.shape[1]
-    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))
+    # Evaluators need not cut them at their longest.
+    cut = [array[:, :length] for array in arrays]
+    missing = [[(0, 0), (0, length - part.shape[1])] + [(0, 0)] * (part.ndim - 2) for part in cut]
+    return np.concatenate(list(map(np.pad, cut, missing)))

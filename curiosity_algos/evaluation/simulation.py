@@ -34,7 +34,7 @@ AnySimulation = Simulation | LocomotionSimulation
 class SimulationEvaluator(Evaluator):
     """Evaluates populations on one task; the same bits for every number of threads.
 
-    An individual whose episode has ended is not stepped any more.
+    An individual is not stepped after the end of its episode.
 
     Args:
         task: The task.
@@ -90,7 +90,7 @@ class SimulationEvaluator(Evaluator):
         parameters: Float32Array,
         rngs: Sequence[np.random.Generator],
     ) -> Rollouts:
-        """Play one episode of each of at most as many policies as there are simulations."""
+        """Play one episode of each policy: at most as many as there are simulations."""
         n, n_steps = len(parameters), self.max_steps
         observations = np.empty((n, n_steps + 1, self.task.n_observations), dtype=np.float32)
         actions = np.empty((n, n_steps, self.task.n_actions), dtype=np.float32)

@@ -28,8 +28,8 @@ class SingleVecEnv(DummyVecEnv):
         env: The environment; it is put into a Monitor, unless it is in one.
 
     Attributes:
-        played: The environment as it was given: nobody reads a Monitor that nobody asked for.
-        unreached: What to do as others play that it does not reach; "": it plays itself.
+        played: The environment without the Monitor that this class adds.
+        unreached: What to do instead of `set_attr`, where other environments play; "": none do.
 
     Raises:
         ValueError: If its observations cannot become vectors, see `FlatObservations`.

@@ -35,7 +35,7 @@ _TRANSPARENT = (
     wrappers.PassiveEnvChecker,
     wrappers.TimeLimit,
 )
-"""Wrappers that change neither dynamics nor rewards nor observations; `max_steps` knows limits."""
+"""Wrappers that change neither dynamics nor rewards nor observations; `max_steps` reads limits."""
 
 
 SIMULATIONS = {
@@ -51,10 +51,10 @@ NORMALIZE = "pass `normalize_observations=True` to an evolution strategy instead
 
 
 def as_played(env: Any) -> Any:
-    """The environment as it is played: without a Monitor that nobody asked for.
+    """The environment that evaluators play.
 
-    A DummyVecEnv whose envs are all the same maze, task or robot, or that holds one, becomes its
-    first; so does what an id or a function made. A VecMonitor is taken off.
+    A DummyVecEnv of one env, or of equal mazes, tasks or robots, becomes its first env. A
+    SingleVecEnv becomes its env. A VecMonitor is taken off.
 
     Raises:
         ValueError: If a wrapper of a whole batch of environments remains.
@@ -77,7 +77,7 @@ def as_played(env: Any) -> Any:
 
 
 def check_constant(env: Any) -> None:
-    """Raise ValueError if a wrapper changes from episode to episode what policies meet."""
+    """Raise ValueError if a wrapper has statistics that change from episode to episode."""
     has_statistics = any(env_attributes(env, name) for name in ("obs_rms", "return_rms"))
     if has_statistics and any(env_attributes(env, "update_running_mean")):
         raise ValueError(
@@ -88,8 +88,8 @@ def check_constant(env: Any) -> None:
 
 
 def warn_of_empty_files(env: Any, *, is_compiled: bool) -> None:
-    """Warn if Stable-Baselines3's recorders of a user have files, and nothing steps them."""
-    if any(each.results_writer is not None for each in _bypassed(env, is_compiled)):
+    """Warn if a user's Monitor or VecMonitor has a file, and is not stepped."""
+    if any(recorder.results_writer is not None for recorder in _bypassed(env, is_compiled)):
         warnings.warn(
             "`env` is in a Monitor or VecMonitor with a file that gets no rows: policies are "
             "played below it. Record the run with SaveRun instead, or read the `infos` of a "
@@ -99,7 +99,7 @@ def warn_of_empty_files(env: Any, *, is_compiled: bool) -> None:
 
 
 def _bypassed(env: Any, is_compiled: bool) -> Iterator[VecMonitor | Monitor]:
-    """The recorders that an evaluator does not step."""
+    """The Monitors and VecMonitors that an evaluator does not step."""
     while isinstance(env, VecMonitor):
         yield env
         env = env.venv
@@ -109,12 +109,12 @@ def _bypassed(env: Any, is_compiled: bool) -> Iterator[VecMonitor | Monitor]:
 
 
 def bare(env: Any) -> Any:
-    """The env within Gymnasium's wrappers that change nothing, or the first one that does."""
+    """The env within wrappers that change nothing, or the first wrapper that changes something."""
     return list(_layers(env))[-1]
 
 
 def _layers(env: Any) -> Iterator[Any]:
-    """The wrappers that change nothing, from without, and what `bare` finds in them."""
+    """The outer wrappers that change nothing, and then what `bare` finds in them."""
     yield env
     while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
         env = env.env
@@ -123,12 +123,12 @@ def _layers(env: Any) -> Iterator[Any]:
 
 @dataclass(frozen=True)
 class KnownTask:
-    """A maze, a control task or a robot, which compiled evaluators can play without its env.
+    """A maze, a control task or a robot that compiled evaluators can play without its env.
 
     Attributes:
         task: The maze or task.
         simulate: Makes simulations of a task; None: it is a maze.
-        grid: The cells that are counted in a maze.
+        grid: The coverage grid of a maze.
         horizon: T of the reward `1 - t / T`; None: rewards are the task's own.
         max_steps: Steps after which an episode ends.
     """
@@ -140,7 +140,7 @@ class KnownTask:
     max_steps: int
 
     def is_same(self, other: KnownTask | None) -> bool:
-        """Whether policies meet the same in both."""
+        """Whether policies meet the same task."""
         if other is None or self.simulate is not other.simulate:
             return False
         if (self.horizon, self.max_steps) != (other.horizon, other.max_steps):
@@ -150,13 +150,13 @@ class KnownTask:
 
 
 def known_task(env: Any) -> KnownTask | None:
-    """The task of an environment; None: it is none of ours or Gymnasium's robots, or changed.
+    """The task of an environment; None if it is unknown, or has methods of its own.
 
-    Subclasses, and methods of this one env, as by `env.reset_model = mine`, may step or reward in
-    another way.
+    Subclasses, and an assignment such as `env.reset_model = mine`, may change steps and rewards.
 
     Raises:
-        ValueError: If a wrapper has got what was meant for the task, or its horizon is no number.
+        ValueError: If a wrapper has an attribute that the task alone reads, or the horizon is no
+            whole number.
     """
     *around, inner = _layers(env)
     make_task = task_class(inner)
@@ -182,7 +182,7 @@ def known_task(env: Any) -> KnownTask | None:
 
 
 def _check_reached(around: list[Any], inner: Any) -> None:
-    """Raise ValueError if wrappers have attributes of the env within, which does not read them."""
+    """Raise ValueError if a wrapper has an attribute of the env within: nothing reads it there."""
     for wrapper in around:
         for name in vars(wrapper):
             if name in vars(inner) or hasattr(type(inner), name):
@@ -205,7 +205,7 @@ def max_steps(env: Any) -> int:
 
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
-    """Whether one env can stand for all: it is alone, or they are the same maze, task or robot."""
+    """Whether there is one env, or all are the same maze, task or robot."""
     if len(envs) == 1:
         return True
     first, *others = map(known_task, envs)

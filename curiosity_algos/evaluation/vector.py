@@ -1,4 +1,4 @@
-"""Any environment in closed loop: its own steps, and compiled policies for a batch of episodes."""
+"""Plays policies in environments of any kind: compiled policies act in a batch of episodes."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ from curiosity_algos.evaluation.rollouts import (
 )
 
 BLOCK_SIZE = 128
-"""Individuals whose trajectories are there at once, or as many as the batch's envs make whole."""
+"""Most individuals whose trajectories are there at once, up to a whole number of batches."""
 MAX_EPISODE_STEPS = 10_000
-"""Steps of an episode, if no limit of the env allows more, after which it is taken for endless."""
+"""Steps after which an episode counts as endless, unless a limit of the env allows more."""
 N_ENVS = 16
-"""Envs side by side, so that one call of the policy serves many of them."""
+"""Envs side by side, so that one call of the compiled function serves many policies."""
 HINT = (
     "`env` is one environment, which plays one episode after the other: give its id, or a function "
     "that makes it, and several play side by side."
@@ -64,15 +64,15 @@ class VectorEvaluator(Evaluator):
     depend on the number of envs, unless a VectorEnv draws all its starts from one generator, or an
     env remembers in an episode those before it.
 
-    Episodes must end: one that is still on its way after `MAX_EPISODE_STEPS` steps, or after those
-    of a higher limit that the env has (a TimeLimit, or a `horizon`), is an error.
+    Episodes must end: it is an error if one has not ended after `MAX_EPISODE_STEPS` steps, or after
+    a higher limit of the env (a TimeLimit, or a `horizon`).
 
     Args:
-        env: The environment. Of a single env that an id or a function made, `N_ENVS` step side by
-            side; another one plays one episode after the other.
+        env: The environment. A single env plays one episode after the other, unless an id or a
+            function made it: then `N_ENVS` step side by side.
         mlp: The policies' shape.
-        n_processes: Processes that play on envs of their own, if more can be made; 1: this one
-            plays. It also plays a policy that is alone, and episodes without a seed.
+        n_processes: Processes that play in envs of their own, if more can be made; 1: this process
+            plays. It also plays a single policy, and episodes without a seed.
 
     Raises:
         ValueError: If there are processes, and what makes envs cannot be sent to them.
@@ -94,7 +94,7 @@ class VectorEvaluator(Evaluator):
         weakref.finalize(self, self._own.close)
         self._hints_at_more = not self._made and bool(self._envs) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
-        # A vector env may have one generator: who plays beside whom then says where one starts.
+        # Starts depend on who plays beside whom, where a vector env has one generator.
         self.batch_size = self._batch.n
         self._max_steps = most_steps(env)
         self.make_another: Callable[[], VectorEvaluator] | None = None
@@ -130,30 +130,30 @@ class VectorEvaluator(Evaluator):
         return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
 
     def close(self) -> None:
-        """Close the envs that it plays on, where an id or a function made them."""
+        """Close the envs, if an id or a function made them."""
         if self._made is not None:
             self._made.close()
 
     def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
-        """The batch that plays so many policies; of as many envs as save time, if any can be."""
+        """The batch that plays so many policies; it makes envs as far as they save time."""
         if self._made is None:
             return self._batch
-        # Without a seed, envs that have had the same one before would begin alike.
+        # Without a seed, envs that had the same seed before would begin alike.
         n = 1 if seed is None else min(n_policies, N_ENVS)
         self._make_envs(n)
         return SingleEnvBatch(self._envs[:n], self._seen)
 
     def _make_envs(self, n: int) -> None:
-        """Make as many envs as there are to be, at least."""
+        """Make envs until there are n."""
         assert self._made is not None
         while len(self._envs) < n:
             self._envs.append(_new(self._made.make, self._envs))
             self._own.parts.append(self._envs[-1])
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
-        """Play one episode of each of at most as many policies as the batch has envs."""
+        """Play one episode of each policy: at most as many as the batch has envs."""
         n_policies, n = len(parameters), batch.n
-        # The last wave may be short: the envs left over repeat its last policy, unrecorded.
+        # The last wave may be short: the other envs repeat its last policy, unrecorded.
         parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
         active = np.arange(n) < n_policies
         observations = [self._as_inputs(batch.reset(seed))]
@@ -195,7 +195,7 @@ class VectorEvaluator(Evaluator):
         )
 
     def _as_inputs(self, observations: Array) -> Float32Array:
-        """Observations as the policies take them, (n, O)."""
+        """Observations (n, O) as the policies take them."""
         if observations.shape[1:] != (self.mlp.sizes[0],):
             raise wrong_shape(observations.shape[1:], (int(self.mlp.sizes[0]),))
         return observations.astype(np.float32)
@@ -210,7 +210,7 @@ class VectorEvaluator(Evaluator):
 
 
 def most_steps(env: MadeEnv) -> int:
-    """Steps of an environment's episode after which it is taken for endless."""
+    """Steps after which an environment's episode counts as endless."""
     return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
 

@@ -1,1 +1,1 @@
-"""Sparse tasks of the DeepMind Control Suite; what simulates is imported when one is made."""
+"""Sparse tasks of the DeepMind Control Suite; making one imports the simulator."""

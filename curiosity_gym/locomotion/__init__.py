@@ -1,1 +1,1 @@
-"""Gymnasium's MuJoCo robots with a behavior; what simulates is imported when one is made."""
+"""Gymnasium's MuJoCo robots with a behavior; making one imports the simulator."""

@@ -44,8 +44,8 @@ def make_simulation(
     """
     check_choice(BEHAVIORS, behavior=behavior)
     with closing(_make_original(TASKS[env_id], env_kwargs)) as original:
-        made = None if world is None else World(world)
-        task = TASKS[env_id](original, behavior=behavior, world=made)
+        walls = None if world is None else World(world)
+        task = TASKS[env_id](original, behavior=behavior, world=walls)
     with _options_of(env_id, env_kwargs):
         simulation = LocomotionSimulation(task, 1, n_threads=1)
         simulation.reset(rngs=[np.random.default_rng(0)])
@@ -55,20 +55,20 @@ def make_simulation(
 
 def _make_original(task: type[LocomotionTask], keywords: object) -> gym.Env[Any, Any]:
     """Gymnasium's environment, of its own class: anybody can register another by its id."""
-    given = {} if keywords is None else keywords
-    if not isinstance(given, Mapping):
-        raise ValueError(f"`env_kwargs` must be a dictionary or None, got {given!r:.60}.")
-    of_pictures = sorted(OF_PICTURES & set(given))
+    keywords = {} if keywords is None else keywords
+    if not isinstance(keywords, Mapping):
+        raise ValueError(f"`env_kwargs` must be a dictionary or None, got {keywords!r:.60}.")
+    of_pictures = sorted(OF_PICTURES & set(keywords))
     if of_pictures:
         raise ValueError(
             f"`env_kwargs` must not hold {', '.join(of_pictures)}: `width`, `height` and "
             "`render_mode` say what pictures are like."
         )
-    check_at_least_one(**{"env_kwargs['frame_skip']": given.get("frame_skip", 1)})
+    check_at_least_one(**{"env_kwargs['frame_skip']": keywords.get("frame_skip", 1)})
     import_extra("locomotion", "mujoco", "imageio")
     make = load_env_creator(task.entry_point)
-    with _options_of(task.env_id, given):
-        original: gym.Env[Any, Any] = make(**copy.deepcopy(dict(given)))  # type: ignore[assignment]
+    with _options_of(task.env_id, keywords):
+        original: gym.Env[Any, Any] = make(**copy.deepcopy(dict(keywords)))  # type: ignore[assignment]
     return original
 
 

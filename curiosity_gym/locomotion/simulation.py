@@ -45,10 +45,10 @@ class LocomotionSimulation(MujocoSimulation):
         self.data = [self._mujoco.MjData(task.model) for _ in range(n)]
         # Their fields are copied to arrays.
         names = task.all_fields
-        self._views = [[getattr(each, name) for name in names] for each in self.data]
+        self._views = [[getattr(data, name) for name in names] for data in self.data]
         first = dict(zip(names, self._views[0], strict=True))
         self._fields = {name: np.zeros((n, *view.shape)) for name, view in first.items()}
-        self._controls = [each.ctrl for each in self.data]
+        self._controls = [data.ctrl for data in self.data]
         self._places = task.place(self._rows(slice(None)))
 
     def _rows(self, rows: Any) -> SimpleNamespace:

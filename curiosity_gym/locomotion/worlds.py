@@ -14,13 +14,13 @@ from curiosity_gym.extras import import_extra
 from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout
 
 WALL_HEIGHT = 10.0
-"""Height of what stops a robot: an ant that jumps and may go on has been seen 4 m high."""
+"""Height of the walls that stop a robot: an ant has jumped 4 m high."""
 DRAWN_HEIGHT = 1.0
 """Height of the walls in pictures."""
 HIDDEN, SHOWN = 3, 0
-"""Groups of geoms that pictures leave out, and show, unless a viewer is told otherwise."""
+"""Groups of geoms that a viewer leaves out, and shows, by default."""
 CAMERA, CAMERA_AXES = (0.0, -5.0, 7.0), (1.0, 0.0, 0.0, 0.0, 0.81, 0.59)
-"""The camera of pictures, the robot being at the origin: above it, to see the walls."""
+"""The camera of pictures, above a robot at the origin, to see the walls."""
 TOUCHES_ALL, TOUCHES_NONE = -1, 0
 """Bits of contact, of which robots of one's own may have any."""
 BORDER = 1.0

@@ -139,17 +139,17 @@ def _boxes_by_cell(
     """Indices of the boxes within `reach` of each cell, and where each cell's begin."""
     n_columns, n_rows = n_cells
     low_x, low_y = cell * np.arange(n_columns), cell * np.arange(n_rows)
-    owners, found = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    owners, indices = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for index, (left, bottom, right, top) in enumerate(boxes):
         gap_x = np.maximum(0.0, np.maximum(left - (low_x + cell), low_x - right))
         gap_y = np.maximum(0.0, np.maximum(bottom - (low_y + cell), low_y - top))
         cells = np.flatnonzero(np.hypot(gap_x, gap_y[:, None]) <= reach)
         owners.append(cells)
-        found.append(np.full(len(cells), index))
+        indices.append(np.full(len(cells), index))
     owner = np.concatenate(owners)
     order = np.argsort(owner, kind="stable")
     starts = np.searchsorted(owner[order], np.arange(n_columns * n_rows + 1))
-    return starts.astype(np.int32), np.concatenate(found)[order].astype(np.int32)
+    return starts.astype(np.int32), np.concatenate(indices)[order].astype(np.int32)
 
 
 @compiled

@@ -78,11 +78,11 @@ def draw_counts(axes: "Sequence[Axes]", counts: Sequence[NDArray[np.int64]], sid
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
-    norm = LogNorm(1, max(10, *(each.max() for each in counts)))
-    for ax, each in zip(axes, counts, strict=True):
-        y, x = (side * np.arange(n + 1) for n in each.shape)
-        shown = np.ma.masked_equal(each, 0)
-        ax.pcolormesh(x, y, shown, norm=norm, zorder=0.5, rasterized=True)  # below the walls
+    norm = LogNorm(1, max(10, *map(np.max, counts)))
+    for ax, squares in zip(axes, counts, strict=True):
+        y, x = (side * np.arange(n + 1) for n in squares.shape)
+        positive = np.ma.masked_equal(squares, 0)
+        ax.pcolormesh(x, y, positive, norm=norm, zorder=0.5, rasterized=True)  # below the walls
     label = f"positions in a square of {side:g} x {side:g}"
     shrink = 0.9 if len(axes) == 1 else 0.5
     axes[0].figure.colorbar(ScalarMappable(norm), ax=list(axes), label=label, shrink=shrink)

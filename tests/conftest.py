@@ -42,7 +42,7 @@ SLOW = [
     "algos/archives/test_sparse_grid.py",
     "algos/bonuses/test_checks.py",
     "algos/bonuses/test_noveld.py",
-    "algos/checkpoints/test_foreign_state.py",
+    "algos/state/test_foreign_state.py",
     "algos/cli",
     "algos/common/test_interrupt.py",
     "algos/common/test_presets.py",

@@ -124,6 +124,9 @@ class AURORA(QualityDiversity):
         if self._own_archive is None:
             self.archive.target_size = self.archive_size
 
+    def _parts(self) -> dict[str, Any]:
+        return {**super()._parts(), "encoder": self._encoder}
+
     def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
         return self.latent_size
 

@@ -115,6 +115,10 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     def _fixed_settings(cls) -> set[str]:
         return super()._fixed_settings() | {"n_kept"}
 
+    def _parts(self) -> dict[str, Any]:
+        own = {"motivation": self._motivation, "curiosity": self._curiosity}
+        return {**super()._parts(), **own}
+
     def _steer(self, emitter: Any) -> None:
         super()._steer(emitter)
         emitter.tournament_size = self.tournament_size

@@ -173,6 +173,9 @@ class NSLC(QualityDiversity):
         emitter.sigma, emitter.n_parents = self.sigma, self._n_parents
         emitter.batch_size = self.population_size
 
+    def _parts(self) -> dict[str, Any]:
+        return {**super()._parts(), **({"encoder": self._encoder} if self._is_learned else {})}
+
     def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._is_learned:
             return self._features_of(rollouts.final_observations)

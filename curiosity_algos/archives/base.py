@@ -6,11 +6,11 @@ import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Any, Required, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from ribs.archives import ArchiveBase, ArchiveStats
 
 from curiosity_algos.archives.fields import (
@@ -31,10 +31,10 @@ from curiosity_algos.archives.fields import (
 )
 from curiosity_algos.archives.store import EliteStore
 from curiosity_algos.archives.verify import Verification, verify
-from curiosity_algos.checkpoints.archive_file import read_archive, write_archive
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.state.file import read, save
 from curiosity_gym.validation import check_seed
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
@@ -98,7 +98,7 @@ class EliteArchive(ArchiveBase):
         self._begin()
 
     def _begin(self) -> None:
-        """Hold nothing."""
+        """Clear the elites."""
         self._elites = EliteStore(dict(self._description))
 
     # -- what an archive writes -----------------------------------------------------------------
@@ -307,12 +307,14 @@ class EliteArchive(ArchiveBase):
     # -- files and checkpoints ------------------------------------------------------------------
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write all elites to one file, see `curiosity_algos.checkpoints.archive_file`.
+        """Write all elites to one `.npz`, see `curiosity_algos.state.file`.
+
+        `numpy.load(path)` gives the arrays of `data`, row i of each being elite i.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
         """
-        write_archive(path, type(self).__name__, self._saved_settings(), self.data())
+        save(_npz(path), type(self).__name__, self._saved_settings(), self.data())
 
     def _saved_settings(self) -> dict[str, Any]:
         """Keywords that make the archive anew, as JSON can hold them."""
@@ -327,32 +329,32 @@ class EliteArchive(ArchiveBase):
             FileNotFoundError: If there is no such file.
             ValueError: If it holds no archive of this class.
         """
-        settings, data = read_archive(path, cls.__name__)
+        settings, data = read(_npz(path), cls.__name__)
         try:
             archive = cls(**settings, **described_by(data))
             if archive._saved_settings() != settings:  # such as text for hidden layers
                 raise ValueError(f"Its settings must be like {archive._saved_settings()}.")
             archive._restore(data)
-        except (OverflowError, TypeError, ValueError) as error:
+        except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
         return archive
 
     def state_dict(self) -> dict[str, Any]:
         """Elites and the state of `sample_elites`, for exact resume."""
         return {
-            "elites": {name: th.from_numpy(array) for name, array in self.data().items()},
+            "elites": self.data(),
             "objective_sum": float(self._elites.objective_sum),
             "best_slot": self._elites.best_slot,
             "rng": generator_state(self._rng),
         }
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave.
 
         Raises:
             ValueError: If that was no archive with these fields; nothing has changed then.
         """
-        elites = {name: tensor.cpu().numpy() for name, tensor in state["elites"].items()}
+        elites = state["elites"]
         with self.unchanged_on_error():
             self._description = describe_elites(elites, self._description)
             self._restore(elites)
@@ -388,3 +390,8 @@ class EliteArchive(ArchiveBase):
 
     def _elite(self, slot: int) -> dict[str, Any]:
         return {name: values[0] for name, values in self._read(np.array([slot])).items()}
+
+
+def _npz(path: str | os.PathLike[str]) -> Path:
+    """`path`, with the suffix `.npz` where it has none."""
+    return Path(path) if Path(path).suffix else Path(path).with_suffix(".npz")

@@ -23,8 +23,8 @@ Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
 
 COMMON = {"solution", "objective", "measures"}
 """Fields that every archive is given of its elites; it adds "index" itself."""
-RESERVED = COMMON | {"index", "about", "file", "allow_pickle"}
-"""Names that no extra field may have: fields of every archive, and those that its file uses."""
+RESERVED = COMMON | {"index"}
+"""Names that no extra field may have: fields of every archive."""
 NUMBERS = "biuf"
 """Kinds of types of numbers and truth values."""
 FINITE = ("solution", "objective", "measures", "behavior")
@@ -123,6 +123,9 @@ def check_elites(data: Batch, description: Description) -> None:
 
 def described_by(data: Batch) -> dict[str, Any]:
     """Keywords of an archive of these elites; ValueError where solutions are no rows of numbers."""
+    for name, array in data.items():
+        if not isinstance(array, np.ndarray):
+            raise ValueError(f"`{name}` must be an array, got {array!r:.60}.")
     for name in ("solution", "measures"):
         if data[name].ndim != 2 or data[name].dtype.kind not in NUMBERS:
             raise ValueError(

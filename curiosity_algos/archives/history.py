@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import torch as th
 from ribs.archives import ArchiveStats
 
 from curiosity_algos.common.arrays import Float64Array
+from curiosity_algos.state.check import check_like
 from curiosity_gym.validation import check_choice
 
 COLUMNS = ("timesteps", "size", "coverage", "qd_score", "best")
@@ -58,8 +58,10 @@ class ArchiveHistory:
 
     def state_dict(self) -> dict[str, Any]:
         """All rows."""
-        return {"table": th.from_numpy(self._table())}
+        return {"table": self._table()}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError for what that cannot give."""
+        known = np.full((0, len(COLUMNS)), np.nan)
+        check_like({"table": state["table"][:, :-1]}, {"table": known[:, :-1]}, "history")
         self._rows = state["table"].tolist()

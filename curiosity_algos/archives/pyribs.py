@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from ribs.archives import ArrayStore, CVTArchive, GridArchive
 
 from curiosity_algos.archives.base import EliteArchive
@@ -102,19 +101,19 @@ class PyribsPart:
         """Elites in the order of their draws, their thresholds, the best, and the draws' state."""
         archive = self.archive
         return {
-            "elites": _tensors({**archive.data(), "index": archive.data("index").astype(np.int64)}),
-            "objective_sum": th.from_numpy(np.array(archive._objective_sum)),
-            "best_elite": _tensors(archive.best_elite or {}),
+            "elites": {**archive.data(), "index": archive.data("index").astype(np.int64)},
+            "objective_sum": np.array(archive._objective_sum),
+            "best_elite": {k: np.array(value) for k, value in (archive.best_elite or {}).items()},
             "rng": generator_state(archive._rng),
         }
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave.
 
         Raises:
             ValueError: If that was of another archive; nothing has changed then.
         """
-        elites, best = (_arrays(state[name]) for name in ("elites", "best_elite"))
+        elites, best = state["elites"], state["best_elite"]
         with self.unchanged_on_error():
             description = describe_elites(elites, self._description)
             check_elites(elites, description)
@@ -122,7 +121,7 @@ class PyribsPart:
                 raise ValueError("The elites must be of the same archive, they lie in other cells.")
             _check_best(best, elites, description)
             self._hold(elites, description)
-            self._sum_up(state["objective_sum"].cpu().numpy()[()], best)
+            self._sum_up(state["objective_sum"][()], best)
             load_generator_state(self.archive._rng, state["rng"])
 
     def _hold(self, elites: Batch, description: Description) -> None:
@@ -161,11 +160,3 @@ def _check_best(best: Batch, elites: Batch, description: Description) -> None:
     if best:
         rows = {name: value[None] for name, value in best.items()}
         check_elites(rows | {"index": rows["index"].astype(np.int64)}, description)
-
-
-def _tensors(fields: Mapping[str, Any]) -> dict[str, th.Tensor]:
-    return {name: th.from_numpy(np.array(value)) for name, value in fields.items()}
-
-
-def _arrays(state: Mapping[str, th.Tensor]) -> Batch:
-    return {name: tensor.cpu().numpy() for name, tensor in state.items()}

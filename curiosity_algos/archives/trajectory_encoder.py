@@ -166,7 +166,7 @@ class TrajectoryEncoder:
         state = {"modules": modules, "optimizer": optimizer, "generator": generator}
         return {**copy.deepcopy(state), "shape": list(self.shape), "loss": self.loss}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         self.shape, self.loss = None, math.nan
         if "shape" in state:

@@ -98,10 +98,10 @@ class UnstructuredArchive(EliteArchive):
     def _insert(self, data: Batch) -> Batch:
         """Add as pyribs does; also gives `novelty` and `local_competition` (n,), see `compete`."""
         check_points(measures=data["measures"])
-        told: Batch = {}
+        scores: Batch = {}
         if self.k_neighbors is not None:
-            scores = self.compete(data["measures"], data["objective"])
-            told = dict(zip(("novelty", "local_competition"), scores, strict=True))
+            competed = self.compete(data["measures"], data["objective"])
+            scores = dict(zip(("novelty", "local_competition"), competed, strict=True))
         n = len(data["objective"])
         status, value = np.empty(n, dtype=np.int32), np.empty(n)
         for i in range(n):
@@ -110,7 +110,7 @@ class UnstructuredArchive(EliteArchive):
             )
         if len(self) > (1.0 + SLACK) * self.target_size:
             self._thin_out()
-        return {"status": status, "value": value, **told}
+        return {"status": status, "value": value, **scores}
 
     def _insert_one(self, one: Batch) -> tuple[int, float]:
         """Take a batch of one in: its status, and its objective or improvement."""
@@ -174,7 +174,7 @@ class UnstructuredArchive(EliteArchive):
         """The state of an `EliteArchive`, and the threshold."""
         return {**super().state_dict(), "threshold": self.threshold}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, see `EliteArchive`."""
         check_not_negative(threshold=state["threshold"])
         super().load_state_dict(state)

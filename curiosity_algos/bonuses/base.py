@@ -65,7 +65,7 @@ class Bonus(Protocol):
         """
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs, as tensors and plain values."""
+        """All that a resumed run needs: a tree of arrays, tensors and plain values."""
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> Any:
         """Take over what `state_dict` gave."""

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.environments import MadeEnv, describe, env_attribute
 from curiosity_algos.evaluation.flat_spaces import is_vector
+from curiosity_algos.state.check import check_like
 from curiosity_gym.core import CoverageGrid
 
 
@@ -101,12 +101,15 @@ class Coverage:
 
     def state_dict(self) -> dict[str, Any]:
         """The cells, `final` and `visited`, both ascending."""
-        cells = {"final": self._final.copy(), "visited": self._visited.indices()}
-        return {name: th.from_numpy(indices) for name, indices in cells.items()}
+        return {"final": self._final.copy(), "visited": self._visited.indices()}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        self._final = state["final"].cpu().numpy().copy()
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError for cells that the grid has not."""
+        check_like(state, Coverage(self.grid).state_dict(), "coverage")
+        n_cells = 0 if self.grid is None else math.prod(self.grid.shape)
+        if any(((cells < 0) | (cells >= n_cells)).any() for cells in state.values()):
+            raise ValueError(f"`coverage` must have cells below {n_cells}.")
+        self._final = state["final"].copy()
         self._visited = VisitedCells(self.grid)
         self._visited.add_cells(state["visited"].tolist())
 

@@ -150,7 +150,7 @@ def _load(cls: type[Any], checkpoint: Path, *, trust: bool) -> tuple[BasePolicy,
     check_kind(checkpoint / "model.zip")
     if not issubclass(cls, EvolutionaryAlgorithm):
         return cls.load(checkpoint / "model").policy, 0
-    model = cls.load(checkpoint / "model", allow_pickle=trust)
+    model = cls.load(checkpoint / "model")
     return model.policy, model.best_episode_seed or 0
 
 

@@ -14,7 +14,6 @@ from typing import Any, TypeGuard, Unpack
 import numpy as np
 from stable_baselines3.common.utils import ConstantSchedule
 
-from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
@@ -26,6 +25,8 @@ from curiosity_algos.motivations.phi import Phi, check_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
 from curiosity_algos.search.normalized import NormalizedSearch, with_moments
+from curiosity_algos.state.check import check_like
+from curiosity_algos.state.tree import encode
 from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
@@ -72,8 +73,9 @@ class Fitness:
         """The states of the weight and of the noise."""
         return {**self.phi.state_dict(), "rng": generator_state(self._rng)}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
+        check_like(state, self.state_dict() | Phi(0.0).state_dict(), "fitness")
         self.phi.load_state_dict(state)
         load_generator_state(self._rng, state["rng"])
 
@@ -183,11 +185,19 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
                 f"`search` must have a center of the policy's {n_parameters} parameters, got one "
                 f"of shape {np.shape(search.center)}."
             )
-        check_plain(search.state_dict(), "search")
-        self._check_user_parts("search", [] if self.search is None else [type(search).__name__])
+        encode(search.state_dict(), {}, "search")  # raises where no file could hold it
 
-    def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "search"]  # passed again
+    def _parts(self) -> dict[str, Any]:
+        return {**super()._parts(), "search": self._search}
+
+    def _kinds(self) -> dict[str, str]:
+        return {"search": "none" if self.search is None else type(self._inner_search).__name__}
+
+    @property
+    def _inner_search(self) -> Search:
+        """The search without the standardization around it."""
+        search = self._search
+        return search.search if isinstance(search, NormalizedSearch) else search
 
     @classmethod
     def _fixed_settings(cls) -> set[str]:
@@ -221,9 +231,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
     def _put_in_force(self) -> None:
         super()._put_in_force()
         if self.search is None:
-            search = self._search
-            search = search.search if isinstance(search, NormalizedSearch) else search
-            vars(search).update(self._search_settings)
+            vars(self._inner_search).update(self._search_settings)
 
     def _make_parts(
         self, fitness_seed: np.random.SeedSequence, motivation_seed: np.random.SeedSequence
@@ -322,6 +330,10 @@ class MotivatedStrategy(EvolutionStrategy):
     def _put_in_force(self) -> None:
         super()._put_in_force()
         self._fitness.no_reward, self._fitness.phi.setting = self.no_reward, self.phi
+
+    def _parts(self) -> dict[str, Any]:
+        own = {"fitness": self._fitness, "motivation": self._motivation}
+        return {**super()._parts(), **own}
 
     def _own_summarizers(self) -> MakeSummarizers | None:
         return getattr(self._motivation, "summarizers", None)

@@ -6,11 +6,14 @@ import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Never, Self, TypedDict
+from warnings import warn
 
 import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
@@ -20,6 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.interrupt import deferred_interrupt
 from curiosity_algos.common.randomness import EpisodeSeeds
+from curiosity_algos.common.sole_learner import sole_learner
 from curiosity_algos.evaluation.arguments import (
     check_common,
     check_keywords_known,
@@ -30,9 +34,8 @@ from curiosity_algos.evaluation.arguments import (
 )
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.choice import choose_evaluator, follow_env, why_unreached
-from curiosity_algos.evaluation.coverage import Coverage, behavior_space
-from curiosity_algos.evaluation.environments import describe, open_env
-from curiosity_algos.evaluation.episodes import Firsts
+from curiosity_algos.evaluation.coverage import behavior_space
+from curiosity_algos.evaluation.environments import GymnasiumView, describe, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, check_policy_kwargs
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -138,10 +141,8 @@ class EvolutionaryAlgorithm(PopulationModel):
             seed=seed,
         )
         self._evaluator_choice = evaluator
-        self._user_parts: dict[str, list[str]] = {}
         self.n_threads = n_threads
         self.generation = 0
-        self._forget_best()
         self._see_env(self.env)
         if _init_setup_model:
             self._setup_model()
@@ -181,12 +182,15 @@ class EvolutionaryAlgorithm(PopulationModel):
         # SB3 would transpose images: policies see vectors, and `predict` what the env has itself.
         if isinstance(env, gym.Env):
             return SingleVecEnv(env)
+        if isinstance(env, VectorEnv):
+            return GymnasiumView(env)
         is_vec_env = isinstance(env, VecEnv)
-        return env if is_vec_env else PopulationModel._wrap_env(env, verbose, monitor_wrapper)
+        return env if is_vec_env else BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
 
     def _check_settings(self) -> None:
         """Check what the constructor was given, and what `load` or a callback has replaced."""
         use_python_numbers(self)
+        check_common(self.seed, self.device, self.verbose)
         if self.n_threads is not None:
             check_at_least_one(n_threads=self.n_threads)
 
@@ -196,7 +200,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         self.policy = self.policy_class(
             self.observation_space, self.action_space, **self.policy_kwargs
         )  # type: ignore[assignment]
-        self._coverage = Coverage(self._coverage_grid)
+        self._begin_records()
         self._generation_values: dict[str, Any] = {}
         self._intrinsic: Float64Array | None = None
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
@@ -212,7 +216,6 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     def _take_evaluator(self, choice: Evaluator | str, chosen: Evaluator) -> None:
         self._evaluator_choice, self.evaluator = choice, chosen
-        self._user_parts["evaluator"] = [] if isinstance(choice, str) else [type(choice).__name__]
         if isinstance(self.env, SingleVecEnv):
             self.env.unreached = why_unreached(choice, chosen, self.env)
 
@@ -247,20 +250,12 @@ class EvolutionaryAlgorithm(PopulationModel):
             self.env.unreached = ""  # of what played beside it nothing does any more
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
+        self._match_env(wrapped)
         self._take_evaluator(choice, chosen)
 
     def _match_env(self, env: VecEnv) -> None:
         self._check_behaviors(behavior_space(env))
         super()._match_env(env)
-
-    def _counted(self) -> Coverage:
-        return self._coverage
-
-    def _forget_found(self) -> None:
-        self._coverage = Coverage(self._coverage_grid)
-        self._forget_best()
-        self._forget_behaviors()
-        self._show_best()
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         """Raise ValueError where the algorithm has no use for such behaviors of an env."""
@@ -268,25 +263,18 @@ class EvolutionaryAlgorithm(PopulationModel):
     def _forget_behaviors(self) -> None:
         """Drop archives and the like that hold behaviors of another environment."""
 
-    def _forget_best(self) -> None:
-        self._best_return = -np.inf
-        self._best_seed: int | None = None
-        self._firsts = Firsts()
-        self._best_parameters = None
-        self._has_reward = False
-
     @property
     def best_return(self) -> float:
         """Highest return of an individual so far; -inf before the first generation.
 
         Rounded to 6 digits, as SB3's Monitor rounds: `evaluate_policy` of a monitored env says it.
         """
-        return round(self._best_return, 6)
+        return round(self._best.value, 6)
 
     @property
     def best_episode_seed(self) -> int | None:
         """Seed of the reset of the episode with the best return, or None."""
-        return self._best_seed if self._has_reward else None
+        return self._best.seed if self._best.has_reward else None
 
     @property
     def n_workers(self) -> int | None:
@@ -326,7 +314,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         check_learning(self.env, total_timesteps, log_interval, callback)
         check_no_options(self.env)
         name = tb_log_name or type(self).__name__
-        with self._learning():
+        with sole_learner():
+            self._warn_of_loss()
             total, callback = self._setup_learn(
                 int(total_timesteps), callback, reset_num_timesteps, name, progress_bar=False
             )
@@ -341,6 +330,16 @@ class EvolutionaryAlgorithm(PopulationModel):
                     goes_on = self._learn_generation(callback, total, log_interval)
             callback.on_training_end()
         return self
+
+    def _warn_of_loss(self) -> None:
+        """Say so if the transitions that were collected before are lost."""
+        if self._lacks_transitions:
+            warn(
+                "The file of this model was saved without its buffer, which begins empty: what is "
+                "learned from here on is not what an uninterrupted run would have learned.",
+                stacklevel=3,
+            )
+            self._lacks_transitions = False
 
     def _learn_generation(
         self, callback: BaseCallback, total_timesteps: int, log_interval: int | None
@@ -408,22 +407,13 @@ class EvolutionaryAlgorithm(PopulationModel):
         self.num_timesteps += rollouts.timesteps
         self.generation += 1
         self._coverage.add(rollouts.behaviors, rollouts.visited)
-        highest = np.flatnonzero(rollouts.returns == rollouts.returns.max())
-        best = int(highest[np.argmax(rollouts.success[highest])])
-        # A success in the last step pays nothing, and is found all the same.
-        is_found = bool(rollouts.success[best]) and not self._has_reward
-        self._has_reward |= is_found or bool(np.any(rollouts.returns))
-        best_return = float(rollouts.returns[best])
-        if best_return > self._best_return or (is_found and best_return == self._best_return):
-            self._best_return = best_return
-            self._best_parameters = parameters[best].copy()
-            self._best_seed = self._episodes.current
+        self._best.add(parameters, rollouts, self._episodes.current)
         self._show_best()
 
     def _show_best(self) -> None:
         """Let `predict` act with the best policy, or the center while no reward was found."""
-        found = self._best_parameters if self._has_reward else None
-        self.policy.vector[:] = self._center() if found is None else found
+        best = self._best.parameters if self._best.has_reward else None
+        self.policy.vector[:] = self._center() if best is None else best
 
     def _seconds(self) -> float:
         """Since `learn` began."""

@@ -1,44 +1,214 @@
-"""The policy of a population algorithm, the parts around it, and the file that holds them."""
+"""A policy with a search around it: its environment, its seed, and the file that holds it.
+
+A model is saved as its settings and its state. Settings are the keywords of the constructor, as
+they are in force; the state is that of the parts that `_parts` names, and how far the run is.
+"""
 
 from __future__ import annotations
 
+import inspect
 import io
-import pathlib
+import os
 from abc import abstractmethod
-from collections.abc import Mapping, Set
-from typing import Any, ClassVar
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.type_aliases import TensorDict
+from stable_baselines3.common.utils import get_system_info
+from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.model_file import read_attributes, read_model
+from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.common.presets import load_preset
+from curiosity_algos.common.randomness import generator_state, load_generator_state, reseed
+from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.evaluation.base import Evaluator
+from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
+from curiosity_algos.evaluation.environments import env_id, env_name, open_env
 from curiosity_algos.evaluation.episodes import Firsts
+from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.sb3.resumable import Resumable
-from curiosity_gym.validation import check_choice
+from curiosity_algos.loops.best_policy import BestPolicy
+from curiosity_algos.loops.keywords import merged, name_in_presets, whole_signature
+from curiosity_algos.loops.model_file import (
+    NO_SETTINGS,
+    check_objects,
+    describe_env,
+    make_model,
+    model_path,
+    read_settings,
+    sort_settings,
+)
+from curiosity_algos.state.check import check_keys, check_like
+from curiosity_algos.state.file import read, save
+from curiosity_algos.state.tree import State
+from curiosity_gym.core import CoverageGrid
+from curiosity_gym.validation import check_seed
 
-_BESIDE_THE_SEARCH = {"policy", "_coverage", "_episodes", "_firsts", "_fitness", "_motivation"}
+TRANSITIONS = {"buffer", "replay_buffer"}
+"""Names to exclude what a motivation has collected, ours and Stable-Baselines3's."""
+BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
 """Names of parts that do not say where a search stands."""
 
 
-class PopulationModel(Resumable):
-    """A policy with a search around it, in a file that is read without running code."""
+class PopulationModel(HasSettings, BaseAlgorithm):
+    """What population algorithms have beside their loop.
 
+    Constructors write their own keywords and pass the others on as `**kwargs`: a class' signature
+    has them all, each as the class nearest to it has it. A setting is an attribute of its keyword's
+    name. Callbacks may set it, and assigning one that parts were made with is an error.
+
+    Attributes:
+        preset: Name of the preset that the model was made from, or None.
+    """
+
+    preset: str | None = None
     policy: MlpPolicy
     evaluator: Evaluator | None
-    _evaluator_choice: Evaluator | str
-    _best_parameters: Float32Array | None
-    _firsts: Firsts
-    _attributes: ClassVar = {
-        "policy": "policy_class",
-        "evaluator": "_evaluator_choice",
-        "archive": "_own_archive",
+    __signature__: ClassVar[inspect.Signature]
+    _attributes: ClassVar[dict[str, str]] = {
+        **{"policy": "policy_class", "evaluator": "_evaluator_choice", "archive": "_own_archive"},
     }
-    _user_parts: dict[str, list[str]]
-    """By argument, the kinds of parts that the user passed; no file holds them."""
+    """By argument of the constructor, the attribute of another name that it is kept in."""
+    _progress: ClassVar[tuple[str, ...]] = (
+        *("num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "generation"),
+        *("_current_progress_remaining", "_lacks_transitions"),
+    )
+    """Attributes of plain values that a run goes on from."""
+    _arguments: dict[str, Any]
+    """What the constructor was called with."""
+    _coverage_grid: CoverageGrid | None
+    _behavior_space: spaces.Box[Any] | None
+    _lacks_transitions = False
+    """Whether the file that the model was read from has left them out."""
+    _coverage: Coverage
+    _firsts: Firsts
+    _best: BestPolicy
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.__signature__ = whole_signature(cls, PopulationModel)
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        """Remember what the constructor is called with, which `load` calls it with again."""
+        model = super().__new__(cls)
+        arguments = dict(zip(inspect.signature(cls).parameters, args, strict=False)) | kwargs
+        named = {name: value for name, value in arguments.items() if name not in NO_SETTINGS}
+        vars(model)["_arguments"] = named
+        return model
+
+    def __repr__(self) -> str:
+        place = "without an environment" if self.env is None else f"on {env_name(self.env)}"
+        best = getattr(self, "best_return", -np.inf)  # before the parts are made there is none
+        with_best = f", best return {best:.3f}" if np.isfinite(best) else ""
+        return f"<{type(self).__name__} {place}: {self.num_timesteps:,} timesteps{with_best}>"
+
+    @classmethod
+    def from_preset(cls, preset: str, env: AnyEnv, **overrides: Any) -> Self:
+        """Make a model with the settings of a preset: `CuriosityES.from_preset("paper", env)`.
+
+        Args:
+            preset: "paper" (its table 1) or "tuned", see `load_preset`.
+            env: As in the constructor, made by an id that the preset knows.
+            **overrides: Keywords of the constructor that count more than the preset's. Of a
+                dictionary each entry does; with another `bonus` the preset's `bonus_kwargs` do not
+                count at all.
+
+        Raises:
+            ValueError: If there is no such preset, or it has no settings of the algorithm for the
+                environment.
+        """
+        settings = load_preset(preset, name_in_presets(cls), env_id(env))
+        model = cls(env, **merged(settings, overrides))
+        vars(model)["preset"] = preset
+        return model
+
+    # -- what an algorithm writes ---------------------------------------------------------------
+
+    def _parts(self) -> dict[str, Any]:
+        """What has a state, by name: objects with `state_dict`, and numpy's generators.
+
+        A subclass adds its own: `return {**super()._parts(), "mine": self._mine}`.
+        """
+        return {
+            "policy": self.policy,
+            "coverage": self._coverage,
+            "episodes": self._episodes,  # type: ignore[attr-defined]
+            "firsts": self._firsts,
+        }
+
+    @classmethod
+    def _fixed_settings(cls) -> set[str]:
+        """Settings that the states in a file were made with, which `load` cannot replace."""
+        return {"policy_kwargs", "preset"}
+
+    def _settings_of_parts(self) -> set[str]:
+        """Settings that parts were made with; where `load` takes others, it makes them anew."""
+        return self._fixed_settings() | {"seed", "device", "n_threads"}
+
+    def _kinds(self) -> dict[str, str]:
+        """By argument, the kind of object that `load` must be called with again, or "none"."""
+        return {}
+
+    @abstractmethod
+    def _forget_behaviors(self) -> None:
+        """Drop archives and the like that hold behaviors of another environment."""
+
+    @abstractmethod
+    def _show_best(self) -> None:
+        """Let `predict` act with the best policy."""
+
+    def _begin_at(self, parameters: Float32Array) -> None:
+        """Search on from these parameters, shape (n_parameters,), where an algorithm can."""
+        raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
+
+    def _way_on(self, name: str) -> str:
+        way_on = super()._way_on(name)
+        return way_on if name in self._fixed_settings() else f"give `load` another, or {way_on}"
+
+    # -- the environment ------------------------------------------------------------------------
+
+    def _see_env(self, env: VecEnv | None) -> None:
+        """Remember the behaviors of an env, and the cells that coverage counts there."""
+        self._coverage_grid = None if env is None else coverage_grid(env)
+        self._behavior_space = None if env is None else behavior_space(env)
+
+    def _counts_others(self, env: VecEnv) -> bool:
+        """Whether behaviors in `env`, or the cells that coverage counts, are others than here."""
+        grid, space = coverage_grid(env), behavior_space(env)
+        return grid != self._coverage_grid or space != self._behavior_space
+
+    def _match_env(self, env: VecEnv) -> None:
+        """Count in the grid of `env`; in another one, forget what was found before."""
+        if self._counts_others(env):
+            self._see_env(env)
+            self._begin_records()
+            self._forget_behaviors()
+            self._show_best()
+
+    def _begin_records(self) -> None:
+        """Begin coverage, the best policy and the first reward and success anew."""
+        self._coverage = Coverage(self._coverage_grid)
+        self._firsts = Firsts()
+        self._best = BestPolicy(self.policy.mlp.n_parameters)
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the reachable cells in which episodes ended; None where there are no cells.
+
+        `coverage_shares["visited"]` is that of the cells in which any step ended.
+        """
+        return self._coverage.reachable
+
+    @property
+    def coverage_shares(self) -> dict[str, float]:
+        """Every share that is logged under `coverage/`, by its name there."""
+        return self._coverage.shares
 
     @property
     def first_reward_timesteps(self) -> int | None:
@@ -50,31 +220,91 @@ class PopulationModel(Resumable):
         """Timesteps when an individual first succeeded, or None."""
         return self._firsts.success
 
-    @abstractmethod
-    def _show_best(self) -> None:
-        """Let `predict` act with the best policy."""
+    # -- randomness -----------------------------------------------------------------------------
 
-    def _settings_of_parts(self) -> set[str]:
-        return super()._settings_of_parts() | {"n_threads"}
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """Begin every random draw of the run anew: those of its parts, of env and actions.
 
-    def _begin_at(self, parameters: Float32Array) -> None:
-        """Search on from these parameters, shape (n_parameters,), where an algorithm can."""
-        raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
+        Unlike in SB3 the global generators of the process stay as they are.
 
-    def _check_user_parts(self, name: str, kinds: list[str]) -> None:
-        """Raise ValueError unless the user passes parts of the kinds that the saved model had."""
-        expected = self._user_parts.setdefault(name, kinds)
-        if kinds != expected:
-            raise ValueError(
-                f"`{name}` must be passed to `load` as it was to the saved model: "
-                f"{', '.join(expected) or 'none'}, got {', '.join(kinds) or 'none'}."
-            )
+        Args:
+            seed: None: nothing is seeded.
 
-    def _prepare_for(self, parameters: TensorDict, exact_match: bool) -> None:
+        Raises:
+            ValueError: If it is no whole number of at least 0.
+        """
+        check_seed(seed)
+        if seed is None:
+            return
+        reseed(self._parts().values(), np.random.SeedSequence(seed))
+        self.action_space.seed(int(seed))
+        if self.env is not None:
+            self.env.seed(int(seed))
+
+    # -- state ----------------------------------------------------------------------------------
+
+    def state_dict(self) -> State:
+        """The states of all parts, and how far the run is."""
+        progress = {name: getattr(self, name) for name in self._progress}
+        return {**self.get_parameters(), "best": self._best.state_dict(), "progress": progress}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave.
+
+        Raises:
+            ValueError: If it is that of another model.
+        """
+        progress = {name: getattr(self, name) for name in self._progress}
+        check_keys(state, {**self._parts(), "best": None, "progress": None})
+        check_like(state["progress"], progress, "progress")
+        self._checked(state["policy"])
+        self._load_parts({name: state[name] for name in self._parts()})
+        self._best.load_state_dict(state["best"])
+        vars(self).update(state["progress"])
+
+    def get_parameters(self) -> dict[str, dict[str, Any]]:
+        """The states of all parts, by the names of these."""
+        return {name: _state(part) for name, part in self._parts().items()}
+
+    def set_parameters(
+        self,
+        load_path_or_dict: str | TensorDict,
+        exact_match: bool = True,
+        device: th.device | str = "auto",
+    ) -> None:
+        """Take over parameters, the state of a search with them.
+
+        Given a policy without the state of a search, with `exact_match=False`, a population's
+        search goes on from that policy: an evolution strategy's center moves there, an archive that
+        is still empty is filled from there. The best policy found so far is kept.
+
+        Args:
+            load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
+            exact_match: Whether all parts must be there.
+            device: Unused, states are copied to where the parts are.
+
+        Raises:
+            ValueError: If parts are missing, or unknown; if the policy has another number of
+                parameters, or they are not finite; if it is given without a search that has no use
+                for it: archives have parents of their own once they hold elites. Nothing has
+                changed then.
+        """
+        parts = self._parts()
+        parameters: Mapping[str, Any] = load_path_or_dict  # type: ignore[assignment]
+        if not isinstance(load_path_or_dict, Mapping):
+            state = read(model_path(load_path_or_dict), type(self).__name__)[1]
+            parameters = {name: state[name] for name in state.keys() - {"best", "progress"}}
+        check_keys(parameters, parts if exact_match else parts.keys() & parameters, "parameters")
         if "policy" in parameters:
             flat = self._checked(parameters["policy"])
-            if parameters.keys() <= _BESIDE_THE_SEARCH and not exact_match:
+            if parameters.keys() <= BESIDE_THE_SEARCH and not exact_match:
                 self._begin_at(flat)
+        self._load_parts(parameters)
+
+    def _load_parts(self, states: Mapping[str, Any]) -> None:
+        for name, part in self._parts().items():
+            if name in states:
+                _load_state(part, states[name])
 
     def _checked(self, state: Any) -> Float32Array:
         """The parameters in the state of a policy, shape (n_parameters,), finite."""
@@ -86,60 +316,129 @@ class PopulationModel(Resumable):
             raise ValueError("`policy` must have finite parameters.")
         return checked
 
-    # -- save and load --------------------------------------------------------------------------
+    # -- settings and files ---------------------------------------------------------------------
 
-    def _excluded_save_params(self) -> list[str]:
-        # A generation begins episodes and log anew: what was seen last is of no use.
-        seen = ["_last_obs", "_last_original_obs", "_last_episode_starts"]
-        seen += ["_generation_values", "_intrinsic"]
-        return [*super()._excluded_save_params(), "evaluator", "_evaluator_choice", *seen]
+    def _settings(self) -> dict[str, Any]:
+        """The keywords of the constructor with their values in force."""
+        names = {**dict.fromkeys(inspect.signature(type(self)).parameters), **self._arguments}
+        kept = {name: self._attributes.get(name, name) for name in names if name not in NO_SETTINGS}
+        settings = {
+            name: vars(self).get(attribute, self._arguments.get(name))
+            for name, attribute in kept.items()
+            if attribute in vars(self) or name in self._arguments
+        }
+        aliases: dict[Any, str] = {policy: name for name, policy in self.policy_aliases.items()}
+        policy = settings["policy"]
+        return settings | {"policy": aliases.get(policy, policy), "preset": self.preset}
 
-    def _saved_instead(self, exclude: Set[str]) -> dict[str, Any]:
-        aliases = {policy: name for name, policy in self.policy_aliases.items()}
-        policy = aliases.get(self.policy_class, self.policy_class)
-        return {"plain": True, "policy_class": policy}
+    def save(
+        self,
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        exclude: Iterable[str] | None = None,
+        include: Iterable[str] | None = None,
+    ) -> None:
+        """Save everything that a run needs to go on bit for bit.
+
+        The file takes the place of an older one only once it is wholly on disk. It holds JSON and
+        arrays, see `curiosity_algos.state.file`. Objects that the constructor was given, such as a
+        `bonus`, `search`, `archive` or class of policies, are given to `load` again.
+
+        Args:
+            path: Of the file; `.zip` is added where it has no suffix.
+            exclude: Settings to leave out, and "buffer" for the transitions that were collected: a
+                run that goes on without them is another one, and `learn` warns.
+            include: Unused: nothing else is left out.
+
+        Raises:
+            OSError: If it cannot be written; an older file is then as it was.
+            ValueError: If a part has a state that no file can hold.
+        """
+        left_out, state = set(exclude or ()), self.state_dict()
+        if left_out & TRANSITIONS:
+            held = {name for name, part in state.items() if isinstance(part.get("buffer"), Mapping)}
+            for name in held:
+                state[name] = {k: value for k, value in state[name].items() if k != "buffer"}
+            state["progress"]["_lacks_transitions"] |= bool(held)
+        settings = {k: value for k, value in self._settings().items() if k not in left_out}
+        parts = sort_settings(settings, self._arguments)
+        parts["objects"] |= self._kinds()
+        parts["env"] = describe_env(self)
+        save(model_path(path, is_read=False), type(self).__name__, parts, state)
 
     @classmethod
-    def _read(
+    def load(
         cls,
-        file: pathlib.Path | io.BufferedIOBase,
-        env: Any,
-        custom_objects: dict[str, Any] | None,
-        print_system_info: bool,
-        given: dict[str, Any],
-    ) -> tuple[dict[str, Any], TensorDict]:
-        name, allow_pickle = cls.__name__, given.pop("allow_pickle")
-        # rl-zoo3 puts 0 for learning rates, as schedules may not be readable; ours are numbers.
-        custom = {k: v for k, v in (custom_objects or {}).items() if k != "learning_rate"}
-        attributes = read_attributes(
-            file, name, custom | given, fixed=cls._fixed_settings(), allow_pickle=allow_pickle
-        )
-        if isinstance(policy := attributes.get("policy_class"), str):
-            check_choice(tuple(cls.policy_aliases), policy=policy)
-            attributes["policy_class"] = cls.policy_aliases[policy]
-        data, parameters = read_model(file, name, attributes, print_system_info)
-        had = data["_user_parts"].get("evaluator")
-        if env is not None and had and "_evaluator_choice" not in given:
-            raise ValueError(
-                '`evaluator` must be given to `load`, or "auto": the saved model had one, '
-                f"{had[0]}."
-            )
-        return given | data, parameters
+        path: str | os.PathLike[str] | io.BufferedIOBase,
+        env: AnyEnv | None = None,
+        device: th.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a model: make it with the settings in its file, and bring it to the state there.
 
-    def _go_on(self, read: Mapping[str, Any]) -> None:
-        self._put_back(read)
-        best = self._best_parameters
-        if best is not None and np.shape(best) != self.policy.vector.shape:
-            raise ValueError(f"`path` must be a saved {type(self).__name__}, it is damaged.")
-        super()._go_on(read)
-        self._show_best()
+        No code in a file runs.
 
-    def _put_back(self, read: Mapping[str, Any]) -> None:
-        """Set the plain values that `_setup_model` has begun anew to those that were `read`."""
-        parts = {name.partition(".")[0] for name in self._get_torch_save_params()[0]}
-        for name in read.keys() - parts - set(self._excluded_save_params()):
-            current, value = vars(self).get(name), read[name]
-            if isinstance(current, np.random.Generator) and isinstance(value, np.random.Generator):
-                current.bit_generator.state = value.bit_generator.state  # parts may draw from it
-            else:
-                vars(self)[name] = value
+        Args:
+            path: Of the file; `.zip` may be left out.
+            env: As in the constructor; None: the model can predict, and learn after `set_env`.
+            device: As in the constructor.
+            custom_objects: Keywords as `kwargs`, but for `learning_rate` and what is none of the
+                constructor's, for which rl-zoo3 passes stand-ins.
+            print_system_info: As in SB3.
+            force_reset: Unused: a generation begins its episodes anew.
+            **kwargs: Keywords of the constructor that count more than those in the file. Objects
+                that it was given are given again: a class of policies, `bonus`, `search`,
+                `evaluator`, `archive` (the elites in the file take the place of its own) and
+                `emitters`. `seed` begins every random draw anew, see `set_random_seed`; without it
+                they go on.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is truncated, or no model of this class; if it needs what is not
+                given here, or a keyword would replace a setting that what is in the file was made
+                with. An archive given here is then as it was.
+            TypeError: If a keyword is not the constructor's.
+        """
+        if print_system_info:
+            get_system_info()
+        file = model_path(path)
+        content, state = read(file, cls.__name__)
+        settings = read_settings(content, file, cls)
+        known = inspect.signature(cls).parameters.keys() - NO_SETTINGS
+        custom = {k: v for k, v in (custom_objects or {}).items() if k in known - {"learning_rate"}}
+        given = custom | kwargs
+        check_keywords_known(cls, sorted(given.keys() - known - settings.values.keys()))
+        check_seed(given.get("seed"))
+        check_objects(settings, given, needs_evaluator=env is not None)
+        env = None if env is None else open_env(env)
+        with cls._unchanged_on_error(given.get("archive")):
+            model: Self = make_model(cls, settings, env, device, given)
+            try:
+                model.load_state_dict(state)
+            except (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError) as error:
+                message = f"`path` must be a saved {cls.__name__}, {file}: {error}"
+                raise ValueError(message) from error
+            if model.env is not None:
+                model._match_env(model.env)
+        model._show_best()
+        model.set_random_seed(given.get("seed"))
+        return model
+
+    @classmethod
+    def _unchanged_on_error(cls, archive: Any) -> AbstractContextManager[None]:
+        """Leave an archive that the user gave as it was if the block raises."""
+        return nullcontext()
+
+
+def _state(part: Any) -> dict[str, Any]:
+    is_generator = isinstance(part, np.random.Generator)
+    return {"rng": generator_state(part)} if is_generator else part.state_dict()
+
+
+def _load_state(part: Any, state: Mapping[str, Any]) -> None:
+    if isinstance(part, np.random.Generator):
+        load_generator_state(part, state["rng"])
+    else:
+        part.load_state_dict(state)

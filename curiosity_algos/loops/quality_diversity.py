@@ -18,7 +18,6 @@ from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
 from curiosity_algos.archives.pyribs import (
     PyribsArchive,
-    PyribsPart,
     archive_part,
     archive_settings,
 )
@@ -98,8 +97,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
     """Settings of the algorithm's own archive, without effect on another."""
     _of_emitter: ClassVar[set[str]] = {"population_size", "sigma"}
     """Settings of the algorithm's own emitter, without effect on others."""
-    _pyribs: PyribsPart | None = None
-    """The archive as a part of the model's file, where it is pyribs' own."""
 
     def __init__(
         self,
@@ -211,7 +208,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
             )
 
     def _setup_model(self) -> None:
-        with self._unchanged_on_error(vars(self)):
+        with self._unchanged_on_error(self._own_archive):
             super()._setup_model()
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
@@ -228,7 +225,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         start = np.random.default_rng(start_seed)
         x0 = INITIAL_DEVIATION * start.standard_normal(self.policy.mlp.n_parameters)
         if self._own_archive is None:
-            self._check_user_parts("archive", [])
             vars(self)["archive"] = self._make_archive(archive_seed)
         else:
             vars(self)["archive"] = self._own_archive
@@ -240,8 +236,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self, archive: EliteArchive | PyribsArchive, seed: np.random.SeedSequence
     ) -> None:
         """Make the user's archive keep policies of this search."""
-        made_with = json.dumps(archive_settings(archive))
-        self._check_user_parts("archive", [f"{type(archive).__name__} {made_with}"])
         n_parameters, net_arch = self.policy.mlp.n_parameters, self.policy.net_arch
         part = archive_part(archive)
         if archive.solution_dim != n_parameters or part.net_arch not in (None, net_arch):
@@ -250,15 +244,12 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 f"{net_arch}, got {archive.solution_dim} and {part.net_arch}."
             )
         part.prepare(self._field_types(), net_arch, seed)
-        self._pyribs = part if isinstance(part, PyribsPart) else None
 
     def _make_emitters(self, x0: Float32Array, seed: int) -> Emitters:
         """The algorithm's own emitter, or those of the user's function."""
         if self.emitters is None:
-            self._check_user_parts("emitters", [])
             return Emitters([self._make_emitter(x0, seed)], self.archive, x0)
         emitters = Emitters(self.emitters(self.archive, x0, seed), self.archive, x0)
-        self._check_user_parts("emitters", [type(each).__name__ for each in emitters.emitters])
         emitters.state_dict()  # raises where no checkpoint could hold them
         if self.population_size not in (POPULATION_SIZE, emitters.batch_size):
             raise ValueError(
@@ -329,19 +320,25 @@ class QualityDiversity(EvolutionaryAlgorithm):
             self._own_archive.clear()
         self._begin_archive(self._later_seed())
 
-    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        names, variables = super()._get_torch_save_params()
-        if self._pyribs is None:  # then the archive at work has the name of an argument
-            names = ["archive", *(name for name in names if name != "_own_archive")]
-        return names, variables
+    def _parts(self) -> dict[str, Any]:
+        return {
+            "archive": archive_part(self.archive),
+            **super()._parts(),
+            "history": self.history,
+            "emitters": self._emitters,
+            "later_seeds": self._later_seeds,
+        }
 
-    def _excluded_save_params(self) -> list[str]:
-        passed_again = ["emitters", "_own_archive", "archive", "_pyribs"]
-        return [*super()._excluded_save_params(), "_scheduler", *passed_again]
+    def _kinds(self) -> dict[str, str]:
+        kinds = dict.fromkeys(("archive", "emitters"), "none")
+        if (own := self._own_archive) is not None:
+            kinds["archive"] = f"{type(own).__name__} {json.dumps(archive_settings(own))}"
+        if self.emitters is not None:
+            kinds["emitters"] = ", ".join(type(one).__name__ for one in self._emitters.emitters)
+        return kinds
 
     @classmethod
-    def _unchanged_on_error(cls, data: Mapping[str, Any]) -> AbstractContextManager[None]:
-        archive = data.get("_own_archive")
+    def _unchanged_on_error(cls, archive: Any) -> AbstractContextManager[None]:
         if not isinstance(archive, cls.archive_class):  # it is refused in there
             return nullcontext()
         return archive_part(archive).unchanged_on_error()

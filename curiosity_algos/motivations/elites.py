@@ -65,6 +65,6 @@ class EliteCuriosity:
         """The state of the draws; the bonus' own is its motivation's."""
         return {"rng": generator_state(self._rng)}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         load_generator_state(self._rng, state["rng"])

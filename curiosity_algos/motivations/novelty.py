@@ -91,6 +91,6 @@ class NoveltyMotivation:
         """The archive."""
         return {"archive": self.archive.state_dict()}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         self.archive.load_state_dict(state["archive"])

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from scipy.spatial import KDTree
 
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.common.neighbors import LARGEST, check_points
+from curiosity_algos.state.check import check_like
 from curiosity_gym.validation import check_at_least_one
 
 REBUILD_SHARE = 0.03
@@ -122,16 +122,16 @@ class NoveltyArchive:
         """The distinct behaviors, how often each was added, and how many the large tree covers."""
         distinct = np.vstack([self._large.data, self._small.data])
         return {
-            "behaviors": th.from_numpy(distinct),
-            "copies": th.from_numpy(self._copies.copy()),
+            "behaviors": distinct,
+            "copies": self._copies.copy(),
             "n_indexed": self._large.n,
         }
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        distinct = self._checked(state["behaviors"].cpu().numpy()).copy()
-        copies = state["copies"].cpu().numpy()
-        if copies.shape != (len(distinct),) or copies.dtype != np.int64 or (copies < 1).any():
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError for what that cannot give."""
+        check_like(state, NoveltyArchive(self.n_dimensions).state_dict(), "archive")
+        distinct, copies = self._checked(state["behaviors"]).copy(), state["copies"]
+        if len(copies) != len(distinct) or (copies < 1).any():
             raise ValueError(f"`copies` must be {len(distinct)} whole numbers of at least 1.")
         self._copies = copies.copy()
         n = state["n_indexed"]

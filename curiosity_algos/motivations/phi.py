@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from curiosity_algos.state.check import check_like
 from curiosity_gym.validation import check_share
 
 ADAPTIVE = "adaptive"
@@ -74,10 +75,10 @@ class Phi:
         """The adapted weight, the best return, and for how many generations it has waited."""
         return {"phi": self._adapted, "waited": self._waited, "best": self._best}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; a number is the constructor's, whatever was saved."""
+        check_like({name: state[name] for name in self.state_dict()}, Phi(0.0).state_dict(), "phi")
         check_share(phi=state["phi"])
-        waited, best = int(state["waited"]), float(state["best"])
-        if math.isnan(best):
+        if math.isnan(state["best"]):
             raise ValueError("`best` must be a number.")
-        self._adapted, self._waited, self._best = float(state["phi"]), waited, best
+        self._adapted, self._waited, self._best = state["phi"], state["waited"], state["best"]

@@ -26,7 +26,7 @@ class Search(Protocol):
         """Learn from the fitness (P,), higher is better, of the last population asked for."""
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs, as tensors and plain values."""
+        """All that a resumed run needs: a tree of arrays, tensors and plain values."""
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""

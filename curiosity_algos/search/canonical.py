@@ -10,11 +10,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import torch as th
 
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.state.check import check_like
 
 INITIAL_DEVIATION = 0.1
 """Standard deviation of each weight of the first search center."""
@@ -88,13 +87,14 @@ class CanonicalSearch:
 
     def state_dict(self) -> dict[str, Any]:
         """The center and the state of the random generator."""
-        return {"center": th.from_numpy(self.center.copy()), "rng": generator_state(self._rng)}
+        return {"center": self.center.copy(), "rng": generator_state(self._rng)}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave.
 
         Raises:
             ValueError: If the center is of another shape or type, or is not finite.
         """
-        self.center = fitting("center", state["center"], self.center.shape, np.float64).copy()
+        check_like(state, self.state_dict(), "search")
+        self.center = state["center"].copy()
         load_generator_state(self._rng, state["rng"])

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase, GaussianEmitter
 
-from curiosity_algos.checkpoints.foreign_state import foreign_state, load_foreign_state
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.search.pareto import pareto_best
+from curiosity_algos.state.check import check_keys, check_like
+from curiosity_algos.state.foreign_state import foreign_state, load_foreign_state
 
 Batch = dict[str, Array]
 
@@ -53,11 +53,14 @@ class Emitters:
             states = {str(i): foreign_state(each) for i, each in enumerate(self.emitters)}
         except TypeError as error:
             raise ValueError(f"`emitters` must have a state that can be saved: {error}") from error
-        return {"x0": th.from_numpy(self.x0.copy()), **states}
+        return {"x0": self.x0.copy(), **states}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave, of as many emitters of the same classes."""
-        self.x0 = state["x0"].cpu().numpy().copy()
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError unless of emitters of the same classes."""
+        own = self.state_dict()
+        check_keys(state, own, "emitters")
+        check_like(state["x0"], own["x0"], "x0")
+        self.x0 = state["x0"].copy()
         for i, emitter in enumerate(self.emitters):
             load_foreign_state(emitter, state[str(i)])
 

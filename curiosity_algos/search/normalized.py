@@ -13,10 +13,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.mlp import Mlp
 from curiosity_algos.evaluation.rollouts import (
@@ -27,6 +25,7 @@ from curiosity_algos.evaluation.rollouts import (
     no_summarizers,
 )
 from curiosity_algos.search.base import Search
+from curiosity_algos.state.check import check_like
 
 SMALLEST_DEVIATION = 1e-2
 """An entry that hardly changes is not blown up."""
@@ -90,22 +89,19 @@ class NormalizedSearch:
 
     def state_dict(self) -> dict[str, Any]:
         """The state of the search, and what was seen."""
-        mean, var = (th.from_numpy(np.array(each)) for each in (self._seen.mean, self._seen.var))
-        count = float(self._seen.count)
-        return {"search": self.search.state_dict(), "mean": mean, "var": var, "count": count}
+        seen = {"mean": self._seen.mean.copy(), "var": self._seen.var.copy()}
+        return {"search": self.search.state_dict(), **seen, "count": float(self._seen.count)}
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave.
 
         Raises:
             ValueError: If it is of a search without standardized observations, or of others.
         """
-        if state.keys() != {"search", "mean", "var", "count"}:
-            raise ValueError("`normalize_observations` must be as in the saved model.")
-        shape = (self._n_inputs,)
-        mean, var = (fitting(name, state[name], shape, np.float64) for name in ("mean", "var"))
+        own = {**self.state_dict(), "search": {}}
+        check_like({**state, "search": {}}, own, "search")
         self.search.load_state_dict(state["search"])
-        self._seen.mean, self._seen.var = mean.copy(), var.copy()
+        self._seen.mean, self._seen.var = state["mean"].copy(), state["var"].copy()
         self._seen.count = state["count"]
 
     @property

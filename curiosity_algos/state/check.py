@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ def check_like(state: Any, own: Any, name: str = "state") -> None:
         name: What errors call the state.
     """
     if isinstance(own, Mapping):
-        _check_keys(state, own, name)
+        check_keys(state, own, name)
         for key, value in own.items():
             check_like(state[key], value, f"{name}.{key}")
     elif isinstance(own, list | tuple):
@@ -38,10 +38,11 @@ def check_like(state: Any, own: Any, name: str = "state") -> None:
         raise ValueError(f"`{name}` must be finite, got {state}.")
 
 
-def _check_keys(state: Any, own: Mapping[Any, Any], name: str) -> None:
+def check_keys(state: Any, own: Iterable[Any], name: str = "state") -> None:
+    """Raise ValueError unless a state is a dictionary of these keys."""
     if not isinstance(state, Mapping):
         raise ValueError(f"`{name}` must be a dictionary, got {state!r:.60}.")
-    missing, unknown = own.keys() - state.keys(), state.keys() - own.keys()
+    missing, unknown = set(own) - state.keys(), state.keys() - set(own)
     if missing:
         raise ValueError(f"`{name}` must have {_listed(missing)}, which is missing.")
     if unknown:

@@ -15,7 +15,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from curiosity_algos import NSES, CuriosityES, MAPElites
-from curiosity_algos.checkpoints.model_file import check_is_checkpoint
+from curiosity_algos.state.file import read
 
 ROOT = pathlib.Path(__file__).parents[2]
 
@@ -251,7 +251,7 @@ def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
 ):
     kill_ten_times(algorithm, tmp_path)
     for path in tmp_path.glob("*.zip"):
-        check_is_checkpoint(path, algorithm.__name__)
+        read(path, algorithm.__name__)
     resumed = algorithm.load(latest_checkpoint(tmp_path), env=make_easy_maze())
     uninterrupted = make_model(algorithm, make_easy_maze())
     uninterrupted.learn(resumed.num_timesteps + 900)

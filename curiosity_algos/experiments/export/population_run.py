@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 from gymnasium import spaces
 
-from curiosity_algos.checkpoints.model_file import check_is_checkpoint, read_attributes
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs
@@ -22,7 +21,9 @@ from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.model_file import read_settings
 from curiosity_algos.loops.quality_diversity import QualityDiversity
+from curiosity_algos.state.file import read
 
 FILES = {"rewarding": "rewarding.npz", "sample": "sample.npz"}
 """Where a checkpoint keeps policies, by kind."""
@@ -106,12 +107,11 @@ class PopulationRun:
 
     def _spaces(self, checkpoint: Path) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
         """Observations and actions, as the model has them, or else the environment."""
-        name = self._algorithm.__name__
-        file = check_is_checkpoint(checkpoint / "model", name)
-        # Which leaves out what only running code could read, as spaces of one's own.
-        known = read_attributes(file, name, {}, fixed=set(), allow_pickle=True)
-        if known.keys() >= {"observation_space", "action_space"}:
-            return known["observation_space"], known["action_space"]
+        file = checkpoint / "model.zip"
+        content, _ = read(file, self._algorithm.__name__)
+        settings = read_settings(content, file, self._algorithm)
+        if settings.observation_space is not None and settings.action_space is not None:
+            return settings.observation_space, settings.action_space
         with self.opened_env() as env:
             return env.observation_space, env.action_space
 
@@ -148,15 +148,13 @@ class PopulationRun:
                 "`policies` must be rewarding or sample of an algorithm without an archive, such "
                 f"as {self.described['algorithm']}."
             )
-        settings = self.described.get("settings", {})
-        if settings.get("emitters") is not None or isinstance(settings.get("archive"), dict):
-            raise ValueError(
-                "`policies` must be rewarding or sample of a run with an `archive` or `emitters` "
-                "that were given, as its folder cannot give them back."
-            )
-        model = self._algorithm.load(checkpoint / "model", allow_pickle=self._trust)
-        elites = model.archive.data(["solution", "seed"])
-        return self._checked(elites["solution"], elites["seed"], checkpoint / "model.zip")
+        file = checkpoint / "model.zip"
+        _, state = read(file, self._algorithm.__name__)
+        try:
+            elites = state["archive"]["elites"]
+            return self._checked(elites["solution"], elites["seed"], file)
+        except (AttributeError, KeyError, TypeError) as error:
+            raise damaged(file) from error
 
     def _sampled(self, path: Path) -> Policies:
         kept = read_arrays(path, REWARDING)

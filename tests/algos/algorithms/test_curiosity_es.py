@@ -69,7 +69,7 @@ def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
     make_model(CuriosityES, make_maze()).learn(300).save(tmp_path / "model")
     loaded = CuriosityES.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
     assert loaded._motivation.bonus.optimizer.param_groups[0]["lr"] == 0.01
-    with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+    with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
         CuriosityES.load(tmp_path / "model", bonus="rnd")
 
 

@@ -2,7 +2,6 @@ import re
 
 import numpy as np
 import pytest
-import torch as th
 from elites import assert_same_elites
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -39,7 +38,7 @@ def make_full(n=30, **changes):
 
 def repeated(elites):
     """As many elites, all of them the first."""
-    return {name: tensor[:1].expand_as(tensor).clone() for name, tensor in elites.items()}
+    return {name: np.repeat(array[:1], len(array), 0) for name, array in elites.items()}
 
 
 class TestNoAliases:
@@ -84,7 +83,7 @@ class TestNoAliases:
         state = twin.state_dict()
         archive.load_state_dict(state)
         for tensor in state["elites"].values():
-            tensor.zero_()
+            tensor[...] = 0
         assert_same_elites(archive, twin)
 
 
@@ -178,7 +177,7 @@ def test_arguments_are_named(name, value):
 
 
 class TestExtraFields:
-    @pytest.mark.parametrize("name", ["solution", "objective", "index", "about", "file"])
+    @pytest.mark.parametrize("name", ["solution", "objective", "index"])
     def test_names_that_are_taken(self, name):
         with pytest.raises(ValueError, match=f"`extra_fields` must not hold {name}"):
             make_archive(extra_fields={name: ((), np.float64)})
@@ -329,15 +328,21 @@ class TestStates:
     @pytest.mark.parametrize(
         ("match", "spoil"),
         [
-            ("`objective` must be finite", lambda s: s["elites"]["objective"].fill_(np.nan)),
-            ("of the same grid", lambda s: s["elites"]["index"].add_(1)),
+            ("`objective` must be finite", lambda s: s["elites"]["objective"].fill(np.nan)),
+            ("of the same grid", lambda s: s["elites"].update(index=s["elites"]["index"] + 1)),
             ("`index` must be another", lambda s: s["elites"].update(repeated(s["elites"]))),
             ("must have the fields", lambda s: s["elites"].pop("seed")),
-            ("must have the fields", lambda s: s["elites"].update(note=th.ones(1))),
-            ("`seed` must be of shape", lambda s: s["elites"].update(seed=th.ones(2).long())),
-            ("`seed` must be one whole", lambda s: s["elites"].update(seed=th.ones(2, 3))),
-            ("`solution` must be of shape", lambda s: s["elites"].update(solution=th.ones(9, 5))),
-            ("`objective` must be of type", lambda s: s["elites"].update(objective=th.ones(9))),
+            ("must have the fields", lambda s: s["elites"].update(note=np.ones(1))),
+            ("`seed` must be of shape", lambda s: s["elites"].update(seed=np.ones(2, int))),
+            ("`seed` must be one whole", lambda s: s["elites"].update(seed=np.ones((2, 3)))),
+            (
+                "`solution` must be of shape",
+                lambda s: s["elites"].update(solution=np.ones((9, 5), "f4")),
+            ),
+            (
+                "`objective` must be of type",
+                lambda s: s["elites"].update(objective=np.ones(9, "f4")),
+            ),
             ("`best_slot` must be", lambda s: s.update(best_slot=999)),
             ("`best_slot` must be", lambda s: s.update(best_slot="first")),
             ("`objective_sum` must be", lambda s: s.update(objective_sum=np.nan)),

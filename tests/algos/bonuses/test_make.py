@@ -129,7 +129,7 @@ def test_an_object_is_tried_out_on_actions_of_the_environment(space, actions):
 def test_an_object_that_could_not_be_saved_is_refused():
     bonus = make_bonus("icm", {}, *SPACES, seed=SEED, device="cpu")
     bonus.state_dict = lambda: {"counts": np.zeros(3)}
-    with pytest.raises(ValueError, match="`bonus` must have a state of tensors and plain values"):
+    with pytest.raises(ValueError, match="`bonus` must have a state that a file can hold"):
         make_bonus(bonus, {}, *SPACES, seed=SEED, device="cpu")
 
 

@@ -33,6 +33,8 @@ from curiosity_algos import (
 from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
 from curiosity_algos.experiments.figures.comparison import compare
 from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.save_run import _FOUND as KIND
+from curiosity_algos.state.file import read, save
 
 CLOCK = ["time/seconds", "time/fps", "time/time_elapsed"]
 
@@ -381,10 +383,10 @@ class TestStableBaselines:
     def test_what_was_found_before_still_counts(self, folder):
         make_ppo(make_mazes()).learn(240, SaveRun(folder))
         found = RunFolder(folder).checkpoint / "found.pt"
-        state = th.load(found, weights_only=True)
+        settings, state = read(found, KIND)
         cells = {"final": th.arange(30), "visited": th.arange(40)}
         state["coverage"], state["best_return"] = cells, 7.0
-        th.save(state | {"firsts": {"reward": 4, "success": 5}}, found)
+        save(found, KIND, settings, state | {"firsts": {"reward": 4, "success": 5}})
         model = PPO.load(RunFolder(folder).checkpoint / "model", env=make_mazes())
         model.learn(120, SaveRun(folder), reset_num_timesteps=False)
         run = the_run(folder)

@@ -256,7 +256,7 @@ class TestPredict:
             assert evaluate_policy(model, env, n_eval_episodes=2) == (model.best_return, 0.0)
         # Without a Monitor SB3 takes rewards as float32.
         mean, _ = evaluate_policy(model, make(), n_eval_episodes=2, warn=False)
-        assert mean == np.float32(model._best_return)
+        assert mean == np.float32(model._best.value)
         assert mean == model.best_return or horizon != 64
 
 
@@ -314,7 +314,7 @@ class TestEnvs:
         model = make_model(algorithm, make_maze()).learn(GENERATION)
         model.set_env(DummyVecEnv([make_maze] * 3))
         assert model.coverage > 0.0  # the same maze, the same cells
-        model._best_return, model._has_reward = 0.5, True
+        model._best.value, model._best.has_reward = 0.5, True
         model.set_env("CuriosityMaze-Snake-v0")
         assert model.coverage == 0.0
         assert model.best_return == -np.inf
@@ -382,8 +382,8 @@ class TestParameters:
     def test_missing_ones_are_an_error(self, make_model, make_maze):
         model = make_model(CanonicalES, make_maze())
         parameters = model.get_parameters()
-        del parameters["_episodes"]
-        with pytest.raises(ValueError, match="Names of parameters do not match"):
+        del parameters["episodes"]
+        with pytest.raises(ValueError, match=r"`parameters` must have `\w+"):
             model.set_parameters(parameters)
 
     def test_the_policy_alone_may_be_set(self, algorithm, make_model, make_maze):
@@ -414,7 +414,7 @@ class TestParameters:
             model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
         assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
 
-    @pytest.mark.parametrize("others", [set(), {"_episodes"}, {"_coverage", "_episodes"}])
+    @pytest.mark.parametrize("others", [set(), {"episodes"}, {"coverage", "episodes"}])
     def test_the_search_goes_on_from_a_policy_whatever_comes_with_it(
         self, make_model, make_maze, others
     ):
@@ -429,9 +429,9 @@ class TestParameters:
     ):
         model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
         policy = {"flat": th.linspace(-1, 1, model.policy.mlp.n_parameters)}
-        with pytest.raises(ValueError, match="Names of parameters do not match"):
+        with pytest.raises(ValueError, match=r"`parameters` must have `\w+"):
             model.set_parameters({"policy": policy})
-        with pytest.raises(ValueError, match="unknown: `_none`"):
+        with pytest.raises(ValueError, match="`parameters` must not have `_none`"):
             model.set_parameters({"policy": policy, "_none": {}}, exact_match=False)
         assert_same_run(model, untouched)
 
@@ -629,7 +629,7 @@ class TestEvaluator:
         plain.learn(GENERATION)
         model.learn(GENERATION)
         assert halved.n_calls == model.generation
-        assert model._best_return == plain._best_return / 2.0
+        assert model._best.value == plain._best.value / 2.0
 
     def test_an_env_that_it_fits_keeps_it(self, make_model, make_easy_maze):
         halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)

@@ -1,33 +1,379 @@
-"""Parts that the user passed: `load` asks for them again, whatever has failed before."""
+"""A model in a file: made again with its settings, and brought to its state."""
 
+import io
+import json
+import warnings
+import zipfile
+from inspect import signature
+
+import gymnasium as gym
+import numpy as np
 import pytest
+from saved_files import no_space, rewrite
+from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 
-from curiosity_algos import CanonicalES
+from curiosity_algos import ICM, NSES, CanonicalES, CuriosityES, CuriosityMAPElites, MAPElites
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops import evolutionary_algorithm
+from curiosity_algos.state import file as state_file
+from curiosity_algos.state.file import ABOUT, read, save
+from tests.algos.conftest import SETTINGS
 
 
-def test_an_env_that_could_not_be_set_changes_no_evaluator(
-    make_model, make_easy_maze, tmp_path, monkeypatch
-):
-    own = make_model(CanonicalES, make_easy_maze()).evaluator
-    model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
-
-    def fail(*arguments):
-        raise ConnectionError
-
-    with monkeypatch.context() as context:
-        context.setattr(evolutionary_algorithm, "choose_evaluator", fail)
-        with pytest.raises(ConnectionError):
-            model.set_env(make_easy_maze(), evaluator="auto")
-    assert model.evaluator is own
-    model.save(tmp_path / "model")
-    with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
-        CanonicalES.load(tmp_path / "model", make_easy_maze())
+class MyPolicy(MlpPolicy):
+    """A user's own."""
 
 
-def test_one_that_was_set_is_remembered(make_model, make_easy_maze, tmp_path):
-    own = make_model(CanonicalES, make_easy_maze()).evaluator
-    model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
-    model.set_env(make_easy_maze(), evaluator="auto")
-    model.save(tmp_path / "model")
-    assert CanonicalES.load(tmp_path / "model", make_easy_maze()).evaluator is not None
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "model.zip"
+
+
+@pytest.fixture
+def saved(make_model, make_easy_maze, path):
+    model = make_model(CuriosityES, make_easy_maze()).learn(600)
+    model.save(path)
+    return model
+
+
+def with_about(change):
+    def rewritten(members):
+        about = json.loads(members[ABOUT])
+        change(about)
+        return members | {ABOUT: json.dumps(about)}
+
+    return rewritten
+
+
+class TestEvaluator:
+    def test_an_env_that_could_not_be_set_changes_none(
+        self, make_model, make_easy_maze, path, monkeypatch
+    ):
+        own = make_model(CanonicalES, make_easy_maze()).evaluator
+        model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
+
+        def fail(*arguments):
+            raise ConnectionError
+
+        with monkeypatch.context() as context:
+            context.setattr(evolutionary_algorithm, "choose_evaluator", fail)
+            with pytest.raises(ConnectionError):
+                model.set_env(make_easy_maze(), evaluator="auto")
+        assert model.evaluator is own
+        model.save(path)
+        with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
+            CanonicalES.load(path, make_easy_maze())
+        assert CanonicalES.load(path).evaluator is None  # which only plays
+
+    def test_one_that_was_set_is_remembered(self, make_model, make_easy_maze, path):
+        own = make_model(CanonicalES, make_easy_maze()).evaluator
+        model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
+        model.set_env(make_easy_maze(), evaluator="auto")
+        model.save(path)
+        assert CanonicalES.load(path, make_easy_maze()).evaluator is not None
+
+
+class TestSave:
+    def test_arguments_are_those_of_stable_baselines(self):
+        for name in ("save", "load", "get_parameters", "set_parameters"):
+            ours, theirs = (signature(getattr(cls, name)) for cls in (CuriosityES, BaseAlgorithm))
+            assert list(ours.parameters) == list(theirs.parameters)
+
+    def test_names_get_stable_baselines_suffix(self, saved, tmp_path):
+        saved.save(tmp_path / "one")
+        saved.save(tmp_path / "model.best")
+        assert {each.name for each in tmp_path.iterdir()} == {"model.zip", "one.zip", "model.best"}
+        assert CuriosityES.load(tmp_path / "one").generation == saved.generation
+
+    def test_a_full_disk_leaves_the_old_file(self, saved, path, monkeypatch):
+        before = path.read_bytes()
+
+        def write_half(file, *arguments):
+            file.write(b"half of a model")
+            no_space()
+
+        monkeypatch.setattr(state_file, "_write", write_half)
+        with pytest.raises(OSError, match="No space left"):
+            saved.learn(1).save(path)
+        assert path.read_bytes() == before
+        assert list(path.parent.iterdir()) == [path]
+
+    def test_a_state_that_no_file_can_hold_leaves_the_old_file(self, saved, path):
+        before = path.read_bytes()
+        saved._motivation.bonus.state_dict = lambda: {"seen": {1, 2}}
+        with pytest.raises(ValueError, match="at `motivation/bonus/seen` there is a set"):
+            saved.save(path)
+        assert path.read_bytes() == before
+
+    def test_a_file_in_memory_will_do(self, saved, assert_same_run):
+        file = io.BytesIO()
+        saved.save(file)
+        assert_same_run(saved, CuriosityES.load(file))
+
+    def test_the_buffer_may_stay_out(self, make_model, make_maze, tmp_path):
+        model = make_model(CuriosityES, make_maze(), buffer_size=10_000, n_transitions=500)
+        model.learn(1)
+        model.save(tmp_path / "whole")
+        model.save(tmp_path / "light", exclude=["buffer", "n_updates"])
+        assert len(model._motivation.buffer) == 3000
+        sizes = [(tmp_path / f"{name}.zip").stat().st_size for name in ("light", "whole")]
+        assert sizes[0] < sizes[1] - 3000 * 4
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            loaded = CuriosityES.load(tmp_path / "light", env=make_maze())
+            CuriosityES.load(tmp_path / "whole", env=make_maze()).learn(1)
+        assert len(loaded._motivation.buffer) == 0
+        assert loaded.n_updates == 32
+        with pytest.warns(UserWarning, match="was saved without its buffer, which begins empty"):
+            loaded.learn(1, reset_num_timesteps=False)
+        assert len(loaded._motivation.buffer) == 3000
+
+
+class TestLoad:
+    def test_everything_comes_back(
+        self, algorithm, make_model, make_easy_maze, path, assert_same_run
+    ):
+        model = make_model(algorithm, make_easy_maze()).learn(1000)
+        model.save(path)
+        loaded = algorithm.load(path)
+        assert_same_run(model, loaded)
+        observation, _ = make_easy_maze().reset()
+        assert (loaded.predict(observation)[0] == model.predict(observation)[0]).all()
+        for name, value in vars(model).items():
+            if isinstance(value, int | float | str | None) and name not in {"n_envs", "start_time"}:
+                assert getattr(loaded, name) == value, name
+
+    def test_a_loaded_model_needs_an_env_to_learn(self, algorithm, make_model, make_maze, path):
+        make_model(algorithm, make_maze()).learn(1).save(path)
+        loaded = algorithm.load(path)
+        with pytest.raises(ValueError, match="`env` must be set"):
+            loaded.learn(1)
+        loaded.set_env(make_maze())
+        before = loaded.num_timesteps
+        assert loaded.learn(1, reset_num_timesteps=False).num_timesteps == 2 * before > 0
+
+    def test_the_env_may_be_an_id(self, saved, path):
+        assert CuriosityES.load(path, env="CuriosityMaze-Hard-v0").env is not None
+
+    def test_coverage_starts_anew_in_another_maze(self, make_model, make_maze, path):
+        model = make_model(CuriosityES, make_maze()).learn(1)
+        model.save(path)
+        assert CuriosityES.load(path, env=make_maze()).coverage == model.coverage > 0
+        other = make_maze(layout="snake")
+        loaded = CuriosityES.load(path, env=other)
+        assert loaded.coverage == 0.0
+        assert loaded._coverage_grid == other.unwrapped.coverage_grid
+
+    def test_other_spaces_are_refused(self, saved, path):
+        with pytest.raises(ValueError, match="spaces do not match"):
+            CuriosityES.load(path, env=gym.make("CartPole-v1"))
+
+    def test_settings_may_change(self, saved, path, make_easy_maze):
+        assert CuriosityES.load(path, env=make_easy_maze(), n_threads=1).n_threads == 1
+        with pytest.raises(ValueError, match="`n_threads` must be"):
+            CuriosityES.load(path, env=make_easy_maze(), n_threads=0)
+        with pytest.raises(TypeError, match=r"unexpected .* 'gama': did you mean gamma\?"):
+            CuriosityES.load(path, gama=0.5)
+
+    def test_what_the_state_was_made_with_stays(self, make_maze, path):
+        NSES(make_maze(), population_size=4).learn(1).save(path)
+        others = {"behavior": "state", "policy_kwargs": {"net_arch": [4]}, "preset": "tuned"}
+        for name, value in others.items():
+            with pytest.raises(
+                ValueError, match=rf"^`{name}` must be left as it was saved, .*NSES"
+            ):
+                NSES.load(path, env=make_maze(), **{name: value})
+        for same in (None, {}, {"net_arch": (32, 16)}, {"net_arch": [32, 16]}):
+            given = {"behavior": "final", "policy_kwargs": same, "preset": None}
+            assert NSES.load(path, env=make_maze(), **given).generation == 1
+
+    def test_stand_ins_of_rl_zoo3_are_ignored(self, saved, path):
+        custom = {"learning_rate": 0.0, "lr_schedule": lambda _: 0.0, "clip_range": 1, "sigma": 0.1}
+        loaded = CuriosityES.load(path, custom_objects=custom)
+        assert (loaded.learning_rate, loaded.sigma) == (saved.learning_rate, 0.1)
+
+    def test_numbers_of_numpy_become_pythons(self, make_model, make_maze, path):
+        settings = {"population_size": np.int64(6), "policy_kwargs": {"net_arch": [np.int64(4)]}}
+        make_model(CuriosityES, make_maze(), **settings).save(path)
+        loaded = CuriosityES.load(path)
+        assert type(loaded.population_size) is int
+        assert loaded.policy_kwargs == settings["policy_kwargs"]
+
+    @pytest.mark.parametrize("env_id", ["FrozenLake-v1", "Blackjack-v1"])
+    def test_spaces_of_any_kind_come_back(self, make_model, path, env_id):
+        model = make_model(CuriosityES, gym.make(env_id))
+        model.save(path)
+        loaded = CuriosityES.load(path)
+        assert loaded.observation_space == model.observation_space
+        assert loaded.action_space == model.action_space
+
+    def test_spaces_of_ones_own_need_an_env(self, make_model, path):
+        class Own(gym.spaces.Box):
+            pass
+
+        env = gym.make("CartPole-v1").unwrapped
+        env.observation_space = Own(-1.0, 1.0, (4,))
+        make_model(CuriosityES, env).save(path)
+        with pytest.raises(ValueError, match="`env` must be given to `load`"):
+            CuriosityES.load(path)
+        assert CuriosityES.load(path, env=env).generation == 0
+
+
+class TestObjects:
+    """No file holds them: they are given to `load` again."""
+
+    def test_a_policy_of_ones_own(self, make_model, make_maze, path, assert_same_run):
+        model = make_model(CuriosityES, make_maze(), policy=MyPolicy).learn(1)
+        model.save(path)
+        with pytest.raises(ValueError, match=r"`policy` must be given to `load` .*MyPolicy"):
+            CuriosityES.load(path)
+        loaded = CuriosityES.load(path, env=make_maze(), policy=MyPolicy)
+        assert loaded.policy_class is MyPolicy is type(loaded.policy)
+        assert_same_run(loaded, model)
+
+    def test_a_policy_may_be_named(self, saved, path, assert_same_run):
+        assert_same_run(CuriosityES.load(path, policy="MlpPolicy"), saved)
+
+    @pytest.mark.parametrize("algorithm", [CuriosityES, CuriosityMAPElites])
+    def test_a_bonus(self, algorithm, make_model, make_maze, path, assert_same_run):
+        env = make_maze()
+
+        def make_bonus():
+            return ICM(env.observation_space, env.action_space, seed=7, device="cpu")
+
+        model = make_model(algorithm, env, bonus=make_bonus()).learn(1)
+        model.save(path)
+        with pytest.raises(ValueError, match=r"`bonus` must be given to `load` .*ICM"):
+            algorithm.load(path)
+        bonus = make_bonus()
+        loaded = algorithm.load(path, env=make_maze(), bonus=bonus)
+        assert loaded.bonus is bonus is loaded._motivation.bonus
+        for each in (model, loaded):
+            each.learn(300, reset_num_timesteps=False)
+        assert_same_run(model, loaded)
+
+    def test_what_a_user_gave_is_in_its_part_alone(self, make_easy_maze):
+        search = CanonicalES(make_easy_maze(), population_size=4)._search
+        given = CanonicalES(make_easy_maze(), search=search)
+        assert given.search is given._search is search
+        np.testing.assert_array_equal(given.get_parameters()["search"]["center"], search.center)
+
+
+class Remembering(CanonicalES):
+    """Has a setting, a part, a generator and a number of its own, and a setting that is fixed."""
+
+    _progress = (*CanonicalES._progress, "_n_heard")
+
+    def __init__(self, env, policy="MlpPolicy", *, pace=1, **kwargs):
+        self.pace = pace
+        self._n_heard = 0
+        self._rng = np.random.default_rng()
+        self._inverse = 1 / pace
+        super().__init__(env, policy, population_size=4, **kwargs)
+
+    def _parts(self):
+        return {**super()._parts(), "rng": self._rng}
+
+    def _tell(self, rollouts):
+        self._n_heard += 1
+        return super()._tell(rollouts)
+
+
+class TestAClassOfOnesOwn:
+    def test_it_goes_on(self, make_easy_maze, path, assert_resumes):
+        model = Remembering(make_easy_maze(), pace=4, seed=0).learn(500)
+        loaded = assert_resumes(model, make_easy_maze())
+        assert (loaded.pace, loaded._inverse, loaded.population_size) == (4, 0.25, 4)
+        assert loaded._n_heard == model._n_heard > 0
+        assert loaded._rng.random() == model._rng.random()
+
+    def test_a_fixed_setting_that_was_changed_is_saved(self, make_easy_maze, path):
+        model = Remembering(make_easy_maze())
+        model.population_size = 6
+        model.save(path)
+        assert Remembering.load(path).population_size == 6
+
+
+class TestWrongFiles:
+    def test_a_missing_one(self, tmp_path):
+        with pytest.raises(FileNotFoundError, match=r"a saved CuriosityES, .* file .*nothing\.zip"):
+            CuriosityES.load(tmp_path / "nothing")
+
+    def test_a_model_of_stable_baselines(self, path):
+        PPO("MlpPolicy", "CartPole-v1", n_steps=8, batch_size=8).save(path)
+        with pytest.raises(ValueError, match=r"must be a saved CuriosityES, .* not a whole one"):
+            CuriosityES.load(path)
+
+    def test_a_model_of_another_algorithm(self, make_model, make_maze, path):
+        make_model(CanonicalES, make_maze()).save(path)
+        with pytest.raises(ValueError, match=r"a saved CuriosityES, .* is one of 'CanonicalES'"):
+            CuriosityES.load(path)
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("env", {}),
+            ("env", {"observation_space": {"Box": [0, 1]}}),
+            ("keywords", 3),
+            ("keywords", {"_evil": 3}),
+            ("attributes", {"learn": 3}),
+            ("attributes", {"seed": "x"}),
+            ("attributes", {"population_size": "x"}),
+            ("attributes", {"phi": None}),
+        ],
+    )
+    def test_settings_that_are_damaged(self, saved, path, name, value):
+        def change(about):
+            held = about["settings"][name]
+            about["settings"][name] = held | value if value and held != value != 3 else value
+
+        rewrite(path, with_about(change))
+        with pytest.raises(ValueError, match="`"):
+            CuriosityES.load(path)
+
+    @pytest.mark.parametrize(
+        ("part", "change"),
+        [
+            ("policy", lambda state: {}),
+            ("policy", lambda state: {"flat": state["flat"][:-1]}),
+            ("policy", lambda state: {"flat": state["flat"] * np.nan}),
+            ("coverage", lambda state: {"final": 3}),
+            ("coverage", lambda state: state | {"visited": state["visited"] + 10**9}),
+            ("episodes", lambda state: [1]),
+            ("episodes", lambda state: {"rng": "{}"}),
+            ("firsts", lambda state: {"reward": "x", "success": None}),
+            ("search", lambda state: state | {"center": state["center"][:-1]}),
+            ("search", lambda state: state | {"center": state["center"] * np.nan}),
+            ("fitness", lambda state: state | {"waited": "x"}),
+            ("best", lambda state: state | {"value": np.nan}),
+            ("best", lambda state: state | {"parameters": state["parameters"][:, :-1]}),
+            ("best", lambda state: state | {"seed": "0"}),
+            ("progress", lambda state: state | {"num_timesteps": "x"}),
+            ("progress", lambda state: state | {"generation": None}),
+            ("progress", lambda state: state | {"learn": 3}),
+            ("unknown", lambda state: {}),
+        ],
+    )
+    def test_states_that_do_not_fit(self, saved, path, part, change):
+        settings, state = read(path, "CuriosityES")
+        save(path, "CuriosityES", settings, state | {part: change(state.get(part))})
+        with pytest.raises(ValueError, match=r"^`path` must be a saved Cur.*model\.zip: "):
+            CuriosityES.load(path)
+
+    @pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
+    def test_a_part_that_is_missing(self, algorithm, make_model, make_easy_maze, path):
+        make_model(algorithm, make_easy_maze()).save(path)
+        settings, state = read(path, algorithm.__name__)
+        for part in state:
+            rest = {name: value for name, value in state.items() if name != part}
+            save(path, algorithm.__name__, settings, rest)
+            with pytest.raises(ValueError, match=f"a saved .*`{part}`, which is missing"):
+                algorithm.load(path)
+
+
+def test_nothing_in_a_file_is_pickled(make_model, make_maze, path):
+    for algorithm in SETTINGS:
+        make_model(algorithm, make_maze()).learn(1).save(path)
+        with np.load(path) as file, zipfile.ZipFile(path) as members:
+            assert len(dict(file)) == len(members.namelist())

@@ -323,13 +323,10 @@ class TestEmitters:
         names = "IsoLineEmitter, GaussianEmitter"
         wrong = [
             ("given", None, f"{names}, got none"),
-            ("given", gaussian, f"{names}, got GaussianEmitter"),
-            ("plain", mixed, f"none, got {names}"),
+            ("plain", gaussian, "none, got GaussianEmitter"),
         ]
         for file, emitters, what in wrong:
-            with pytest.raises(
-                ValueError, match=f"^`emitters` must be passed to `load` .*: {what}"
-            ):
+            with pytest.raises(ValueError, match=f"^`emitters` must be given to `load` .*, {what}"):
                 MAPElites.load(tmp_path / file, emitters=emitters)
 
     def test_before_the_first_generation_the_start_acts(self, make_model, make_maze, tmp_path):
@@ -481,11 +478,11 @@ class TestArchive:
         own, other = (make_own(MAPElites, make_model, make_maze, n_cells=n) for n in (3, 4))
         make_model(MAPElites, make_maze(), archive=own).learn(1).save(tmp_path / "given")
         make_model(MAPElites, make_maze()).save(tmp_path / "plain")
-        with pytest.raises(ValueError, match=r"^`archive` must be passed to `load` .*, got none"):
+        with pytest.raises(ValueError, match=r"^`archive` must be given to `load` .*, got none"):
             MAPElites.load(tmp_path / "given")
         wrong = [("given", r"\[3, 3, 3, 3\]"), ("plain", "none")]
         for file, what in wrong:
-            with pytest.raises(ValueError, match=rf"^`archive` must be passed .*{what}.*, got .*4"):
+            with pytest.raises(ValueError, match=rf"^`archive` must be given .*{what}.*, got .*4"):
                 MAPElites.load(tmp_path / file, archive=other)
 
     def test_load_takes_one_of_the_same_offset(self, make_model, make_maze, tmp_path):
@@ -493,9 +490,7 @@ class TestArchive:
             make_own(MAPElites, make_model, make_maze, qd_score_offset=x) for x in (0.0, -100.0)
         )
         make_model(MAPElites, make_maze(), archive=own).save(tmp_path / "model")
-        with pytest.raises(
-            ValueError, match=r'^`archive` must be passed .*"qd_score_offset": -100'
-        ):
+        with pytest.raises(ValueError, match=r'^`archive` must be given .*"qd_score_offset": -100'):
             MAPElites.load(tmp_path / "model", archive=other)
 
     @pytest.mark.parametrize("changes", [{"threshold": 0.5}, {"net_arch": [4]}])

@@ -79,7 +79,7 @@ class TestAdaptive:
     @pytest.mark.parametrize("value", [1.1, float("nan")])
     def test_a_damaged_weight_changes_nothing(self, value):
         phi = Phi("adaptive")
-        with pytest.raises(ValueError, match="`phi` must be from 0 to 1"):
+        with pytest.raises(ValueError, match="phi` must be "):
             phi.load_state_dict({"phi": value, "waited": 1, "best": 0.0})
         assert phi.state_dict() == Phi("adaptive").state_dict()
 

@@ -673,7 +673,7 @@ class TestFiles:
     def test_what_could_not_be_read_back_is_not_written(self, tmp_path):
         venv = wrap(bonus=(bonus := Recorder()))
         bonus.state_dict = lambda: {"weights": np.zeros(3)}
-        with pytest.raises(ValueError, match="`bonus` must have a state of tensors and plain"):
+        with pytest.raises(ValueError, match="`bonus` must have a state that a file can hold"):
             venv.save(tmp_path / "wrapper.pt")
         assert not list(tmp_path.iterdir())
 

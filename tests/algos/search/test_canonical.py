@@ -122,24 +122,24 @@ def test_a_state_resumes_the_search():
 def test_a_state_is_a_copy():
     search = make_search()
     state = search.state_dict()
-    before = state["center"].clone()
+    before = state["center"].copy()
     search.center += 1.0
-    assert before.equal(state["center"])
+    np.testing.assert_array_equal(state["center"], before)
 
 
 @pytest.mark.parametrize(
     "center",
     [
-        th.full((5,), th.nan, dtype=th.float64),
-        th.zeros(3, dtype=th.float64),
-        th.zeros(1, 5, dtype=th.float64),
-        th.zeros(5, dtype=th.float32),
-        th.zeros(5, dtype=th.bfloat16),
+        np.full(5, np.nan),
+        np.zeros(3),
+        np.zeros((1, 5)),
+        np.zeros(5, np.float32),
+        th.zeros(5, dtype=th.float64),
     ],
 )
 def test_a_center_that_does_not_fit_changes_nothing(center):
     search = make_search()
     before = search.center.copy()
-    with pytest.raises(ValueError, match="`center` must be finite, of shape"):
+    with pytest.raises(ValueError, match=r"`search\.center` must be"):
         search.load_state_dict(search.state_dict() | {"center": center})
     np.testing.assert_array_equal(search.center, before)

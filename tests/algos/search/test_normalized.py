@@ -141,9 +141,9 @@ def test_it_goes_on_from_its_state():
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (lambda state: state["search"], "`normalize_observations`"),
-        (lambda state: {**state, "mean": state["mean"][:2]}, "`mean` must be"),
-        (lambda state: {**state, "var": state["var"] * np.nan}, "`var` must be"),
+        (lambda state: state["search"], "`search` must have"),
+        (lambda state: {**state, "mean": state["mean"][:2]}, "mean` must be"),
+        (lambda state: {**state, "var": state["var"] * np.nan}, "var` must be"),
     ],
 )
 def test_the_state_of_another_is_refused(change, match):

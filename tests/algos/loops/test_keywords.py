@@ -77,18 +77,6 @@ class TestSignatures:
             with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
                 algorithm(make_easy_maze(), **{keyword: {}})
 
-    @pytest.mark.parametrize("algorithm", [CuriosityES])
-    def test_one_that_load_does_not_know_is_refused(
-        self, algorithm, make_model, make_easy_maze, tmp_path
-    ):
-        model = make_model(algorithm, make_easy_maze())
-        model.note = "of my own"
-        model.save(tmp_path / "model")
-        with pytest.raises(TypeError, match=r"unexpected .* 'gama': did you mean gamma\?"):
-            algorithm.load(tmp_path / "model", gama=0.5)
-        loaded = algorithm.load(tmp_path / "model", verbose=1, note="another")
-        assert (loaded.verbose, loaded.note) == (1, "another")
-
     def test_ones_own_keywords_are_suggested_and_taken(self):
         class Own(CuriosityES):
             def __init__(self, env, *, wind=0.0, **kwargs):

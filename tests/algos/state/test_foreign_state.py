@@ -6,8 +6,8 @@ from saved_files import through_a_file
 from curiosity_algos.algorithms.cma_me import STRATEGIES
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.checkpoints.foreign_state import foreign_state, load_foreign_state
 from curiosity_algos.search.emitters import ParetoEmitter, TournamentEmitter
+from curiosity_algos.state.foreign_state import foreign_state, load_foreign_state
 
 N_PARAMETERS, BATCH = 20, 8
 

@@ -13,7 +13,6 @@ import numpy as np
 from gymnasium import spaces
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive, check_cells
-from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.flat_spaces import is_range
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -22,6 +21,7 @@ from curiosity_algos.loops.quality_diversity import (
     MutationKeywords,
     QualityDiversity,
 )
+from curiosity_algos.state.settings import python_number
 
 
 class GridKeywords(ArchiveKeywords, total=False):
@@ -56,9 +56,9 @@ class MAPElites(QualityDiversity):
         **kwargs: Unpack[MutationKeywords],
     ) -> None:
         self.n_cells: int | list[int] = (
-            [*map(plain, n_cells)]
+            [*map(python_number, n_cells)]
             if isinstance(n_cells, list | tuple | np.ndarray)
-            else plain(n_cells)
+            else python_number(n_cells)
         )
         super().__init__(env, policy, **kwargs)
 

@@ -16,10 +16,10 @@ from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import RunningNormalizer, check_gradients, torch_device
 from curiosity_algos.evaluation.rollouts import check_observations
+from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
 

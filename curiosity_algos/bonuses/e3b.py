@@ -17,9 +17,9 @@ from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.transitions import flat
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.randomness import torch_generator
+from curiosity_algos.state.check import check_like
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_positive
 
@@ -123,12 +123,12 @@ class Ellipsoids:
 
     def state_dict(self) -> dict[str, Any]:
         """The inverse covariances."""
-        return {"inverses": th.from_numpy(self._inverses.copy())}
+        return {"inverses": self._inverses.copy()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        shape, dtype = self._inverses.shape, self._inverses.dtype
-        self._inverses = fitting("inverses", state["inverses"], shape, dtype).copy()
+        check_like(state, self.state_dict(), "episodes")
+        self._inverses = state["inverses"].copy()
 
 
 @compiled

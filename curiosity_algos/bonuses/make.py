@@ -22,9 +22,9 @@ from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.ramp import RAMP
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.bonuses.spans import horizon_of
-from curiosity_algos.checkpoints.plain_files import check_plain
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.state.tree import encode
 from curiosity_gym.validation import check_choice
 
 BONUSES: dict[str, Callable[..., Bonus]] = {
@@ -108,7 +108,7 @@ def _check_remembers(episodes: Episodes) -> None:
         raise ValueError(
             "`bonus.episodes` must make what can end, and has a state that it takes over again."
         ) from error
-    check_plain(state, "bonus")
+    encode(state, {}, "bonus")  # raises where no file could hold it
 
 
 def _check_fits(
@@ -140,4 +140,4 @@ def _check_fits(
     horizon: object = horizon_of(bonus)
     if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
         raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
-    check_plain(bonus.state_dict(), "bonus")
+    encode(bonus.state_dict(), {}, "bonus")

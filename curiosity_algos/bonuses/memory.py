@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import torch as th
 
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.state.check import check_like
 
 _ENCODING = threading.Lock()
 """Held by the thread that encodes what is new; no part of a memory, which can be copied."""
@@ -93,9 +93,9 @@ class FeatureMemory:
         """The items held, their features, and the state of the draws."""
         n = len(self)
         return {
-            "observations": th.from_numpy(self.observations.copy()),
+            "observations": self.observations.copy(),
             "features": self._features[:n].clone(),
-            "is_current": th.from_numpy(self._is_current[:n].copy()),
+            "is_current": self._is_current[:n].copy(),
             "n_seen": self.n_seen,
             "rng": generator_state(self._rng),
         }
@@ -105,18 +105,18 @@ class FeatureMemory:
         self.check(state)
         load_generator_state(self._rng, state["rng"])
         self.n_seen, n = state["n_seen"], len(state["observations"])
-        self._kept[:n] = state["observations"].cpu().numpy()
+        self._kept[:n] = state["observations"]
         self._features[:n] = state["features"]
         self._squares[:n] = self._features[:n].square().sum(dim=1)
         self._is_current[:] = False
-        self._is_current[:n] = state["is_current"].cpu().numpy()
+        self._is_current[:n] = state["is_current"]
 
     def check(self, state: Mapping[str, Any]) -> None:
         """Raise an error, ValueError where nothing is damaged, unless the state can be loaded."""
-        n, n_seen = len(state["observations"]), state["n_seen"]
-        if type(n_seen) is not int or n != min(n_seen, len(self._kept)):
-            raise ValueError(f"`n_seen` must fit {n} observations, got {n_seen!r}.")
-        fitting("observations", state["observations"], (n, *self._kept.shape[1:]), self._kept.dtype)
-        fitting("features", state["features"], (n, self._features.shape[1]), np.float32)
-        fitting("is_current", state["is_current"], (n,), np.bool_)
+        empty = {"observations": self._kept[:0], "features": self._features[:0]}
+        empty |= {"is_current": self._is_current[:0], "n_seen": 0, "rng": ""}
+        check_like(state, empty, "memory")
+        n, n_seen = min(state["n_seen"], len(self._kept)), state["n_seen"]
+        if any(len(state[name]) != n for name in ("observations", "features", "is_current")):
+            raise ValueError(f"`n_seen` must fit the observations, got {n_seen}.")
         load_generator_state(np.random.default_rng(0), state["rng"])

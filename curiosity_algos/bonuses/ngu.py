@@ -17,10 +17,10 @@ from curiosity_algos.bonuses.base import NetworkKeywords
 from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.rnd import RND
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.common.randomness import integer_seed, torch_generator
+from curiosity_algos.state.check import check_like
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_whole
 
@@ -186,15 +186,13 @@ class Neighbors:
     def state_dict(self) -> dict[str, Any]:
         """The features of what each episode has come to."""
         held = zip(self._features, self._n_held, strict=True)
-        return {"features": [th.from_numpy(features[:n].copy()) for features, n in held]}
+        return {"features": [features[:n].copy() for features, n in held]}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        saved = list(state["features"])
-        if len(saved) != len(self._n_held):
-            raise ValueError(f"`features` must be of {len(self._n_held)} episodes.")
-        n_features = self._bonus.n_features
-        held = [fitting("features", each, (len(each), n_features), np.float64) for each in saved]
+        none = np.empty((0, self._bonus.n_features))
+        check_like(state, {"features": [none for _ in self._n_held]}, "episodes")
+        held = state["features"]
         self._n_held = np.array([len(each) for each in held])
         self._make_room(self._n_held.max())
         for features, each in zip(self._features, held, strict=True):

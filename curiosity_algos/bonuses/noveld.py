@@ -16,9 +16,9 @@ from gymnasium import spaces
 from curiosity_algos.bonuses.base import NetworkKeywords
 from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.rnd import RND
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_algos.state.check import check_like
 from curiosity_gym.validation import check_not_negative, check_whole
 
 
@@ -157,19 +157,16 @@ class Visits:
     def state_dict(self) -> dict[str, Any]:
         """The codes of what was seen, and how entries were standardized."""
         return {
-            "seen": [th.tensor(sorted(each), dtype=th.int64) for each in self._seen],
-            "mean": th.from_numpy(self._mean.copy()),
-            "scale": th.from_numpy(self._scale.copy()),
+            "seen": [np.array(sorted(codes), dtype=np.int64) for codes in self._seen],
+            "mean": self._mean.copy(),
+            "scale": self._scale.copy(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
-        saved = list(state["seen"])
-        if len(saved) != len(self._seen) or {each.dtype for each in saved} != {th.int64}:
-            raise ValueError(f"`seen` must be whole numbers of {len(self._seen)} episodes.")
-        mean = fitting("mean", state["mean"], self._mean.shape, self._mean.dtype)
-        scale = fitting("scale", state["scale"], self._scale.shape, self._scale.dtype)
-        if (scale <= 0.0).any():
+        own = {**self.state_dict(), "seen": [np.empty(0, np.int64) for _ in self._seen]}
+        check_like(state, own, "episodes")
+        if (state["scale"] <= 0.0).any():
             raise ValueError("`scale` must be above 0.")
-        self._seen = [set(each.flatten().tolist()) for each in saved]
-        self._mean, self._scale = mean.copy(), scale.copy()
+        self._seen = [set(codes.tolist()) for codes in state["seen"]]
+        self._mean, self._scale = state["mean"].copy(), state["scale"].copy()

@@ -11,12 +11,10 @@ import torch as th
 
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.state.file import read, save
+from curiosity_algos.state.settings import python_number as plain
 from curiosity_algos.state.tree import encode
 
-
-def plain(value: Any) -> Any:
-    """`value`, as Python's own number where it is one of numpy's."""
-    return value.item() if isinstance(value, np.generic) else value
+__all__ = ["check_plain", "fitting", "plain", "read_plain", "write_plain"]
 
 
 def check_plain(state: Any, name: str) -> None:

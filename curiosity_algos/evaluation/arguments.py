@@ -14,8 +14,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
-from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.networks import torch_device
+from curiosity_algos.state.settings import python_number
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 
@@ -49,7 +49,7 @@ def use_python_numbers(algorithm: BaseAlgorithm) -> None:
     """Make Python's numbers of settings that are numpy's: torch refuses some of these."""
     arguments = inspect.signature(type(algorithm)).parameters
     for name in arguments.keys() & vars(algorithm).keys():
-        vars(algorithm)[name] = plain(vars(algorithm)[name])
+        vars(algorithm)[name] = python_number(vars(algorithm)[name])
 
 
 def check_learning(

@@ -17,7 +17,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import DictReplayBuffer, NStepReplayBuffer, ReplayBuffer
 from stable_baselines3.common.monitor import Monitor
@@ -31,8 +30,6 @@ from stable_baselines3.common.vec_env import (
     unwrap_vec_wrapper,
 )
 
-from curiosity_algos.checkpoints.plain_files import read_plain, write_plain
-from curiosity_algos.checkpoints.plain_json import decode, encode
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import SpaceGenerator, global_state, load_global_state
 from curiosity_algos.experiments.run_folder import write_arrays
@@ -42,6 +39,7 @@ from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.episodes import episode_states, load_episode_states
+from curiosity_algos.state.file import read, save
 
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
 UNDER_WAY, TRANSITIONS = "under_way.pt", "replay_buffer.pt"
@@ -115,11 +113,11 @@ def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
     state = {
         "draws": global_state(model.device),
         "actions": SpaceGenerator(model.action_space).state_dict(),
-        "episodes": encode(episode_states(_below(model))),
+        "episodes": episode_states(_below(model)),
         # Of sb3-contrib's RecurrentPPO: pairs of tensors, which its own file leaves out.
         "memory": [list(pair) for pair in getattr(model, "_last_lstm_states", None) or ()],
     }
-    write_plain(folder / UNDER_WAY, state, _KIND)
+    save(folder / UNDER_WAY, _KIND, {}, state)
 
 
 def _write_buffer(model: BaseAlgorithm, folder: Path, *, transitions: bool) -> None:
@@ -129,9 +127,9 @@ def _write_buffer(model: BaseAlgorithm, folder: Path, *, transitions: bool) -> N
         buffer.save(folder / TRANSITIONS, transitions=transitions)
     elif transitions and type(buffer) in _PLAIN_BUFFERS:
         n = min(buffer.size() + 1, buffer.buffer_size)  # the last row may lead to the next one
-        held = {name: th.from_numpy(column[:n]) for name, column in _columns(buffer).items()}
+        held = {name: column[:n] for name, column in _columns(buffer).items()}
         state = {"held": held, "pos": buffer.pos, "full": buffer.full}
-        write_plain(folder / TRANSITIONS, state, _BUFFER_KIND)
+        save(folder / TRANSITIONS, _BUFFER_KIND, {}, state)
 
 
 def _columns(buffer: ReplayBuffer) -> dict[str, Array]:
@@ -150,8 +148,8 @@ def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
     Episodes that cannot go on begin anew; it warns where transitions are missing.
     """
     _restore_transitions(model, folder)
-    state = read_plain(folder / UNDER_WAY, _KIND, what="run")
-    if not load_episode_states(_below(model), decode(state["episodes"])):
+    state = read(folder / UNDER_WAY, _KIND)[1]
+    if not load_episode_states(_below(model), state["episodes"]):
         model._last_obs = None
     elif state.get("memory"):
         learner: Any = model
@@ -175,9 +173,9 @@ def _restore_transitions(model: BaseAlgorithm, folder: Path) -> None:
     if isinstance(buffer, BonusReplayBuffer):
         buffer.restore(folder / TRANSITIONS)
     elif (folder / TRANSITIONS).exists():
-        saved = read_plain(folder / TRANSITIONS, _BUFFER_KIND, what="replay buffer")
+        saved = read(folder / TRANSITIONS, _BUFFER_KIND)[1]
         for name, column in _columns(buffer).items():
-            rows: npt.NDArray[np.generic] = saved["held"][name].numpy()
+            rows: npt.NDArray[np.generic] = saved["held"][name]
             column[: len(rows)] = rows
         buffer.pos, buffer.full = saved["pos"], saved["full"]
     if model.num_timesteps and not buffer.size():

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, closing, nullcontext
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.envs.registration import EnvSpec, WrapperSpec
 from stable_baselines3.common.monitor import Monitor
 
 import curiosity_gym
-from curiosity_algos.checkpoints.plain_json import decode, encode
+from curiosity_algos.state.tree import Arrays, decode, encode
+from curiosity_gym.layouts import MazeLayout
 
 
 def encode_spec(spec: EnvSpec) -> dict[str, Any]:
@@ -27,7 +30,8 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any]:
     fields = {name: getattr(spec, name) for name in given}
     fields["entry_point"] = _named(spec.entry_point)
     fields["vector_entry_point"] = None
-    fields["kwargs"] = {name: spec.kwargs[name] for name in spec.kwargs if name != "render_mode"}
+    kept = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
+    fields["kwargs"] = {name: _without_objects(value) for name, value in kept.items()}
     window = _named(gym.wrappers.HumanRendering)
     wrappers = [each for each in spec.additional_wrappers if each.entry_point != window]
     fields["additional_wrappers"] = [vars(each) for each in wrappers]
@@ -41,15 +45,24 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any]:
     if fields["entry_point"] is None:
         raise ValueError(f"{spec.id} is made by a function that no module names")
     _check_arguments(spec.id, fields["kwargs"])
-    encoded: dict[str, Any] = encode(fields)
-    return encoded
+    arrays: Arrays = {}
+    encoded: dict[str, Any] = encode(fields, arrays)
+    inline = {name: [array.dtype.name, array.tolist()] for name, array in arrays.items()}
+    return {**encoded, "arrays": inline}
+
+
+def _without_objects(value: Any) -> Any:
+    """A layout as its fields, and a path as text, which mazes take too."""
+    if isinstance(value, MazeLayout):
+        return value.to_dict()
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def _check_arguments(owner: str, kwargs: Mapping[str, Any]) -> None:
     for name, value in kwargs.items():
         try:
-            encode(value)
-        except TypeError as error:  # as of a function
+            encode(value, {})
+        except ValueError as error:  # as of a function
             raise ValueError(f"{owner} has a `{name}` that no file can hold") from error
 
 
@@ -73,7 +86,9 @@ def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> En
         ValueError: If it is not there or damaged, or needs trust.
     """
     try:
-        fields = decode(dict(encoded or {}))
+        tree = dict(encoded or {})
+        inline = tree.pop("arrays").items()
+        fields = decode(tree, {name: np.array(rows, dtype) for name, (dtype, rows) in inline})
         wrappers = tuple(WrapperSpec(**each) for each in fields.pop("additional_wrappers"))
         spec = EnvSpec(**fields, additional_wrappers=wrappers)
     except (AttributeError, KeyError, TypeError, ValueError, gym.error.Error) as error:

@@ -12,9 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
-from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.experiments.reading import parse_rows, read_texts
 from curiosity_algos.state.atomic_file import atomic_file
+from curiosity_algos.state.settings import python_number
 
 TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
 """Columns that say when a row was logged."""
@@ -31,7 +31,7 @@ def in_order(names: Iterable[str]) -> list[str]:
 
 def _writable(value: Any) -> Any:
     """What a row has of a value; a carriage return would end the row."""
-    return re.sub("\r\n?", "\n", value) if isinstance(value, str) else plain(value)
+    return re.sub("\r\n?", "\n", value) if isinstance(value, str) else python_number(value)
 
 
 class ProgressLog(KVWriter):

@@ -14,7 +14,6 @@ import numpy as np
 from filelock import FileLock
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
-from curiosity_algos.checkpoints.plain_files import plain, read_plain, write_plain
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
@@ -33,6 +32,8 @@ from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.episodes import record_episodes
+from curiosity_algos.state.file import read, save
+from curiosity_algos.state.settings import python_number
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 SETTINGS = "settings.json"
@@ -168,7 +169,7 @@ class SaveRun(BaseCallback):
         if isinstance(self.model, EvolutionaryAlgorithm):
             self._sample.load(read_arrays(checkpoint / "sample.npz", REWARDING))
         if isinstance(self._found, ExplorationCallback):
-            found = read_plain(checkpoint / "found.pt", _FOUND, what="run")
+            found = read(checkpoint / "found.pt", _FOUND)[1]
             self._found.load_state_dict(found)
         for name, (value, count) in result["pending_log"].items():
             self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
@@ -284,7 +285,7 @@ class SaveRun(BaseCallback):
         if isinstance(self.model, EvolutionaryAlgorithm):
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
-            write_plain(folder / "found.pt", self._found.state_dict(), _FOUND)
+            save(folder / "found.pt", _FOUND, {}, self._found.state_dict())
         now = {"settings": settings_of(self.model), **describe_vec_env(self.model)}
         with atomic_file(folder / SETTINGS) as file:
             file.write(json.dumps(now).encode())
@@ -313,7 +314,7 @@ class SaveRun(BaseCallback):
         recorded, counts = self.logger.name_to_value, self.logger.name_to_count
         numbers = int | float | np.number
         return {
-            name: (plain(value), counts.get(name, 0))
+            name: (python_number(value), counts.get(name, 0))
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }

@@ -22,7 +22,6 @@ from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import get_system_info
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.common.presets import load_preset
 from curiosity_algos.common.randomness import generator_state, load_generator_state, reseed
@@ -46,12 +45,15 @@ from curiosity_algos.loops.model_file import (
 )
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.file import read, save
+from curiosity_algos.state.settings import HasSettings
 from curiosity_algos.state.tree import State
 from curiosity_gym.core import CoverageGrid
 from curiosity_gym.validation import check_seed
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what a motivation has collected, ours and Stable-Baselines3's."""
+_OF_DAMAGE = (*(ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError),)
+"""What parts raise of states that are none of theirs."""
 BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
 """Names of parts that do not say where a search stands."""
 
@@ -355,10 +357,10 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         """
         left_out, state = set(exclude or ()), self.state_dict()
         if left_out & TRANSITIONS:
-            held = {name for name, part in state.items() if isinstance(part.get("buffer"), Mapping)}
-            for name in held:
+            holders = [k for k, part in state.items() if isinstance(part.get("buffer"), Mapping)]
+            for name in holders:
                 state[name] = {k: value for k, value in state[name].items() if k != "buffer"}
-            state["progress"]["_lacks_transitions"] |= bool(held)
+            state["progress"]["_lacks_transitions"] |= bool(holders)
         settings = {k: value for k, value in self._settings().items() if k not in left_out}
         parts = sort_settings(settings, self._arguments)
         parts["objects"] |= self._kinds()
@@ -417,7 +419,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             model: Self = make_model(cls, settings, env, device, given)
             try:
                 model.load_state_dict(state)
-            except (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError) as error:
+            except _OF_DAMAGE as error:
                 message = f"`path` must be a saved {cls.__name__}, {file}: {error}"
                 raise ValueError(message) from error
             if model.env is not None:

@@ -28,7 +28,6 @@ from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, mak
 from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import fitting, plain
-from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.evaluation.batches import check_last_observations, terminations
@@ -46,6 +45,7 @@ from curiosity_algos.sb3.wrapper_file import (
     write_wrapper,
 )
 from curiosity_algos.state.episodes import load_episode_states, record_episodes
+from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,

@@ -20,7 +20,6 @@ from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.checkpoints.plain_files import plain
-from curiosity_algos.checkpoints.settings import HasSettings
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.rollouts import check_observations
@@ -34,6 +33,7 @@ from curiosity_algos.sb3.replay_arguments import (
 )
 from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
 from curiosity_algos.sb3.scale import BonusScale, check_discount
+from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative
 
 N_SCORED = 2048

@@ -91,9 +91,9 @@ def test_the_ridge_is_above_zero(ridge):
 
 def test_a_memory_of_other_episodes_is_refused():
     episodes, others = make_e3b().episodes(3), make_e3b().episodes(2)
-    with pytest.raises(ValueError, match="`inverses` must be finite, of shape"):
+    with pytest.raises(ValueError, match="inverses` must be of"):
         episodes.load_state_dict(others.state_dict())
     state = episodes.state_dict()
     state["inverses"][0, 0, 0] = th.nan
-    with pytest.raises(ValueError, match="`inverses` must be finite"):
+    with pytest.raises(ValueError, match="inverses` must be finite"):
         episodes.load_state_dict(state)

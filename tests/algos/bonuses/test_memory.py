@@ -134,21 +134,21 @@ class TestState:
         ("name", "value"),
         [
             ("n_seen", 3),
-            ("observations", th.zeros(10, 1, dtype=th.uint8)),
-            ("observations", th.full((10, 1), th.nan)),
+            ("observations", np.zeros((10, 1), np.uint8)),
+            ("observations", np.full((10, 1), np.nan, np.float32)),
             ("features", th.zeros(10, 3)),
-            ("is_current", th.zeros(9, dtype=th.bool)),
+            ("is_current", np.zeros(25)),
         ],
     )
     def test_the_state_of_another_is_refused(self, name, value):
         one, other = make_memory(), make_memory(seed=1)
         one.add(column(*range(25)))
-        with pytest.raises(ValueError, match=f"^`{name}` must"):
+        with pytest.raises(ValueError, match=f"{name}` must"):
             other.load_state_dict(one.state_dict() | {name: value})
         assert len(other) == 0
 
     def test_damaged_draws_are_refused(self):
         one, other = make_memory(), make_memory(seed=1)
-        with pytest.raises(TypeError):
+        with pytest.raises(ValueError, match="rng` must be of type str"):
             other.load_state_dict(one.state_dict() | {"rng": None})
         assert len(other) == 0

@@ -143,5 +143,5 @@ def test_a_memory_goes_on_from_its_state():
 
 @pytest.mark.parametrize("n", [2, 4])
 def test_a_state_of_other_episodes_is_refused(n):
-    with pytest.raises(ValueError, match="`features` must be of 3 episodes"):
+    with pytest.raises(ValueError, match="features` must be a list of 3"):
         make_ngu().episodes(3).load_state_dict(make_ngu().episodes(n).state_dict())

@@ -131,5 +131,5 @@ for space in (spaces.Box(-1, 1, (6,)), spaces.Box(0, 255, (36, 36, 3), np.uint8)
 
 
 def test_a_memory_of_other_episodes_is_refused():
-    with pytest.raises(ValueError, match="`seen` must be whole numbers of 3 episodes"):
+    with pytest.raises(ValueError, match="seen` must be a list of 3"):
         make_noveld().episodes(3).load_state_dict(make_noveld().episodes(2).state_dict())

@@ -3,10 +3,10 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+from saved_files import through_a_file
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecFrameStack, VecMonitor
 
-from curiosity_algos.checkpoints.plain_json import decode, encode
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 from curiosity_algos.state.episodes import episode_states, load_episode_states, record_episodes
 from curiosity_gym import RecordEpisode
@@ -50,7 +50,7 @@ def test_episodes_go_on_elsewhere(make):
     one, other = make(), make()
     one.reset()
     step_n(one, 70, seed=0)
-    assert load_episode_states(other, decode(encode(episode_states(one))))
+    assert load_episode_states(other, through_a_file(episode_states(one)))
     ends = [step_n(venv, 30, seed=1) for venv in (one, other)]
     np.testing.assert_array_equal(ends[0][0], ends[1][0])
     for mine, theirs in zip(ends[0][3], ends[1][3], strict=True):

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from typing import Any, ClassVar
 
-from curiosity_algos.checkpoints.plain_files import plain
+import numpy as np
+
+
+def python_number(value: Any) -> Any:
+    """`value`, as Python's own number where it is one of numpy's."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 class HasSettings:
@@ -38,7 +43,7 @@ class HasSettings:
             raise ValueError(f"`{name}` must stay as it was set: {self._way_on(name)}.")
         if name in self._checks:
             self._checks[name](**{name: value})
-            value = plain(value)
+            value = python_number(value)
         super().__setattr__(name, value)
 
 

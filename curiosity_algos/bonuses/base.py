@@ -54,7 +54,8 @@ class Bonus(Protocol):
         return self.score(observations[:-1], actions, observations[1:])
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, ...), which `show` chooses of what came, into statistics."""
+        """Take observations (n, ...), which `show` has chosen, into statistics, if there are any."""
+        return
 
     def update(
         self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor

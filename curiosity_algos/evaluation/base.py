@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.rollouts import (
@@ -17,9 +16,7 @@ from curiosity_algos.evaluation.rollouts import (
     Summarizer,
     concatenate,
 )
-
-if TYPE_CHECKING:
-    from curiosity_algos.evaluation.transparent import KnownTask
+from curiosity_algos.evaluation.tasks import KnownTask
 
 
 class Evaluator(ABC):

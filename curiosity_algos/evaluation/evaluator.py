@@ -17,11 +17,10 @@ from curiosity_algos.evaluation.environments import (
     open_env,
 )
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.mlp import DEFAULT_NET_ARCH, Mlp, build_mlp
+from curiosity_algos.evaluation.mlp import DEFAULT_NET_ARCH, build_mlp
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.transparent import (
-    KnownTask,
     as_played,
     check_constant,
     known_task,
@@ -64,22 +63,8 @@ def make_evaluator(
     if known is None:
         played = opened if isinstance(opened, MadeVecEnv) else inner
         return VectorEvaluator(played, mlp, n_threads or 1)
-    return _compiled(known, mlp, n_threads)
-
-
-def _compiled(known: KnownTask, mlp: Mlp, n_threads: int | None) -> Evaluator:
-    keywords: dict[str, Any] = {
-        "horizon": known.horizon,
-        "max_steps": known.max_steps,
-        "n_threads": n_threads,
-    }
-    evaluator: MazeEvaluator | SimulationEvaluator
-    if known.simulate is None:
-        evaluator = MazeEvaluator(known.task, known.grid, mlp, **keywords)
-    else:
-        evaluator = SimulationEvaluator(known.task, known.simulate, mlp, **keywords)
-    evaluator.known = known
-    return evaluator
+    compiled = MazeEvaluator if known.simulate is None else SimulationEvaluator
+    return compiled(known, mlp, n_threads)
 
 
 def replay(

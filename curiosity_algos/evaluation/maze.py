@@ -15,8 +15,8 @@ from curiosity_algos.evaluation.rollouts import (
     check_parameters,
     sparse_returns,
 )
+from curiosity_algos.evaluation.tasks import KnownTask
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.core import CoverageGrid
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 
 SLICES_PER_THREAD = 4
@@ -62,57 +62,43 @@ class MazeEvaluator(Evaluator):
     """Evaluates populations on one maze; the same bits for every number of threads.
 
     Args:
-        maze: The maze, as `curiosity_gym.maze.dynamics.build_maze` gives it.
-        grid: The cells whose visits are counted.
+        known: The maze.
         mlp: The policies' shape.
-        horizon: T of the reward, 1 - t / T for a success after t steps.
-        max_steps: Steps after which an episode ends.
         n_threads: None: as many as there are processors.
-
     """
 
+    known: KnownTask
+    block_size = BLOCK_SIZE
     draws = False
 
-    def __init__(
-        self,
-        maze: Maze,
-        grid: CoverageGrid,
-        mlp: Mlp,
-        *,
-        horizon: int,
-        max_steps: int,
-        n_threads: int | None = None,
-    ) -> None:
-        self.maze = maze
-        self.horizon = horizon
-        self.max_steps = max_steps
+    def __init__(self, known: KnownTask, mlp: Mlp, n_threads: int | None = None) -> None:
+        self.known = known
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
-        self.block_size = BLOCK_SIZE
-        self._grid = compiled_grid(grid)
-        self._n_cells = math.prod(grid.shape)
+        self._grid = compiled_grid(known.grid)
         self._pool = ThreadPool(n_threads)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters); mazes draw nothing: `seed` is unused."""
         parameters = check_parameters(parameters, self.n_parameters)
-        n, n_steps = len(parameters), self.max_steps
-        n_features = N_BASE_FEATURES + len(self.maze.inverse_x)
+        assert self.known.horizon is not None
+        n, n_steps, maze = len(parameters), self.known.max_steps, self.known.task
+        n_features = N_BASE_FEATURES + len(maze.inverse_x)
         observations = np.empty((n, n_steps + 1, n_features), dtype=np.float32)
         actions = np.empty((n, n_steps, 2), dtype=np.float32)
         states = np.empty((n, 4))
         lengths = np.empty(n, dtype=np.int64)
         success = np.empty(n, dtype=np.bool_)
-        visited = np.zeros((n, self._n_cells), dtype=np.bool_)
+        visited = np.zeros((n, math.prod(self.known.grid.shape)), dtype=np.bool_)
         memory = scratch(self.mlp, n)
 
         def run(begin: int, end: int) -> None:
             arrays = (memory, observations, actions, states, lengths, success, visited)
-            _rollout_slice(self.maze, self._grid, self.mlp, parameters, begin, end, *arrays)
+            _rollout_slice(maze, self._grid, self.mlp, parameters, begin, end, *arrays)
 
         self._pool.run(run, n, SLICES_PER_THREAD * self._pool.n_threads)
         return Rollouts(
-            returns=sparse_returns(self.horizon, lengths, success),
+            returns=sparse_returns(self.known.horizon, lengths, success),
             lengths=lengths,
             success=success,
             terminated=success,

@@ -215,9 +215,7 @@ def _packed(evaluator: Evaluator) -> bytes:
         if evaluator.make_another is None:
             raise ValueError(f"{_UNSENT['env']} (one environment cannot be two).")
         return _pickled(evaluator.make_another, "env")
-    described = copy.copy(evaluator)  # a description, such as that of a maze
-    vars(described).pop("known", None)  # whose class comes with PyTorch
-    return _pickled(lambda: described, "env")
+    return _pickled(lambda: evaluator, "env")  # a description, such as that of a maze
 
 
 _UNSENT = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,16 +19,10 @@ from curiosity_algos.evaluation.rollouts import (
     concatenate,
     sparse_returns,
 )
-from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.tasks import ControlTask
-from curiosity_gym.locomotion.simulation import LocomotionSimulation
-from curiosity_gym.locomotion.tasks import LocomotionTask
+from curiosity_algos.evaluation.tasks import KnownTask
 
 MAX_SIMULATIONS = 256
 """Throughput is flat from 56 on, and a simulation takes half a megabyte."""
-
-
-AnySimulation = Simulation | LocomotionSimulation
 
 
 class SimulationEvaluator(Evaluator):
@@ -37,36 +31,21 @@ class SimulationEvaluator(Evaluator):
     An individual is not stepped after the end of its episode.
 
     Args:
-        task: The task.
-        simulate: `simulate(task, n, n_threads)` makes its simulations.
+        known: The task.
         mlp: The policies' shape.
-        max_steps: Steps after which an episode ends.
-        horizon: T of the reward, 1 - t / T for a success after t steps; None: rewards are those of
-            the simulation, added up.
         n_threads: None: as many as there are processors.
-
     """
 
-    def __init__(
-        self,
-        task: ControlTask | LocomotionTask,
-        simulate: Callable[..., AnySimulation],
-        mlp: Mlp,
-        *,
-        max_steps: int,
-        horizon: int | None = None,
-        n_threads: int | None = None,
-    ) -> None:
-        self.task = task
-        self._simulate = simulate
+    known: KnownTask
+    block_size = MAX_SIMULATIONS
+
+    def __init__(self, known: KnownTask, mlp: Mlp, n_threads: int | None = None) -> None:
+        self.known = known
         self.mlp = mlp
-        self.max_steps = max_steps
-        self.horizon = horizon
         self.n_parameters = mlp.n_parameters
-        self.block_size = MAX_SIMULATIONS
-        self.draws = task.draws
+        self.draws = known.task.draws
         self._n_threads = n_threads
-        self._simulation: AnySimulation | None = None
+        self._simulation: Any = None
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters).
@@ -74,10 +53,10 @@ class SimulationEvaluator(Evaluator):
         A random start is that of the env's reset with `seed`, the same for all; None: a new one.
         """
         parameters = check_parameters(parameters, self.n_parameters)
-        rngs = [seeding.np_random(seed)[0]] if self.task.draws else []
+        rngs = [seeding.np_random(seed)[0]] if self.draws else []
         n = min(len(parameters), MAX_SIMULATIONS)
         if self._simulation is None or self._simulation.n < n:
-            self._simulation = self._simulate(self.task, n, self._n_threads)
+            self._simulation = self.known.simulate(self.known.task, n, self._n_threads)
         waves = [
             self._play(self._simulation, parameters[begin : begin + n], copy.deepcopy(rngs))
             for begin in range(0, len(parameters), n)
@@ -86,20 +65,20 @@ class SimulationEvaluator(Evaluator):
 
     def _play(
         self,
-        simulation: AnySimulation,
+        simulation: Any,
         parameters: Float32Array,
         rngs: Sequence[np.random.Generator],
     ) -> Rollouts:
         """Play one episode of each policy: at most as many as there are simulations."""
-        n, n_steps = len(parameters), self.max_steps
-        observations = np.empty((n, n_steps + 1, self.task.n_observations), dtype=np.float32)
-        actions = np.empty((n, n_steps, self.task.n_actions), dtype=np.float32)
+        task, horizon = self.known.task, self.known.horizon
+        n, n_steps = len(parameters), self.known.max_steps
+        observations = np.empty((n, n_steps + 1, task.n_observations), dtype=np.float32)
+        actions = np.empty((n, n_steps, task.n_actions), dtype=np.float32)
         returns, lengths = np.zeros(n), np.full(n, n_steps)
         success, terminated = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-        visited = VisitedCells(self.task.coverage_grid)
+        visited = VisitedCells(task.coverage_grid)
         active = np.arange(n)
         memory = scratch(self.mlp, 1)[0]
-        rewards: Any = getattr(simulation, "rewards", None)  # its own, which each step writes
         simulation.reset(active, rngs)
         observations[:, 0] = simulation.observations[:n]
         chosen = actions[:, 0].copy()
@@ -109,8 +88,8 @@ class SimulationEvaluator(Evaluator):
             ended = simulation.step(chosen, active)
             observations[active, t + 1] = simulation.observations[active]
             visited.add(simulation.behaviors[active])
-            if self.horizon is None:
-                returns[active] += rewards[active]
+            if horizon is None:
+                returns[active] += simulation.rewards[active]
             if ended.any():
                 gone = active[ended]
                 lengths[gone], success[gone] = t + 1, simulation.success[gone]
@@ -120,8 +99,8 @@ class SimulationEvaluator(Evaluator):
                 break
         success[active] = simulation.success[active]  # cut off by `max_steps`
         longest = int(lengths.max())
-        if self.horizon is not None:
-            returns = sparse_returns(self.horizon, lengths, success)
+        if horizon is not None:
+            returns = sparse_returns(horizon, lengths, success)
         return Rollouts(
             returns=returns,
             lengths=lengths,
@@ -131,5 +110,5 @@ class SimulationEvaluator(Evaluator):
             final_observations=observations[np.arange(n), lengths],
             observations=observations[:, : longest + 1],
             actions=actions[:, :longest],
-            visited=None if self.task.coverage_grid is None else visited.indices(),
+            visited=None if task.coverage_grid is None else visited.indices(),
         )

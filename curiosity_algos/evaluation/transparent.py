@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +14,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper,
 
 from curiosity_algos.evaluation.environments import env_attributes, monitors
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
+from curiosity_algos.evaluation.tasks import KnownTask
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.vector_env import ControlVectorEnv
@@ -22,7 +22,6 @@ from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import task_class
 from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
-from curiosity_gym.maze.dynamics import same_maze
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
@@ -119,34 +118,6 @@ def _layers(env: Any) -> Iterator[Any]:
     while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
         env = env.env
         yield env
-
-
-@dataclass(frozen=True)
-class KnownTask:
-    """A maze, a control task or a robot that compiled evaluators can play without its env.
-
-    Attributes:
-        task: The maze or task.
-        simulate: Makes simulations of a task; None: it is a maze.
-        grid: The coverage grid of a maze.
-        horizon: T of the reward `1 - t / T`; None: rewards are the task's own.
-        max_steps: Steps after which an episode ends.
-    """
-
-    task: Any
-    simulate: type[Any] | None
-    grid: Any
-    horizon: int | None
-    max_steps: int
-
-    def is_same(self, other: KnownTask | None) -> bool:
-        """Whether policies meet the same task."""
-        if other is None or self.simulate is not other.simulate:
-            return False
-        if (self.horizon, self.max_steps) != (other.horizon, other.max_steps):
-            return False
-        is_maze = self.simulate is None
-        return same_maze(self.task, other.task) if is_maze else bool(self.task == other.task)
 
 
 def known_task(env: Any) -> KnownTask | None:

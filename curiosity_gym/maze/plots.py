@@ -78,7 +78,7 @@ def draw_counts(axes: "Sequence[Axes]", counts: Sequence[NDArray[np.int64]], sid
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
-    norm = LogNorm(1, max(10, *map(np.max, counts)))
+    norm = LogNorm(1, max(10, *(squares.max() for squares in counts)))
     for ax, squares in zip(axes, counts, strict=True):
         y, x = (side * np.arange(n + 1) for n in squares.shape)
         positive = np.ma.masked_equal(squares, 0)

@@ -83,7 +83,7 @@ def test_mazes_run_compiled(kind):
     evaluator = make_evaluator(PLAIN[kind](), SMALL)
     assert isinstance(evaluator, MazeEvaluator)
     assert evaluator.n_parameters == 37 * 4 + 5 * 2
-    np.testing.assert_array_equal(evaluator.maze.start, MazeEnv("hard").maze.start)
+    np.testing.assert_array_equal(evaluator.known.task.start, MazeEnv("hard").maze.start)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,8 @@ from curiosity_algos import CanonicalES, MAPElites, make_evaluator
 from curiosity_algos.evaluation import simulation
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
+from curiosity_algos.evaluation.tasks import KnownTask
+from curiosity_algos.evaluation.transparent import known_task
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import Stacker
@@ -34,12 +36,7 @@ def make(name, n_individuals=24, net_arch=(8,), **kwargs):
 
 
 def evaluate(env, mlp, parameters, n_threads=None, seed=None):
-    task = env.unwrapped.task
-    horizon = env.unwrapped.horizon
-    evaluator = SimulationEvaluator(
-        task, Simulation, mlp, max_steps=horizon, horizon=horizon, n_threads=n_threads
-    )
-    return evaluator.evaluate(parameters, seed)
+    return SimulationEvaluator(known_task(env), mlp, n_threads).evaluate(parameters, seed)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -173,17 +170,17 @@ class Passing:
 def test_the_last_step_says_whether_an_episode_succeeded():
     task = SimpleNamespace(n_observations=1, n_actions=1, coverage_grid=None, draws=False)
     mlp = build_mlp(gym.spaces.Box(-1, 1, (1,)), gym.spaces.Box(-1, 1, (1,)), [])
-    evaluator = SimulationEvaluator(task, Passing, mlp, max_steps=4)
+    evaluator = SimulationEvaluator(KnownTask(task, Passing, None, None, 4), mlp)
     rollouts = evaluator.evaluate(np.zeros((4, 2)))
     assert rollouts.lengths.tolist() == [2, 4, 4, 4]
     assert rollouts.success.tolist() == [True, False, False, False]
-    evaluator = SimulationEvaluator(task, Passing, mlp, max_steps=2)
+    evaluator = SimulationEvaluator(KnownTask(task, Passing, None, None, 2), mlp)
     assert evaluator.evaluate(np.zeros((4, 2))).success.all()
 
 
 def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
     env, mlp, parameters = make("BallInCup", 6, horizon=50)
-    evaluator = SimulationEvaluator(env.unwrapped.task, Simulation, mlp, max_steps=50, horizon=50)
+    evaluator = SimulationEvaluator(known_task(env), mlp)
     expected = evaluator.evaluate(parameters)
     simulation = evaluator._simulation
     reset = simulation.reset
@@ -230,7 +227,7 @@ def test_many_individuals_are_played_in_waves(monkeypatch, assert_same_rollouts)
 
 def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     env, mlp, parameters = make("Finger", 6, horizon=100)
-    evaluator = SimulationEvaluator(env.unwrapped.task, Simulation, mlp, max_steps=100, horizon=100)
+    evaluator = SimulationEvaluator(known_task(env), mlp)
     few = evaluator.evaluate(parameters[:2])
     first = evaluator.evaluate(parameters)
     np.testing.assert_array_equal(first.behaviors[:2], few.behaviors)
@@ -249,7 +246,7 @@ def test_a_stricter_success_reaches_the_evaluator_whatever_is_passed():
     kind = {"num_envs": 2, "vectorization_mode": "vector_entry_point"}
     vector = gym.make_vec(env.spec.id, success_threshold=0.5, **kind)
     for each in (env, vector, DummyVecEnv([lambda: Monitor(env)])):
-        assert make_evaluator(each).task == Stacker(0.5)
+        assert make_evaluator(each).known.task == Stacker(0.5)
 
 
 def test_stackers_of_different_thresholds_are_not_taken_for_one():

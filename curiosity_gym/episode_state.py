@@ -62,8 +62,6 @@ def load_generator_states(
 
 def _to_words(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
     state: Any = rng.bit_generator.state
-    if state["bit_generator"] != "PCG64":
-        raise ValueError(f"`np_random` must be a PCG64, got one of {state['bit_generator']}.")
     halves = [part for key in ("state", "inc") for part in divmod(state["state"][key], 2**64)]
     return np.array([*halves, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
 

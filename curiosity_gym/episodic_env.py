@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +11,6 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from curiosity_gym.core import Float32Array, FloatArray, Frame
-from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
 from curiosity_gym.simulation import BaseSimulation
 from curiosity_gym.validation import as_float32, check_render_mode
 
@@ -126,48 +125,6 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         if not vars(self)["sparse"]:  # directly: every step reads it
             return float(self.simulation.rewards[0])
         return 1.0 - t / self.horizon if success else 0.0
-
-    # -- exact resume -----------------------------------------------------------------------------
-
-    def state_dict(self) -> dict[str, Any]:
-        """The episode as it stands, under way or just ended, for `load_state_dict`.
-
-        The generators of the spaces are not part of it, nor is `np_random` of an environment that
-        draws nothing.
-
-        Returns:
-            `steps`, an int, the steps taken; `ended`, a bool, whether the last of them ended the
-            episode; `observation`, the last, (O,); `physics`, (S,) float64; and, if starts
-            are random, `generators`, (1, 6) uint64, the state of `np_random`. The arrays are new.
-
-        Raises:
-            gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
-            ValueError: If starts are random, and a generator is no PCG64, as Gymnasium's are.
-        """
-        if self._t < 0:
-            raise ResetNeeded("Call reset() before state_dict(): there is no episode.")
-        return self._snapshot()
-
-    def _snapshot(self) -> dict[str, Any]:
-        own = {"steps": self._t, "ended": self._ended, "observation": self._observe()}
-        drawn = generator_states(self._generators())
-        return {**own, "physics": self.simulation.state[0], **drawn}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
-
-        No reset is needed before; the wrappers of `gym.make` ask for one before they step, though.
-
-        Args:
-            state: Of an environment made with the same keywords; its arrays are copied.
-
-        Raises:
-            ValueError: If it is not a state of such an environment; nothing has changed then.
-        """
-        own = checked_state(state, self._snapshot(), self.horizon)
-        self.simulation.restore(own["physics"][None], own["observation"][None])
-        self._t, self._ended = int(own["steps"]), bool(own["ended"])
-        load_generator_states(self._generators(), own)
 
     # -- pictures ---------------------------------------------------------------------------------
 

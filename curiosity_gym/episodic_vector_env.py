@@ -286,7 +286,6 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
-            ValueError: If starts are random, and a generator is no PCG64, as Gymnasium's are.
         """
         if not self._is_ready:
             raise ResetNeeded("Call reset() before state_dict(): an env has no episode.")

@@ -54,7 +54,7 @@ class Bonus(Protocol):
         return self.score(observations[:-1], actions, observations[1:])
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, ...), which `show` has chosen, into statistics, if there are any."""
+        """Take observations (n, ...), which `show` has chosen, into statistics, if any."""
         return
 
     def update(

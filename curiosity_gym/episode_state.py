@@ -1,8 +1,8 @@
-"""Checks the states that episodes resume from, and reads the generators in them."""
+"""Checks the states that episodes resume from, and makes the generators in them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,22 +14,19 @@ AnyArray = npt.NDArray[Any]
 def checked_state(
     state: Mapping[str, Any], like: Mapping[str, Any], limit: int
 ) -> dict[str, AnyArray]:
-    """The entries of `state` as new arrays, each finite, of the shape and type that `like` has.
+    """The entries of `state` but its generators, as new finite arrays like those of `like`.
 
     Raises:
         ValueError: If they are not, or no episodes of at most `limit` steps can be there.
     """
-    if not isinstance(state, Mapping) or set(state) != set(like):
-        raise ValueError(f"`state` must hold {', '.join(like)}, as state_dict() gives them.")
+    keys = [*like, "generators"]
+    if not isinstance(state, Mapping) or set(state) != set(keys):
+        raise ValueError(f"`state` must hold {', '.join(keys)}, as state_dict() gives them.")
     own = {key: _checked_entry(key, state[key], np.asarray(like[key])) for key in like}
     steps, ended = own["steps"], own["ended"]
     # A step has ended those that have ended; the others have one left before the limit.
     if ((steps < ended) | (steps >= limit + ended)).any():
         raise ValueError(f"`state` must be of episodes of at most {limit} steps.")
-    # The last two words of a generator are whether half of a draw is left over, and which.
-    words = own.get("generators", np.zeros((0, 6), np.uint64))
-    if (words[:, 4] > 1).any() or (words[:, 5] >= 2**32).any():
-        raise ValueError("`state` must hold generators as state_dict() gives them.")
     return own
 
 
@@ -47,27 +44,16 @@ def _checked_entry(key: str, value: object, like: AnyArray) -> AnyArray:
     return array
 
 
-def generator_states(rngs: Sequence[np.random.Generator]) -> dict[str, AnyArray]:
-    """The entry of a state that holds k generators, PCG64: (k, 6) uint64; none where k is 0."""
-    return {"generators": np.stack([_to_words(rng) for rng in rngs])} if rngs else {}
+def make_generators(states: Any, n: int) -> list[np.random.Generator]:
+    """N generators, as Gymnasium's are, in the states of their bit generators.
 
-
-def load_generator_states(
-    rngs: Sequence[np.random.Generator], state: Mapping[str, AnyArray]
-) -> None:
-    """Bring generators to where they were when `generator_states` gave its entry of `state`."""
-    for rng, words in zip(rngs, state.get("generators", ()), strict=True):
-        rng.bit_generator.state = _from_words(words.tolist())
-
-
-def _to_words(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
-    state: Any = rng.bit_generator.state
-    halves = [part for key in ("state", "inc") for part in divmod(state["state"][key], 2**64)]
-    return np.array([*halves, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
-
-
-def _from_words(words: list[int]) -> dict[str, Any]:
-    high, low, inc_high, inc_low, has_uint32, uinteger = words
-    state = {"state": high * 2**64 + low, "inc": inc_high * 2**64 + inc_low}
-    own = {"bit_generator": "PCG64", "state": state}
-    return {**own, "has_uint32": has_uint32, "uinteger": uinteger}
+    Raises:
+        ValueError: If there are not n such states.
+    """
+    rngs = [np.random.Generator(np.random.PCG64()) for _ in range(n)]
+    try:
+        for rng, state in zip(rngs, states, strict=True):
+            rng.bit_generator.state = state
+    except (KeyError, OverflowError, TypeError, ValueError) as error:
+        raise ValueError("`state` must hold generators as state_dict() gives them.") from error
+    return rngs

@@ -17,7 +17,7 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
-from curiosity_gym.episode_state import checked_state, generator_states, load_generator_states
+from curiosity_gym.episode_state import checked_state, make_generators
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.validation import (
     as_float32,
@@ -279,23 +279,23 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         `np_random` and the generators of the spaces are not part of it: nothing is drawn from them.
 
         Returns:
-            New arrays by name. `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,)
+            New arrays by name: `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,)
             bool, which envs have ended and not begun anew; `observations`, the last, (num_envs, O);
-            `physics`, (num_envs, S) float64; and, if starts are random, `generators`,
-            (num_envs, 6) uint64.
+            `physics`, (num_envs, S) float64. And `generators`, a list: the state of each env's, if
+            starts are random.
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
         """
         if not self._is_ready:
             raise ResetNeeded("Call reset() before state_dict(): an env has no episode.")
-        return self._snapshot()
+        generators: list[Any] = [rng.bit_generator.state for rng in self._rngs]
+        return {**self._snapshot(), "generators": generators}
 
     def _snapshot(self) -> dict[str, Any]:
         own = {"steps": self._steps.copy(), "ended": self._ended.copy()}
-        seen = {"observations": self.simulation.observations.copy()}
-        drawn = generator_states(self._rngs)
-        return {**own, **seen, "physics": self.simulation.state, **drawn}
+        observations = self.simulation.observations.copy()
+        return {**own, "observations": observations, "physics": self.simulation.state}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
@@ -313,9 +313,9 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         own = checked_state(state, self._snapshot(), longest)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
             raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
+        rngs = make_generators(state["generators"], len(self._rngs))
         self.simulation.restore(own["physics"], own["observations"])
-        self._steps, self._ended = own["steps"], own["ended"]
-        load_generator_states(self._rngs, own)
+        self._steps, self._ended, self._rngs = own["steps"], own["ended"], rngs
 
     # -- pictures ---------------------------------------------------------------------------------
 

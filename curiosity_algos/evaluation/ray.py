@@ -35,29 +35,6 @@ _PLAY_SHARD = ray.remote(play_shard)
 MakeEvaluator = Callable[[], Evaluator]
 
 
-def connect(
-    address: str | None, num_cpus: int = 0, resources: Mapping[str, float] | None = None
-) -> None:
-    """Join a cluster, unless Ray is connected to one already.
-
-    Args:
-        address: "auto" finds the cluster that this machine is part of. None: that of the variable
-            `RAY_ADDRESS`, or one is started on this machine.
-        num_cpus: Processors that a started one has, at least as many as there are.
-        resources: Other resources that a started one has, by Ray's names.
-    """
-    if ray.is_initialized():
-        return
-    address = address or os.environ.get("RAY_ADDRESS", "local")
-    started: dict[str, Any] = {
-        "num_cpus": max(available_cpus(), num_cpus),
-        "resources": resources,
-        "include_dashboard": False,
-    }
-    options = started if address == "local" else {}
-    ray.init(address=address, logging_level="warning", **options)
-
-
 class RayEvaluator(Evaluator):
     """Evaluates populations on the processes of a Ray cluster; the same bits as without.
 
@@ -153,9 +130,18 @@ class RayEvaluator(Evaluator):
             raise RuntimeError(f"Ray failed in a generation: {error}") from error
 
     def _connect(self) -> None:
-        n_workers, resources = self.n_workers or 1, self._needs["resources"]
-        own = {name: n_workers * amount for name, amount in resources.items()}
-        connect(self.address, math.ceil(n_workers * self.num_cpus), own)
+        """Join a cluster, or start one, unless Ray is connected already."""
+        if ray.is_initialized():
+            return
+        address = self.address or os.environ.get("RAY_ADDRESS", "local")
+        n_workers = self.n_workers or 1
+        started: dict[str, Any] = {
+            "num_cpus": max(available_cpus(), math.ceil(n_workers * self.num_cpus)),
+            "resources": {name: n_workers * n for name, n in self._needs["resources"].items()},
+            "include_dashboard": False,
+        }
+        options = started if address == "local" else {}
+        ray.init(address=address, logging_level="warning", **options)
 
     def _n_wanted(self) -> int:
         """Shards that are to be played at once."""

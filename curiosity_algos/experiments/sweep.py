@@ -244,7 +244,7 @@ def _message(lines: Sequence[str]) -> str:
 def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
     """Let commands end as after Ctrl-C; another one ends them at once."""
     try:
-        for process in processes:
+        for process in processes if os.name == "posix" else ():  # elsewhere they have had it
             process.send_signal(signal.SIGINT)
         for process in processes:
             process.wait()

@@ -49,9 +49,6 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
         ),
         (RunSpec("nses", US, 0, 1, {}, {"sigma": -1.0}), "`sigma` must be"),
         (RunSpec("nses", US, 0, 1, {}, {"preset": "best"}), "`preset` must be one of"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"gamma": "abc"}), "`gamma` must be from"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"target_noise_clip": "abc"}), "`target_noise_clip`"),
-        (RunSpec("td3icm", US, 0, 1, {}, {"stats_window_size": "abc"}), "`stats_window_size`"),
         (RunSpec("td3icm", US, 0, 1, {}, {"extrinsic": "no"}), "True or False"),
         (RunSpec("nses", US, 0, 1, {}, {"device": "gpu"}), "`device` must be"),
         (RunSpec("nses", US, 0, -1), "`total_timesteps` must be finite and at least 0"),
@@ -157,7 +154,8 @@ def test_models_leave_the_settings_of_other_runs_alone():
 def test_a_bonus_is_this_packages_own(algorithm):
     spec = RunSpec(algorithm, US, 0, 1, bonus="RND", bonus_kwargs={"learning_rate": 1e-3})
     model = spec.make()
-    assert (model.bonus, model.bonus_kwargs) == ("rnd", {"learning_rate": 1e-3})
+    bonus = getattr(model, "trained_bonus", None) or model.replay_buffer.bonus
+    assert type(bonus).__name__ == "RND"
     assert spec.folder("runs").parts[1] == f"{type(model).__name__}+rnd"
 
 

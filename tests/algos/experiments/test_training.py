@@ -102,7 +102,7 @@ def test_another_maze_in_the_same_file_is_another_run(tmp_path):
     with pytest.raises(ValueError, match=message):
         train(run, folder)
     spec = decode_spec(RunFolder(folder).describe()["env_spec"])
-    assert spec.kwargs["layout"] == one  # for who plays it from its folder alone
+    assert spec.kwargs["layout"] == one.to_dict()  # for who plays it from its folder alone
 
 
 @pytest.mark.parametrize(("n_times", "kept"), [(1, 3), (2, None)])

@@ -14,9 +14,9 @@ PACKAGES = ("curiosity_gym", "curiosity_algos")
 FLOORS = [
     ["common"],
     ["state"],
-    ["checkpoints"],
     ["evaluation"],
     ["bonuses"],
+    ["curiosity"],
     ["archives", "motivations", "sb3", "search"],
     ["loops"],
     ["algorithms"],

@@ -26,7 +26,7 @@ from curiosity_algos.evaluation.environments import describe, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.flat_spaces import is_range
 from curiosity_algos.sb3.callbacks import ExplorationCallback
-from curiosity_algos.sb3.held_observations import check_sb3_takes
+from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_gym.validation import check_at_least_one, check_keywords, check_not_negative
 

@@ -6,7 +6,7 @@ import copy
 import inspect
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Mapping, Set
 from functools import cache
 from typing import Any, ClassVar, Protocol, TypedDict, runtime_checkable
 
@@ -17,7 +17,7 @@ from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.arrays import Array, Float32Array
-from curiosity_algos.common.networks import RunningNormalizer, check_gradients, torch_device
+from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.compiled import ThreadPool
@@ -32,7 +32,7 @@ class Bonus(Protocol):
 
     Attributes:
         horizon: Steps that the transitions span at most which it learns from.
-        observes_ends: Whether it observes the last states of episodes too, see `show`.
+        observes_ends: Whether it observes the last states of episodes, too.
     """
 
     horizon: int = 1
@@ -54,7 +54,7 @@ class Bonus(Protocol):
         return self.score(observations[:-1], actions, observations[1:])
 
     def observe(self, observations: th.Tensor) -> None:
-        """Take observations (n, ...), which `show` has chosen, into statistics, if any."""
+        """Take observations (n, ...) into statistics, if any."""
         return
 
     def update(
@@ -259,22 +259,6 @@ def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int,
         raise RuntimeError("The state holds NaN or infinity.")
 
 
-def show(bonus: Bonus, before: Array, ends: Array) -> None:
-    """Let a bonus observe the states that steps began in, and those that will begin none.
-
-    Where the task ended an episode, the last state may be like no other: unless it is observed, it
-    is new whenever it comes again. A bonus whose `observes_ends` is False is spared them.
-
-    Args:
-        bonus: The bonus.
-        before: (n, ...).
-        ends: (m, ...), the last states of episodes that the task ended, no limit of time.
-    """
-    if bonus.observes_ends:
-        before = np.concatenate([before, ends])
-    bonus.observe(th.from_numpy(before))
-
-
 LARGEST_OBSERVED = 1e18
 """Squares of larger numbers leave float32."""
 
@@ -297,28 +281,6 @@ def check_rewards(rewards: Array) -> None:
     """Raise ValueError unless the rewards of the task can be learned from."""
     if not np.isfinite(rewards).all():
         raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
-
-
-def train(
-    bonus: Bonus, draw: Callable[[int], Iterable[th.Tensor]], *, n_updates: int, batch_size: int
-) -> dict[str, float]:
-    """Train on batches of transitions; mean losses, by the names they are logged under.
-
-    Args:
-        bonus: What is trained.
-        draw: Gives observations, actions and next observations of so many transitions.
-        n_updates: Gradient steps.
-        batch_size: Transitions a gradient step.
-
-    Raises:
-        RuntimeError: If torch computes no gradients.
-    """
-    check_gradients()
-    steps = [bonus.update(*draw(batch_size)) for _ in range(n_updates)]
-    return {
-        f"{bonus.name}/{name}": float(np.mean([losses[name] for losses in steps]))
-        for name in steps[0]
-    }
 
 
 def record_bonus(logger: Logger, values: Array) -> None:

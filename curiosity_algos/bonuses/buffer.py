@@ -13,8 +13,8 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.randomness import integer_seed
+from curiosity_algos.state.check import check_like
 
 USUAL_CAPACITY = 100_000
 """Transitions that a buffer keeps unless a user says how many, if they fit `USUAL_BYTES`."""
@@ -106,8 +106,12 @@ class TransitionBuffer:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, or its newest; ValueError for what does not fit."""
-        self._check(state)
+        empty = {name: column[:0] for name, column in self._columns.items()}
+        own = {**empty, "next": 0, "generator": self._generator.get_state()}
+        check_like(state, own, "buffer")
         n = len(state["actions"])
+        if any(len(state[name]) != n for name in self._columns):
+            raise ValueError("`buffer` must be of as many rows in each column.")
         rows, place = th.arange(n), state["next"]
         if n != self.capacity:
             rows = rows.roll(-place)[-self.capacity :]
@@ -116,10 +120,3 @@ class TransitionBuffer:
         for name, column in self._columns.items():
             column[: len(rows)] = state[name][rows]
         self.size, self._next = len(rows), place % self.capacity
-
-    def _check(self, state: Mapping[str, Any]) -> None:
-        n = len(state["actions"])
-        for name, column in self._columns.items():
-            fitting(name, state[name], (n, *column.shape[1:]), column.numpy().dtype)
-        if type(state["next"]) is not int or not 0 <= state["next"] <= n:
-            raise ValueError(f"`next` must be from 0 to {n}, got {state['next']!r}.")

@@ -21,7 +21,6 @@ from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
 from curiosity_algos.bonuses.ramp import RAMP
 from curiosity_algos.bonuses.rnd import RND
-from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.state.tree import encode
@@ -137,7 +136,7 @@ def _check_fits(
         raise ValueError(
             f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."
         )
-    horizon: object = horizon_of(bonus)
+    horizon: object = bonus.horizon
     if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
         raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
     encode(bonus.state_dict(), {}, "bonus")

@@ -7,21 +7,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch as th
 
-from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.transitions import draw_steps
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Array, Mask
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.state.check import check_like
 
 ARRAYS = ("observations", "actions", "lengths")
 """Arrays that `RecentSteps` keeps of each environment."""
-
-
-def horizon_of(bonus: Bonus) -> int:
-    """Steps that the transitions span at most which a bonus learns from."""
-    return bonus.horizon
 
 
 class RecentSteps:
@@ -74,21 +67,13 @@ class RecentSteps:
 
     def state_dict(self) -> dict[str, Any]:
         """The steps, and the state of the draws."""
-        arrays = {name: th.from_numpy(getattr(self, f"_{name}").copy()) for name in ARRAYS}
+        arrays = {name: getattr(self, f"_{name}").copy() for name in ARRAYS}
         return {**arrays, "next": self._next, "rng": generator_state(self._rng)}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError where it is other environments'."""
-        owned = {name: getattr(self, f"_{name}") for name in ARRAYS}
-        arrays = {
-            name: fitting(name, state[name], own.shape, own.dtype) for name, own in owned.items()
-        }
-        lengths, place = arrays["lengths"], state["next"]
-        if lengths.min() < 0 or lengths.max() > self.horizon:
-            raise ValueError(f"`lengths` must be from 0 to {self.horizon}.")
-        if type(place) is not int or not 0 <= place < self.horizon:
-            raise ValueError(f"`next` must be from 0 to below {self.horizon}, got {place!r}.")
+        check_like(state, self.state_dict(), "recent")
         load_generator_state(self._rng, state["rng"])
-        self._next = place
-        for name, array in arrays.items():
-            owned[name][:] = array
+        self._next = state["next"]
+        for name in ARRAYS:
+            getattr(self, f"_{name}")[:] = state[name]

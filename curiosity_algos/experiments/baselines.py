@@ -114,8 +114,8 @@ def load_baseline(
         device: Where the networks are, as in SB3.
         **replaced: Attributes of the model to replace, as of its `load`.
     """
-    if (checkpoint / "bonus.pt").exists():
-        venv = BonusVecEnvWrapper.load(checkpoint / "bonus.pt", venv, device=device)
+    if (checkpoint / "bonus.npz").exists():
+        venv = BonusVecEnvWrapper.load(checkpoint / "bonus.npz", venv, device=device)
     model: BaseAlgorithm = cls.load(
         checkpoint / "model", env=venv, device=device, force_reset=False, **replaced
     )

@@ -2,10 +2,10 @@
 
 Of algorithms that Stable-Baselines3 trains these hold, too, what their `model.zip` lacks of a run:
 
-under_way.pt      the states of the global generators, of random actions, of the episodes, and what
-                  a recurrent policy remembers of them
-replay_buffer.pt  the transitions of an off-policy algorithm, and the bonus of a buffer, which stays
-                  where transitions are left out
+under_way.npz      the states of the global generators, of random actions, of the episodes, and
+                   what a recurrent policy remembers of them
+replay_buffer.npz  the transitions of an off-policy algorithm, and the bonus of a buffer, which
+                   stays where transitions are left out
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from curiosity_algos.state.episodes import episode_states, load_episode_states
 from curiosity_algos.state.file import read, save
 
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
-UNDER_WAY, TRANSITIONS = "under_way.pt", "replay_buffer.pt"
+UNDER_WAY, TRANSITIONS = "under_way.npz", "replay_buffer.npz"
 _KIND, _BUFFER_KIND = "a run under way 1", "transitions of a replay buffer 1"
 _COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 _PLAIN_BUFFERS = (ReplayBuffer, DictReplayBuffer, NStepReplayBuffer)
@@ -90,7 +90,7 @@ def write_model(
         model.save(file, exclude)  # to a path Stable-Baselines3 writes what a power cut may lose
     bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
     if bonus is not None:
-        bonus.save(folder / "bonus.pt")
+        bonus.save(folder / "bonus.npz")
     if normalize is not None:
         with atomic_file(folder / "vecnormalize.pkl") as file:
             pickle.dump(normalize, file)  # as its `save` does, which leaves it in the cache

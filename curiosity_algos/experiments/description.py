@@ -30,6 +30,7 @@ from curiosity_algos.evaluation.environments import (
 )
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 from curiosity_gym.core import entry_names
@@ -139,7 +140,8 @@ def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:
     n_envs, wrappers = env.num_envs, {}
     while isinstance(env, VecEnvWrapper):
         if not isinstance(env, VecMonitor):  # which changes nothing
-            wrappers[type(env).__name__] = _arguments(env, vars(env))
+            now = env.settings if isinstance(env, BonusVecEnvWrapper) else {}
+            wrappers[type(env).__name__] = _arguments(env, vars(env) | now)
         env = env.venv
     return {"vec_env": {"n_envs": n_envs, "wrappers": wrappers}}
 

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
-from curiosity_algos.sb3.held_observations import check_sb3_takes
+from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 

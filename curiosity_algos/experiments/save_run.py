@@ -56,8 +56,8 @@ class SaveRun(BaseCallback):
 
     `TD3ICM`, and algorithms of Stable-Baselines3 and sb3-contrib, go on by `load_baseline`, their
     random draws and, with `save_replay_buffer`, its transitions, too. Beside its `model` the
-    checkpoint holds `bonus.pt` of a `BonusVecEnvWrapper`, and `vecnormalize.pkl` of a VecNormalize,
-    which `load_baseline` leaves to you.
+    checkpoint holds `bonus.npz` of a `BonusVecEnvWrapper`, and `vecnormalize.pkl` of a
+    VecNormalize, which `load_baseline` leaves to you.
 
     Args:
         folder: Folder of the run: empty or missing, or that of the run that the model goes on with.
@@ -169,7 +169,7 @@ class SaveRun(BaseCallback):
         if isinstance(self.model, EvolutionaryAlgorithm):
             self._sample.load(read_arrays(checkpoint / "sample.npz", REWARDING))
         if isinstance(self._found, ExplorationCallback):
-            found = read(checkpoint / "found.pt", _FOUND)[1]
+            found = read(checkpoint / "found.npz", _FOUND)[1]
             self._found.load_state_dict(found)
         for name, (value, count) in result["pending_log"].items():
             self.logger.name_to_value[name], self.logger.name_to_count[name] = value, count
@@ -285,7 +285,7 @@ class SaveRun(BaseCallback):
         if isinstance(self.model, EvolutionaryAlgorithm):
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
-            save(folder / "found.pt", _FOUND, {}, self._found.state_dict())
+            save(folder / "found.npz", _FOUND, {}, self._found.state_dict())
         now = {"settings": settings_of(self.model), **describe_vec_env(self.model)}
         with atomic_file(folder / SETTINGS) as file:
             file.write(json.dumps(now).encode())

@@ -12,11 +12,9 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from curiosity_algos.bonuses.base import Bonus, NetworkBonus, check_scores, show, train
+from curiosity_algos.bonuses.base import Bonus, NetworkBonus, check_scores
 from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.episodes import EpisodicBonus
-from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
-from curiosity_algos.bonuses.spans import horizon_of
 from curiosity_algos.bonuses.transitions import (
     EvenlySpaced,
     draw_transitions,
@@ -26,6 +24,7 @@ from curiosity_algos.bonuses.transitions import (
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_seed, check_share
@@ -133,6 +132,8 @@ class CuriosityMotivation:
         ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
 
+    bonus, n_updates, batch_size = OfCuriosity(), OfCuriosity(), OfCuriosity()
+
     def __init__(
         self,
         observation_space: spaces.Space[Any],
@@ -150,25 +151,27 @@ class CuriosityMotivation:
         device: th.device | str = "auto",
         n_threads: int | None = None,
     ) -> None:
-        bonus_kwargs = {} if bonus_kwargs is None else bonus_kwargs
-        check_bonus_choice(bonus, bonus_kwargs)
         check_how_to_score(n_states, gamma)
-        check_at_least_one(n_transitions=n_transitions, n_updates=n_updates)
-        check_at_least_one(batch_size=batch_size, buffer_size=buffer_size)
+        check_at_least_one(n_transitions=n_transitions, buffer_size=buffer_size)
         if not isinstance(seed, np.random.SeedSequence):
             check_seed(seed)
             seed = np.random.SeedSequence(seed)
         own_seed, networks_seed, buffer_seed = seed.spawn(3)
-        self.bonus = make_bonus(
-            bonus, bonus_kwargs, observation_space, action_space, seed=networks_seed, device=device
+        self.curiosity = Curiosity(
+            observation_space,
+            action_space,
+            bonus=bonus,
+            bonus_kwargs={} if bonus_kwargs is None else bonus_kwargs,
+            n_updates=n_updates,
+            batch_size=batch_size,
+            seed=networks_seed,
+            device=device,
         )
         n_actions = get_action_dim(action_space)
         self.buffer = TransitionBuffer(buffer_size, observation_space, n_actions, seed=buffer_seed)
         self.gamma = gamma
         self.n_states = n_states
         self.n_transitions = n_transitions
-        self.n_updates = n_updates
-        self.batch_size = batch_size
         self._rng = np.random.default_rng(own_seed)
         self._pool = ThreadPool(n_threads)
         # Its own names of summaries: rollouts may be those of another motivation, too.
@@ -193,10 +196,8 @@ class CuriosityMotivation:
 
     def learning(self, n_individuals: int) -> dict[str, Summarizer]:
         """A summarizer for `update`, of trajectories of so many individuals; drawn now."""
-        horizon = horizon_of(self.bonus)
-        return {
-            self._learned: draw_transitions(self._rng, n_individuals, self.n_transitions, horizon)
-        }
+        drawn = self.n_transitions, self.curiosity.horizon
+        return {self._learned: draw_transitions(self._rng, n_individuals, *drawn)}
 
     def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
         """All that is needed of the trajectories of a generation."""
@@ -214,39 +215,33 @@ class CuriosityMotivation:
 
         def score_some(part: int) -> None:
             some = slice(part * N_TOGETHER, (part + 1) * N_TOGETHER)
-            scores = self.bonus.score(*(flat(each[some]) for each in (begins, actions, ends)))
+            scores = self.curiosity.score(*(flat(part[some]) for part in (begins, actions, ends)))
             curiosity[some] = scores.reshape(-1, n_states)
 
         on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
-        check_scores(curiosity, begins, ends)
         return _highest_quarter(curiosity)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
-        with single_torch_thread():
-            self._remember(rollouts)
-            return train(
-                self.bonus, self.buffer.sample, n_updates=self.n_updates, batch_size=self.batch_size
-            )
-
-    def _remember(self, rollouts: Rollouts) -> None:
         summary = rollouts.summary(self._learned, self.learning)
-        seen, actions, next_seen = (flat(each) for each in summary)
+        before, actions, after = map(flat, summary)
         ends = rollouts.final_observations[rollouts.terminated.astype(np.bool_)]
-        show(self.bonus, seen, ends)
-        self.buffer.add(*map(th.from_numpy, (seen, actions, next_seen)))
+        with single_torch_thread():
+            self.curiosity.observe(before, ends)
+            self.buffer.add(*map(th.from_numpy, (before, actions, after)))
+            return self.curiosity.train(self.buffer.sample)
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs."""
         return {
-            "bonus": self.bonus.state_dict(),
+            "curiosity": self.curiosity.state_dict(),
             "buffer": self.buffer.state_dict(),
             "rng": generator_state(self._rng),
         }
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave; a buffer left out of the file stays empty."""
-        self.bonus.load_state_dict(state["bonus"])
+        self.curiosity.load_state_dict(state["curiosity"])
         if "buffer" in state:
             self.buffer.load_state_dict(state["buffer"])
         load_generator_state(self._rng, state["rng"])

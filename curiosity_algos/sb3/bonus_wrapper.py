@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from contextlib import nullcontext
-from functools import partial
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 import torch as th
-from gymnasium import spaces
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.vec_env import (
     VecEnv,
@@ -20,38 +17,28 @@ from stable_baselines3.common.vec_env import (
 )
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, check_scores, show, train
+from curiosity_algos.bonuses.base import Bonus, check_rewards
 from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
-from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
-from curiosity_algos.bonuses.spans import RecentSteps, horizon_of
+from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy
+from curiosity_algos.bonuses.spans import RecentSteps
 from curiosity_algos.bonuses.views import View
-from curiosity_algos.checkpoints.plain_files import fitting, plain
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
+from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
 from curiosity_algos.evaluation.batches import check_last_observations, terminations
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
-from curiosity_algos.sb3.scale import BonusScale, check_discount
-from curiosity_algos.sb3.wrapper_file import (
-    SETTINGS,
-    check_actions,
-    check_counters,
-    check_fits,
-    read_wrapper,
-    sound,
-    write_wrapper,
-)
-from curiosity_algos.state.episodes import load_episode_states, record_episodes
-from curiosity_algos.state.settings import HasSettings
-from curiosity_gym.validation import (
-    check_at_least_one,
-    check_bool,
-    check_not_negative,
-    check_seed,
-)
+from curiosity_algos.state import file
+from curiosity_algos.state.check import check_like
+from curiosity_algos.state.episodes import episode_states, load_episode_states, record_episodes
+from curiosity_algos.state.settings import HasSettings, python_number
+from curiosity_algos.state.spaces import decode_space, encode_space
+from curiosity_gym.validation import check_at_least_one, check_seed
+
+KIND = "BonusVecEnvWrapper"
 
 
 class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
@@ -100,11 +87,9 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
 
-    _checks: ClassVar = {
-        "weight": check_not_negative,
-        "extrinsic": check_bool,
-        **dict.fromkeys(("train_interval", "n_updates", "batch_size"), check_at_least_one),
-    }
+    bonus, metrics, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    weight, extrinsic, train_interval = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    n_updates, batch_size = OfCuriosity(), OfCuriosity()
 
     def __init__(
         self,
@@ -125,7 +110,6 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     ) -> None:
         _check_venv(venv)
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-        check_discount(gamma)
         if buffer_size is not None:
             check_at_least_one(buffer_size=buffer_size)
         check_seed(seed)
@@ -139,64 +123,57 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         super().__init__(venv)
         record_episodes(venv)
         self.observation_key = observation_key
-        self.weight = weight
-        self.extrinsic = extrinsic
-        self.train_interval = train_interval
-        self.n_updates = n_updates
-        self.batch_size = batch_size
         self.buffer_size = int(buffer_size or usual_capacity(self._view.space))
-        self.bonus_kwargs = {name: plain(value) for name, value in (bonus_kwargs or {}).items()}
+        self.bonus_kwargs = {
+            name: python_number(value) for name, value in (bonus_kwargs or {}).items()
+        }
         self.training = True
         self.is_new = True
         self._name = bonus if isinstance(bonus, str) else None
-        self._make_parts(bonus, np.random.SeedSequence(seed), device)
-        self.metrics: dict[str, float] = {}
-        self._observations: Array = np.empty(0, self._dtype)
-        self._actions: Array = np.empty(0)
-        self._scale = BonusScale(self.num_envs, gamma=float(gamma))
-        self._n_untrained = 0
-        self._has_trained = False
+        networks_seed, buffer_seed, steps_seed = np.random.SeedSequence(seed).spawn(3)
+        self.curiosity = Curiosity(
+            self._view.space,
+            self._acted.space,
+            bonus=bonus,
+            bonus_kwargs=for_one_policy(bonus, self.bonus_kwargs),
+            weight=weight,
+            extrinsic=extrinsic,
+            gamma=gamma,
+            train_interval=train_interval,
+            n_updates=n_updates,
+            batch_size=batch_size,
+            n_envs=self.num_envs,
+            seed=networks_seed,
+            device=device,
+        )
+        self._make_memories(buffer_seed, steps_seed)
         self._must_reset = False
-        self._settled = {"bonus", "bonus_kwargs", "buffer_size", "observation_key"}
-        self._settled |= {"seed", "device"}
-
-    @property
-    def gamma(self) -> float:
-        """Discount of the sum that the bonus is scaled by."""
-        return self._scale.gamma
-
-    @gamma.setter
-    def gamma(self, gamma: float) -> None:
-        check_discount(gamma)
-        self._scale.gamma = plain(gamma)
+        self._settled = {"bonus_kwargs", "buffer_size", "observation_key", "seed", "device"}
 
     def __repr__(self) -> str:
         bonus = f"{self.weight:g} times {type(self.bonus).__name__}"
         return f"<{type(self).__name__}: {bonus} around {self.num_envs} of {env_name(self.venv)}>"
 
-    def _make_parts(
-        self, bonus: str | Bonus, seed: np.random.SeedSequence, device: th.device | str
+    def _make_memories(
+        self, buffer_seed: np.random.SeedSequence, steps_seed: np.random.SeedSequence
     ) -> None:
-        networks_seed, buffer_seed, steps_seed = seed.spawn(3)
-        space, action_space = self._view.space, self._acted.space
-        kwargs = for_one_policy(bonus, self.bonus_kwargs)
-        self.bonus = make_bonus(
-            bonus, kwargs, space, action_space, seed=networks_seed, device=device
-        )
-        self._episodes = episodes_of(self.bonus, self.num_envs)
-        assert isinstance(space, spaces.Box)
+        space, n_actions = self._view.space, get_action_dim(self._acted.space)
+        shape = tuple(space.shape or ())
         # As the networks take them: images stay bytes.
-        self._dtype = np.dtype(np.float32 if ImageInputs.of(space) is None else np.uint8)
-        n_stored = get_action_dim(action_space)
-        self.buffer = TransitionBuffer(self.buffer_size, space, n_stored, seed=buffer_seed)
-        self._recent = RecentSteps(
-            self.num_envs,
-            horizon_of(self.bonus),
-            space.shape,
-            self._dtype,
-            n_stored,
-            seed=steps_seed,
-        )
+        dtype = np.dtype(np.float32 if ImageInputs.of(space) is None else np.uint8)
+        self._observations: Array = np.empty((0, *shape), dtype)
+        self._actions: Array = np.empty(0)
+        self._episodes = episodes_of(self.bonus, self.num_envs)
+        self.buffer = TransitionBuffer(self.buffer_size, space, n_actions, seed=buffer_seed)
+        horizon = self.curiosity.horizon
+        self._recent = RecentSteps(self.num_envs, horizon, shape, dtype, n_actions, seed=steps_seed)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Keywords of the constructor as they are now, of the bonus its name, or None."""
+        own = ("bonus_kwargs", "observation_key", "buffer_size")
+        kept = {name: getattr(self, name) for name in own}
+        return {"bonus": self._name, **kept, **self.curiosity.settings}
 
     # -- stepping -------------------------------------------------------------------------------
 
@@ -205,7 +182,8 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         self._must_reset = False
         observations = self.venv.reset()
         self._observations = self._stored(observations)
-        self._scale.reset()
+        assert self.curiosity.scale is not None
+        self.curiosity.scale.reset()
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._recent.end(every)
         if self._episodes is not None:
@@ -257,7 +235,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
 
     def _stored(self, observations: VecEnvObs) -> Array:
         """A copy, of what the bonus sees."""
-        stored = np.array(self._view(observations), dtype=self._dtype)
+        stored = np.array(self._view(observations), dtype=self._observations.dtype)
         check_observations(stored)
         return stored
 
@@ -278,12 +256,11 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         with single_torch_thread():
             bonus = np.zeros(len(before))
             # Who remembers episodes sees them from their beginning, whether it counts yet or not.
-            if self._has_trained or self._episodes is not None:
-                scorer = self._episodes or self.bonus
-                score = scorer.score(before, self._actions, after)
-                check_scores(score, before, after)
-            if self._has_trained:
-                bonus = self._scale.scaled(score.astype(np.float64), is_learning=self.training)
+            if self.curiosity.n_trainings or self._episodes is not None:
+                scores = self.curiosity.score(before, self._actions, after, self._episodes)
+            if self.curiosity.n_trainings:
+                scores = scores.astype(np.float64)
+                bonus = self.curiosity.scaled(scores, is_learning=self.training)
             if self.training:
                 self._learn(before, after, terminated)
         return bonus
@@ -291,71 +268,45 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     def _learn(self, before: Array, after: Array, terminated: Mask) -> None:
         self._recent.add(before, self._actions)
         observations, actions = map(th.from_numpy, self._recent.draw())
-        show(self.bonus, before, after[terminated])
+        self.curiosity.observe(before, after[terminated])
         self.buffer.add(observations, actions, th.from_numpy(after))
-        self._n_untrained += len(before)
-        if self._n_untrained >= self.train_interval:
-            self._n_untrained = 0
-            self._has_trained = True
-            draw, n_updates = self.buffer.sample, self.n_updates
-            self.metrics = train(self.bonus, draw, n_updates=n_updates, batch_size=self.batch_size)
+        if self.curiosity.is_due(len(before)):
+            self.curiosity.train(self.buffer.sample)
 
     # -- save and load --------------------------------------------------------------------------
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs, but the environments below."""
         return {
-            "bonus": self.bonus.state_dict(),
+            "curiosity": self.curiosity.state_dict(),
             "buffer": self.buffer.state_dict(),
-            "scale": self._scale.state_dict(),
             "recent": self._recent.state_dict(),
             "episodes": None if self._episodes is None else self._episodes.state_dict(),
-            "observations": th.from_numpy(self._observations.copy()),
-            "n_untrained": self._n_untrained,
-            "has_trained": self._has_trained,
-            "metrics": dict(self.metrics),
+            "observations": self._observations.copy(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` of a wrapper with the same settings gave.
 
         Raises:
-            ValueError: If it is another's.
+            ValueError: If it is another's; nothing has changed then.
         """
         before = self.state_dict()
         try:
-            self._load_all_but_the_bonus(state)
-            self._load_bonus(state["bonus"])
+            self._load(state)
         except Exception:
-            self._load_all_but_the_bonus(before)
+            self._load(before)
             raise
 
-    def _load_all_but_the_bonus(self, state: Mapping[str, Any]) -> None:
-        check_counters(state)
-        check_actions(state["buffer"]["actions"], self._acted.space)
-        held = state["observations"]
-        shape = (self.num_envs, *(self._view.space.shape or ())) if held.numel() else (0,)
-        observations = fitting("observations", held, shape, self._dtype).copy()
-        self._scale.load_state_dict(state["scale"])
+    def _load(self, state: Mapping[str, Any]) -> None:
+        check_like(state["observations"], self._observations[:0], "observations")
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])
         if self._episodes is not None:
             self._episodes.load_state_dict(state["episodes"])
-        elif state["episodes"] is not None:
-            raise ValueError("`episodes` must be None.")
-        self._observations = observations
-        self._n_untrained = state["n_untrained"]
-        self._has_trained = state["has_trained"]
+        self.curiosity.load_state_dict(state["curiosity"])
+        self._observations = state["observations"].copy()
         self.is_new = False
-        self.metrics = dict(state["metrics"])
-
-    def _load_bonus(self, state: Mapping[str, Any]) -> None:
-        before = self.bonus.state_dict()
-        try:
-            self.bonus.load_state_dict(state)
-        except Exception as error:  # a bonus of one's own may raise any
-            self.bonus.load_state_dict(before)
-            raise ValueError("`bonus` must be made as the one that was saved.") from error
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
@@ -366,10 +317,12 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
-            ValueError: If the state of a bonus of your own holds what no file of torch may.
+            ValueError: If the state of a bonus of your own holds more than arrays, tensors and
+                plain values.
         """
-        settings = {name: getattr(self, name) for name in SETTINGS} | {"bonus": self._name}
-        write_wrapper(path, venv=self.venv, settings=settings, state=self.state_dict())
+        made_for = {"n_envs": self.num_envs, "spaces": _encoded_spaces(self.venv)}
+        state = {"wrapper": self.state_dict(), "episodes": episode_states(self.venv)}
+        file.save(path, KIND, {"made_for": made_for, "keywords": self.settings}, state)
 
     @classmethod
     def load(
@@ -397,21 +350,13 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         """
         _check_venv(venv)
         device = torch_device(device)
-        saved = read_wrapper(path)
-        check_fits(saved, path, venv, bonus)
-        settings = saved["settings"] | ({} if bonus is None else {"bonus": bonus})
-        # What fails with a bonus of the user's own is not the file's fault.
-        blamed = partial(sound, path) if bonus is None else nullcontext
-        with blamed():
-            wrapper = cls(venv, **settings, device=device)
-        with sound(path):
-            wrapper._load_all_but_the_bonus(saved["state"])
-        with blamed():
-            wrapper._load_bonus(saved["state"]["bonus"])
-        with sound(path):
-            is_resumed = load_episode_states(venv, saved["environments"])
+        settings, state = file.read(path, KIND)
+        _check_made_for(settings["made_for"], venv)
+        keywords = _with_bonus(settings["keywords"], bonus)
+        wrapper = cls(venv, **keywords, device=device)
+        wrapper.load_state_dict(state["wrapper"])
         # Not yet, as a model's own reset would take another start then.
-        wrapper._must_reset = not is_resumed
+        wrapper._must_reset = not load_episode_states(venv, state["episodes"])
         return wrapper
 
 
@@ -420,6 +365,34 @@ class ICMVecEnvWrapper(BonusVecEnvWrapper):
 
     def __init__(self, venv: VecEnv, *, bonus: str | Bonus = "icm", **settings: Any) -> None:
         super().__init__(venv, bonus=bonus, **settings)
+
+
+def _encoded_spaces(venv: VecEnv) -> list[Any]:
+    return [encode_space(space) for space in (venv.observation_space, venv.action_space)]
+
+
+def _check_made_for(made_for: Mapping[str, Any], venv: VecEnv) -> None:
+    """Raise ValueError unless a wrapper that was saved can have this `venv`."""
+    spaces_there, spaces_here = (
+        [decode_space(space) for space in each]
+        for each in (made_for["spaces"], _encoded_spaces(venv))
+    )
+    if made_for["n_envs"] != venv.num_envs or spaces_there != spaces_here:
+        raise ValueError(
+            f"`venv` must have {made_for['n_envs']} environments with the spaces that were saved, "
+            f"got {venv.num_envs} with {venv.observation_space} and {venv.action_space}. For "
+            f"others make a new {KIND}, which has seen nothing yet."
+        )
+
+
+def _with_bonus(keywords: dict[str, Any], bonus: Bonus | None) -> dict[str, Any]:
+    """The keywords that a wrapper was saved with, with the user's own bonus where it had one."""
+    name = keywords["bonus"]
+    if name is None and bonus is None:
+        raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
+    if name is not None and bonus is not None:
+        raise ValueError(f"`bonus` must be None, it was saved as {name!r}.")
+    return keywords | {"bonus": bonus or name}
 
 
 def _check_venv(venv: object) -> None:

@@ -144,7 +144,7 @@ class BonusCheckpointCallback(CheckpointCallback):
     """SB3's `CheckpointCallback`, which also saves the `BonusVecEnvWrapper` of the model.
 
     Beside `{name_prefix}_{timesteps}_steps.zip` there is a file for `BonusVecEnvWrapper.load`,
-    `{name_prefix}_bonus_{timesteps}_steps.pt`. All arguments are SB3's.
+    `{name_prefix}_bonus_{timesteps}_steps.npz`. All arguments are SB3's.
 
     Args:
         save_freq: Calls of the callback from one checkpoint to the next.
@@ -170,7 +170,7 @@ class BonusCheckpointCallback(CheckpointCallback):
         wrapper = bonus_wrapper(self.model)
         # The model comes second, so that wherever there is one its wrapper is there too.
         if wrapper is not None and self.n_calls % self.save_freq == 0:
-            wrapper.save(self._checkpoint_path("bonus_", extension="pt"))
+            wrapper.save(self._checkpoint_path("bonus_", extension="npz"))
         return super()._on_step()
 
 

@@ -4,21 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curiosity_algos.sb3.scale import check_discount
 from curiosity_gym.validation import check_at_least_one, check_seed
-
-
-def check_interval(train_interval: int | None) -> None:
-    """Raise ValueError unless it is a number of transitions, or None."""
-    if train_interval is not None:
-        check_at_least_one(train_interval=train_interval)
-
-
-def check_schedule(gamma: float | None, n_updates: int, batch_size: int) -> None:
-    """Raise ValueError unless a bonus can be trained and scaled so."""
-    if gamma is not None:
-        check_discount(gamma)
-    check_at_least_one(n_updates=n_updates, batch_size=batch_size)
 
 
 def check_size(buffer_size: int, n_envs: int, optimize_memory_usage: bool) -> None:

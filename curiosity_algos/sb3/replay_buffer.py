@@ -4,53 +4,48 @@ from __future__ import annotations
 
 import copy
 import os
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.preprocessing import get_obs_shape
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards, check_scores, show, train
+from curiosity_algos.bonuses.base import Bonus, check_rewards
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
-from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy, make_bonus
-from curiosity_algos.bonuses.spans import horizon_of
+from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy
 from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.bonuses.views import View
-from curiosity_algos.checkpoints.plain_files import plain
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
 from curiosity_algos.evaluation.rollouts import check_observations
-from curiosity_algos.sb3.held_observations import check_sb3_takes
-from curiosity_algos.sb3.ordered_replay_buffer import OrderedReplayBuffer
-from curiosity_algos.sb3.replay_arguments import (
-    check_interval,
-    check_schedule,
-    check_size,
-    seed_sequence,
-)
-from curiosity_algos.sb3.replay_file import check_buffer, read_buffer, write_buffer
-from curiosity_algos.sb3.scale import BonusScale, check_discount
+from curiosity_algos.sb3.observations import ObservationRows, check_sb3_takes
+from curiosity_algos.sb3.replay_arguments import check_size, seed_sequence
+from curiosity_algos.state import file
+from curiosity_algos.state.check import check_like
 from curiosity_algos.state.settings import HasSettings
-from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative
 
+KIND = "BonusReplayBuffer"
 N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
 N_WHOLE = 128
 """Of multiples of so many a bonus has the same bits whatever stands beside it."""
-SETTLED = frozenset({"bonus", "bonus_kwargs", "buffer_size", "n_envs", "observation_key", "seed"})
-"""Settings that a buffer was made with."""
-COUNTERS = ("metrics", "_n_untrained", "_n_trainings")
-"""What else a file holds, by the name of its attribute."""
+COLUMNS = ("actions", "rewards", "dones", "timeouts", "scores", "scored_at")
+"""Of each transition beside observations; last what the bonus said, and after which training."""
 
 
-class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
+class BonusReplayBuffer(HasSettings, ReplayBuffer):
     """Keeps the rewards of the task, and gives `reward + weight * bonus` with the bonus of now.
 
-    A bonus stored with its transition would be that of a module long since trained on. Any
-    off-policy algorithm of Stable-Baselines3's API takes it:
+    A bonus stored with its transition would be that of long ago. Any off-policy algorithm of
+    Stable-Baselines3's API takes it:
 
         SAC("MlpPolicy", env, replay_buffer_class=BonusReplayBuffer,
             replay_buffer_kwargs={"bonus": "apt"})
@@ -91,19 +86,16 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
     Attributes:
         metrics: Mean losses of the last training, and the bonus of what it was called for:
             `ExplorationCallback` logs them.
+        settings: What callbacks may change, as it is now.
 
     Raises:
         ValueError: If an argument is out of its range, the spaces are of another kind, or the bonus
-            asks what an episode has seen, as `E3B`, `NGU` and `NovelD` do: `BonusVecEnvWrapper`
-            knows it.
+            asks what an episode has seen, as `E3B`, `NGU` and `NovelD` do.
     """
 
-    _checks: ClassVar = {
-        "weight": check_not_negative,
-        "extrinsic": check_bool,
-        "train_interval": check_interval,
-        **dict.fromkeys(("n_updates", "batch_size"), check_at_least_one),
-    }
+    bonus, metrics, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    weight, extrinsic, train_interval = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    n_updates, batch_size, settings = OfCuriosity(), OfCuriosity(), OfCuriosity()
 
     def __init__(
         self,
@@ -127,67 +119,56 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         seed: int | np.random.SeedSequence | None = None,
     ) -> None:
         check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-        check_schedule(gamma, n_updates, batch_size)
         check_size(buffer_size, n_envs, optimize_memory_usage)
         check_sb3_takes(observation_space)
-        self._view = View(observation_space, observation_key)
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
         seed = seed_sequence(seed)
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
-        self._named = {"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}
-        self.bonus = make_bonus(
-            bonus, bonus_kwargs, self._view.space, action_space, seed=networks_seed, device=device
+        self._view = View(observation_space, observation_key)
+        self.curiosity = Curiosity(
+            self._view.space,
+            action_space,
+            bonus=bonus,
+            bonus_kwargs=bonus_kwargs,
+            weight=weight,
+            extrinsic=extrinsic,
+            gamma=gamma,
+            train_interval=train_interval,
+            n_updates=n_updates,
+            batch_size=batch_size,
+            n_envs=n_envs,
+            seed=networks_seed,
+            device=device,
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
-        super().__init__(
-            buffer_size,
-            observation_space,
-            action_space,
-            device,
-            n_envs,
-            optimize_memory_usage,
-            handle_timeout_termination,
-            rng=np.random.default_rng(seed),
-        )
-        self.observation_key = observation_key
-        self._shows_images = ImageInputs.of(self._view.space) is not None
-        self.weight = weight
-        self.extrinsic = extrinsic
-        self.train_interval = train_interval
-        self.n_updates = n_updates
-        self.batch_size = batch_size
-        self.metrics: dict[str, float] = {}
-        self._scale = None if gamma is None else BonusScale(n_envs, gamma=gamma)
-        self._n_untrained = 0  # steps of every environment
-        self._n_trainings = 0
+        self._rows = rows = ObservationRows(observation_space)
+        places = buffer_size, rows.array_space, action_space, device, n_envs
+        super().__init__(*places, optimize_memory_usage, handle_timeout_termination)
+        self.observation_space = observation_space
+        self.obs_shape = get_obs_shape(observation_space)  # type: ignore[assignment]  # SB3's of a Dict
+        self.observations = rows.view(self.observations)
+        if not optimize_memory_usage:
+            self.next_observations = rows.view(self.next_observations)
         shape = self.buffer_size, n_envs
         self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
-        self._settled = SETTLED | ({"gamma"} if gamma is None else set())
-
-    @property
-    def gamma(self) -> float | None:
-        """Discount of the sum that the bonus is scaled by, or None where it counts as it is."""
-        return None if self._scale is None else self._scale.gamma
-
-    @gamma.setter
-    def gamma(self, gamma: float) -> None:
-        assert self._scale is not None
-        check_discount(gamma)
-        self._scale.gamma = plain(gamma)
-
-    @property
-    def _made(self) -> dict[str, Any]:
-        """What a file must have been made with to be taken."""
-        made = {
-            **self._named,
-            "n_envs": self.n_envs,
-            "optimize_memory_usage": self.optimize_memory_usage,
-            "is_scaled": self._scale is not None,
-            "observation_key": self.observation_key,
+        self._rng = np.random.default_rng(seed)
+        self._shows_images = ImageInputs.of(self._view.space) is not None
+        self.observation_key = observation_key
+        self._made = {
+            **({"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}),
+            "buffer_size": self.buffer_size,
+            "n_envs": n_envs,
+            "optimize_memory_usage": optimize_memory_usage,
+            "is_scaled": gamma is not None,
+            "observation_key": observation_key,
         }
-        return {name: plain(value) for name, value in made.items()}
+        self._settled = {"bonus_kwargs", "buffer_size", "n_envs", "observation_key", "seed"}
+
+    def __repr__(self) -> str:
+        size, most = (n * self.n_envs for n in (self.size(), self.buffer_size))
+        return f"<{type(self).__name__}: {size:,} of {most:,} transitions>"
 
     # -- what is collected ----------------------------------------------------------------------
 
@@ -208,35 +189,45 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         """
         if len(reward) != self.n_envs:
             raise ValueError(
-                f"`env` must have {self.n_envs} environments, as its replay buffer has, got "
-                f"{len(reward)}."
+                f"`env` must have {self.n_envs} environments, as its buffer has, got {len(reward)}."
             )
-        for each in (obs, next_obs):
-            for entry in each.values() if isinstance(each, dict) else [each]:
+        for observations in (obs, next_obs):
+            entries = observations.values() if isinstance(observations, dict) else [observations]
+            for entry in entries:
                 check_observations(entry)
         check_rewards(reward)
         self.scored_at[[self.pos - 1, self.pos]] = 0  # where the newest leads may change, too
+        obs, next_obs = (self._rows.stored(seen, self.n_envs) for seen in (obs, next_obs))
+        self._end_what_was_left(obs)
         super().add(obs, next_obs, action, reward, done, infos)
-        self._n_untrained += 1
-        if self.train_interval and self._n_untrained * self.n_envs >= self.train_interval:
+        if self.curiosity.is_due(self.n_envs):
             self.train_bonus()
+
+    def _end_what_was_left(self, obs: Array) -> None:
+        """Truncate episodes before that this step does not go on with: no span goes over a gap."""
+        if not self.size():
+            return
+        newest = (self.pos - 1) % self.buffer_size
+        before = self._next_observations(np.full(self.n_envs, newest), np.arange(self.n_envs))
+        is_left = (before != obs).reshape(self.n_envs, -1).any(axis=1) & (self.dones[newest] == 0)
+        self.dones[newest, is_left] = 1.0
+        if not self.optimize_memory_usage:  # whose last observation is overwritten now
+            self.timeouts[newest, is_left] = 1.0
 
     def train_bonus(self) -> None:
         """Train the bonus, and score what came since the last time; nothing where nothing came."""
-        n, self._n_untrained = self._n_untrained, 0
-        if not n:
+        curiosity = self.curiosity
+        rows, envs = self._newest(curiosity.n_untrained // self.n_envs)
+        if not len(rows):
             return
         with single_torch_thread():
-            rows, envs = self._newest(n)
             for some in self._parts(len(rows)):
-                self._show(rows[some], envs[some])
-            draw = self.sample_transitions
-            losses = train(self.bonus, draw, n_updates=self.n_updates, batch_size=self.batch_size)
+                self._observe(rows[some], envs[some])
+            losses = curiosity.train(self.sample_transitions)
             bonus = self._score(rows, envs)
-        self._n_trainings += 1
-        if self._scale is not None:
+        if curiosity.scale is not None:
             steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
-            bonus = np.stack([self._scale.scaled(step, is_learning=True) for step in steps])
+            bonus = np.stack([curiosity.scaled(step, is_learning=True) for step in steps])
         mean, largest = self.weight * bonus.mean(), self.weight * bonus.max()
         self.metrics = {**losses, "intrinsic/mean": float(mean), "intrinsic/max": float(largest)}
 
@@ -259,25 +250,19 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             self.to_torch(rewards.astype(np.float32)[:, None]),
         )
 
-    def _sampled(self, held: Array, env: VecNormalize | None) -> th.Tensor | dict[str, th.Tensor]:
+    def _sampled(self, rows: Array, env: VecNormalize | None) -> th.Tensor | dict[str, th.Tensor]:
         """Observations as SB3's policies take them."""
-        shown = self._normalize_obs(self._held.sampled(held), env)
-        if isinstance(shown, dict):
-            return {name: self.to_torch(entry) for name, entry in shown.items()}
-        return self.to_torch(shown)
-
-    @property
-    def _n_scored(self) -> int:
-        """Transitions whose bonus is computed in one call; of images a batch is more than these."""
-        return 1 if self._shows_images else N_SCORED
+        normalized = self._normalize_obs(self._rows.sampled(rows), env)
+        if isinstance(normalized, dict):
+            return {name: self.to_torch(entry) for name, entry in normalized.items()}
+        return self.to_torch(normalized)
 
     def _bonus_of(self, drawn: Int64Array) -> Array:
         """Bonus (n,) of transitions, scaled, before it is weighted."""
-        if not self._n_trainings:
+        if not self.curiosity.n_trainings:
             return np.zeros(len(drawn), dtype=np.float32)
         self._score_unknown(drawn)
-        bonus: Array = self.scores[self._places(drawn)]
-        return bonus if self._scale is None else self._scale.scaled(bonus, is_learning=False)
+        return self.curiosity.scaled(self.scores[self._places(drawn)])
 
     def _score_unknown(self, drawn: Int64Array) -> None:
         """Score those of the transitions that were not since the bonus was last trained.
@@ -289,38 +274,38 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             return
         n_whole = min(N_WHOLE, len(drawn))
         n = -(-len(unknown) // n_whole) * n_whole
-        others = (drawn[0] + np.arange(N_SCORED)) % (self._n_held * self.n_envs)
+        others = (drawn[0] + np.arange(N_SCORED)) % (self._n_stored * self.n_envs)
         others = np.setdiff1d(self._unknown(others), unknown)
         places = self._places(np.resize(np.concatenate([unknown, others])[:n], n))
         with single_torch_thread():
             self.scores[places] = self._score(*places)
-        self.scored_at[places] = self._n_trainings
+        self.scored_at[places] = self.curiosity.n_trainings
 
     def _unknown(self, drawn: Int64Array) -> Int64Array:
         """Those of the transitions that were not scored since then."""
-        unknown: Int64Array = drawn[self.scored_at[self._places(drawn)] != self._n_trainings]
-        return unknown
+        scored_at = self.scored_at[self._places(drawn)]
+        return np.asarray(drawn[scored_at != self.curiosity.n_trainings])
 
     def _score(self, rows: Int64Array, envs: Int64Array) -> Array:
         """Bonus (n,) of the transitions of these places, as the module gives it."""
-        scores = []
-        for some in self._parts(len(rows)):
-            before, actions, after = self._transitions(rows[some], envs[some])
-            scores.append(self.bonus.score(before, actions, after))
-            check_scores(scores[-1], before, after)
-        return np.concatenate(scores)
+        parts = self._parts(len(rows))
+        return np.concatenate(
+            [self.curiosity.score(*self._transitions(rows[p], envs[p])) for p in parts]
+        )
 
     def _parts(self, n: int) -> list[slice]:
-        """Parts of n transitions whose layers fit the cache, or the memory."""
-        size = max(self._n_scored, self.batch_size)
+        """Parts of n transitions whose layers fit the cache; a batch of images fills it."""
+        size = self.batch_size if self._shows_images else max(N_SCORED, self.batch_size)
         return [slice(begin, begin + size) for begin in range(0, n, size)]
 
     def sample_transitions(self, batch_size: int) -> tuple[th.Tensor, ...]:
-        """Observations, actions and next observations, as a bonus is trained on them."""
-        (rows, envs), horizon = self._places(self._draw(batch_size)), horizon_of(self.bonus)
+        """Observations, actions, and next observations, which may be some steps later."""
+        (rows, envs), horizon = self._places(self._draw(batch_size)), self.curiosity.horizon
         windows = (rows[:, None] + np.arange(horizon)) % self.buffer_size
-        left = self._steps_left(windows, envs)
-        steps = np.minimum(draw_steps(self._rng, rows.shape, horizon), left)
+        newest = (self.pos - 1) % self.buffer_size
+        is_last = (self.dones[windows, envs[:, None]] > 0) | (windows == newest)
+        is_last[:, -1] = True
+        steps = np.minimum(draw_steps(self._rng, rows.shape, horizon), is_last.argmax(axis=1) + 1)
         ends = windows[np.arange(batch_size), steps - 1]
         before, actions, _ = self._transitions(rows, envs)
         after = self._seen(self._next_observations(ends, envs))
@@ -335,21 +320,20 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             self._seen(self._next_observations(rows, envs)),
         )
 
-    def _show(self, rows: Int64Array, envs: Int64Array) -> None:
+    def _observe(self, rows: Int64Array, envs: Int64Array) -> None:
         before = self._seen(self.observations[rows, envs])
-        # Without memory of limits of time no end is known to be the task's, or no end is held.
+        # Without memory of limits of time no end is known to be the task's, or no end is stored.
         terminated = self._terminated(rows, envs) & self.handle_timeout_termination
         ends = self._next_observations(rows[terminated], envs[terminated])
-        show(self.bonus, before, self._seen(ends))
+        self.curiosity.observe(before, self._seen(ends))
 
     def _terminated(self, rows: Int64Array, envs: Int64Array) -> Mask:
         """Where the task ended an episode, no limit of time."""
-        terminated: Mask = (self.dones[rows, envs] > 0) & (self.timeouts[rows, envs] == 0)
-        return terminated
+        return np.asarray((self.dones[rows, envs] > 0) & (self.timeouts[rows, envs] == 0))
 
-    def _seen(self, held: Array) -> Array:
+    def _seen(self, rows: Array) -> Array:
         """Observations as the bonus sees them."""
-        seen = self._view(self._held.own(held))
+        seen = self._view(self._rows.own(rows))
         return seen if self._shows_images else seen.astype(np.float32, copy=False)
 
     def _taken(self, actions: Array) -> Array:
@@ -359,12 +343,71 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
         center, half_range = action_scale(self.action_space)
         return center + half_range * actions.astype(np.float32, copy=False)
 
-    # -- save and load --------------------------------------------------------------------------
+    # -- places ---------------------------------------------------------------------------------
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """What callbacks may change, as it is now."""
-        return {name: getattr(self, name) for name in (*self._checks, "gamma")}
+    def _n_stored(self) -> int:
+        """Steps of every environment whose next observation is stored, too."""
+        return self.size() - (self.optimize_memory_usage and self.full)
+
+    def _draw(self, n: int) -> Int64Array:
+        """Numbers of transitions that are stored, drawn uniformly."""
+        if not self._n_stored:
+            raise ValueError("`sample` must come after `add`: no transition is stored yet.")
+        return self._rng.integers(self._n_stored * self.n_envs, size=n)
+
+    def _places(self, drawn: Int64Array) -> tuple[Int64Array, Int64Array]:
+        """Row and environment of each transition of such a number."""
+        rows, envs = np.divmod(drawn, self.n_envs)
+        if self._n_stored < self.size():  # the newest next observation is in the oldest's place
+            rows = (self.pos + 1 + rows) % self.buffer_size
+        return rows, envs
+
+    def _newest(self, n: int) -> tuple[Int64Array, Int64Array]:
+        """Rows and environments of the last n steps of every environment, in their order."""
+        n = min(n, self._n_stored)
+        rows = (self.pos - n + np.arange(n)) % self.buffer_size
+        return np.repeat(rows, self.n_envs), np.tile(np.arange(self.n_envs), n)
+
+    def _next_observations(self, rows: Int64Array, envs: Int64Array) -> Array:
+        if not self.optimize_memory_usage:
+            return np.asarray(self.next_observations[rows, envs])
+        goes_on = self.dones[rows, envs] == 0  # where not, the next row begins another episode
+        return np.asarray(self.observations[(rows + goes_on) % self.buffer_size, envs])
+
+    # -- save and load --------------------------------------------------------------------------
+
+    def _stored(self, n: int) -> dict[str, Any]:
+        """The first n rows of each column, as they lie; of a Dict of observations by entry."""
+        has_next = not self.optimize_memory_usage
+        names = ("observations", *(["next_observations"] if has_next else []), *COLUMNS)
+        return {name: self._rows.sampled(getattr(self, name)[:n]) for name in names}
+
+    def state_dict(self, *, transitions: bool = True) -> dict[str, Any]:
+        """Everything that a resumed run needs, with or without transitions."""
+        n, pos, full = 0, 0, False
+        if transitions:  # the row after the newest may be where that leads
+            n, pos, full = min(self.size() + 1, self.buffer_size), self.pos, self.full
+        return {
+            "curiosity": self.curiosity.state_dict(),
+            "rng": generator_state(self._rng),
+            "transitions": {**self._stored(n), "pos": pos, "full": full},
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` of a buffer with the same settings gave.
+
+        Raises:
+            ValueError: If it is another's; nothing has changed then.
+        """
+        own = {**self._stored(0), "pos": 0, "full": False}
+        check_like(state["transitions"], own, "transitions")
+        self.curiosity.load_state_dict(state["curiosity"])
+        load_generator_state(self._rng, state["rng"])
+        columns = dict(state["transitions"])
+        self.pos, self.full = columns.pop("pos"), columns.pop("full")
+        for name, column in columns.items():
+            self._rows.load(getattr(self, name), column)
 
     def save(self, path: str | os.PathLike[str], *, transitions: bool = True) -> None:
         """Write transitions and bonus to a file that `restore` reads without running code.
@@ -375,16 +418,11 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
-            ValueError: If the state of a bonus of your own holds what no file of torch may.
+            ValueError: If the state of a bonus of your own holds more than arrays, tensors and
+                plain values.
         """
-        parts = {
-            "made": self._made,
-            "bonus": self.bonus.state_dict(),
-            "scale": None if self._scale is None else self._scale.state_dict(),
-            "settings": {name: getattr(self, name) for name in self._checks},
-            "counters": {name: getattr(self, name) for name in COUNTERS},
-        }
-        write_buffer(path, self.state_dict(transitions=transitions) | parts)
+        state = self.state_dict(transitions=transitions)
+        file.save(path, KIND, {"made": self._made, "now": self.settings}, state)
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.
@@ -396,23 +434,17 @@ class BonusReplayBuffer(HasSettings, OrderedReplayBuffer):
             ValueError: If it is damaged, or another's, or its bonus was made with other keywords;
                 this buffer is then as it was.
         """
-        saved = read_buffer(path, self._made)
-        before = self.bonus.state_dict()
-        own = {"next_observations": self.observations, **vars(self)}
-        columns = {name: own[name] for name in (*self._columns, "next_observations")}
-        try:
-            check_buffer(saved, columns, {name: own[name] for name in COUNTERS})
-            settings = {name: saved["settings"][name] for name in self._checks}
-            for name in settings.keys() - self._made_with:
-                self._checks[name](**{name: settings[name]})
-            self.bonus.load_state_dict(saved["bonus"])
-            if self._scale is not None:
-                self._scale.load_state_dict(saved["scale"])
-        except Exception as error:  # what a file holds can fail in any way
-            self.bonus.load_state_dict(before)
+        settings, state = file.read(path, KIND)
+        if settings["made"] != self._made:
             raise ValueError(
-                f"`path` must be saved of a {type(self).__name__} with the same settings, {path} "
-                "is not."
+                f"`path` must be saved of a buffer with {self._made}, {path} is of "
+                f"{settings['made']}."
+            )
+        try:
+            self.load_state_dict(state)
+        except ValueError as error:
+            raise ValueError(
+                f"`path` must be saved of a buffer with the same spaces, {path} is not: {error}"
             ) from error
-        self.load_state_dict(saved)
-        vars(self).update(saved["counters"] | settings)
+        for name, value in settings["now"].items():
+            setattr(self, name, value)

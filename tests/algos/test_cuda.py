@@ -160,9 +160,9 @@ class TestStableBaselines:
 
         venv = wrap()
         PPO("MlpPolicy", venv, n_steps=64, seed=0, device="cuda").learn(600)
-        venv.save(tmp_path / "bonus.pt")
+        venv.save(tmp_path / "bonus.npz")
         below = make_vec_env("CuriosityMaze-US-v0", 4, seed=0)
-        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.pt", below, device="cpu")
+        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.npz", below, device="cpu")
         np.testing.assert_allclose(
             scores_of(loaded.bonus), scores_of(venv.bonus), rtol=1e-2, atol=1e-3
         )
@@ -191,9 +191,9 @@ class TestStableBaselines:
         batch = model.replay_buffer.sample(8)
         assert batch.rewards.device.type == "cuda"
         assert bool((batch.rewards != 0).any())
-        model.replay_buffer.save(tmp_path / "buffer.pt")
+        model.replay_buffer.save(tmp_path / "buffer.npz")
         other = make_sac("cpu")
-        other.replay_buffer.restore(tmp_path / "buffer.pt")
+        other.replay_buffer.restore(tmp_path / "buffer.npz")
         np.testing.assert_allclose(
             scores_of(other.replay_buffer.bonus),
             scores_of(model.replay_buffer.bonus),

@@ -5,7 +5,7 @@ import pytest
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import Bonus, train
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import BONUSES
 
@@ -116,13 +116,6 @@ def test_training_lowers_the_loss(name, kind):
         last = bonus.update(*batch)
     assert first.keys() == last.keys()
     assert last["loss"] < 0.9 * first["loss"]
-
-
-@pytest.mark.parametrize("without", [th.no_grad, th.inference_mode])
-def test_it_is_not_trained_where_torch_computes_no_gradients(name, kind, without):
-    bonus, batch = make_bonus(name, kind), tensors(make_batch(kind))
-    with without(), pytest.raises(RuntimeError, match=r"`learn` must be called outside torch\.no_"):
-        train(bonus, lambda n: batch, n_updates=1, batch_size=4)
 
 
 def test_a_state_resumes_training(name, kind):

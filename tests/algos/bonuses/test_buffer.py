@@ -119,8 +119,6 @@ def test_a_state_of_another_capacity_gives_its_newest(n, capacity):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("next", 9),
-        ("next", -1),
         ("next", 1.0),
         ("actions", th.zeros(3, 1)),
         ("observations", th.zeros(5, 7)),

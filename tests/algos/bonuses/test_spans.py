@@ -76,20 +76,10 @@ class TestRecentSteps:
     @pytest.mark.parametrize(
         ("changed", "message"),
         [
-            ({"horizon": 6}, "`observations` must be finite, of shape"),
-            ({"n_actions": 3}, "`actions` must be finite, of shape"),
+            ({"horizon": 6}, "observations` must be of float32 and shape"),
+            ({"n_actions": 3}, "actions` must be of float32 and shape"),
         ],
     )
     def test_the_state_of_others_is_refused(self, changed, message):
         with pytest.raises(ValueError, match=message):
             make_steps().load_state_dict(make_steps(**changed).state_dict())
-
-    @pytest.mark.parametrize(("name", "value"), [("next", 5), ("next", 1.0), ("next", -1)])
-    def test_a_damaged_state_is_refused(self, name, value):
-        with pytest.raises(ValueError, match=f"`{name}` must be"):
-            make_steps().load_state_dict(make_steps().state_dict() | {name: value})
-        state = make_steps().state_dict()
-        for lengths in ([0, 6], [-1, 0]):
-            state["lengths"][:] = state["lengths"].new_tensor(lengths)
-            with pytest.raises(ValueError, match="`lengths` must be from 0 to 5"):
-                make_steps().load_state_dict(state)

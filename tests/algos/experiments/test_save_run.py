@@ -11,7 +11,6 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
-import torch as th
 from gymnasium.envs.classic_control import PendulumEnv
 from sb3_contrib import ARS
 from stable_baselines3 import PPO, SAC, TD3
@@ -302,7 +301,7 @@ def test_a_checkpoint_is_on_disk_before_the_one_before_is_removed(folder, monkey
     monkeypatch.setattr(shutil, "rmtree", check)
     model = make_ppo(VecNormalize(make_mazes(bonus="rnd")))
     model.learn(240, SaveRun(folder, interval=1e-9))
-    assert {"bonus.pt", "found.pt", "result.json", "vecnormalize.pkl", "model.zip"} <= {*checked}
+    assert {"bonus.npz", "found.npz", "result.json", "vecnormalize.pkl", "model.zip"} <= {*checked}
 
 
 US = "CuriosityMaze-US-v0"
@@ -365,7 +364,7 @@ class TestStableBaselines:
             killed.learn(600, [SaveRun(folder, interval=1e-9), Kill(500)], log_interval=1)
         checkpoint, before = RunFolder(folder).checkpoint, the_run(folder)
         assert int(checkpoint.name) == before["timesteps"] == 480
-        wrapped = BonusVecEnvWrapper.load(checkpoint / "bonus.pt", make_mazes())
+        wrapped = BonusVecEnvWrapper.load(checkpoint / "bonus.npz", make_mazes())
         assert len(wrapped.buffer) == 480
         env = VecNormalize.load(checkpoint / "vecnormalize.pkl", wrapped)
         model = PPO.load(checkpoint / "model", env=env)
@@ -382,9 +381,9 @@ class TestStableBaselines:
 
     def test_what_was_found_before_still_counts(self, folder):
         make_ppo(make_mazes()).learn(240, SaveRun(folder))
-        found = RunFolder(folder).checkpoint / "found.pt"
+        found = RunFolder(folder).checkpoint / "found.npz"
         settings, state = read(found, KIND)
-        cells = {"final": th.arange(30), "visited": th.arange(40)}
+        cells = {"final": np.arange(30), "visited": np.arange(40)}
         state["coverage"], state["best_return"] = cells, 7.0
         save(found, KIND, settings, state | {"firsts": {"reward": 4, "success": 5}})
         model = PPO.load(RunFolder(folder).checkpoint / "model", env=make_mazes())

@@ -186,13 +186,13 @@ class TestCheckpoints:
         states, save = [], venv.venv.save
         venv.venv.save = lambda path: states.append(venv.venv.state_dict()) or save(path)
         train(venv, 80, callback)
-        names = {"rl_model_120_steps.zip", "rl_model_bonus_120_steps.pt"}
+        names = {"rl_model_120_steps.zip", "rl_model_bonus_120_steps.npz"}
         assert {path.name for path in folder.iterdir()} == {
             *names,
             "rl_model_vecnormalize_120_steps.pkl",
         }
         loaded = BonusVecEnvWrapper.load(
-            folder / "rl_model_bonus_120_steps.pt", make_vec_env("Pendulum-v1", n_envs=2)
+            folder / "rl_model_bonus_120_steps.npz", make_vec_env("Pendulum-v1", n_envs=2)
         )
         assert_same(loaded.state_dict(), states[0])
 
@@ -201,7 +201,7 @@ class TestCheckpoints:
         settings = {"name_prefix": "sac", "save_replay_buffer": True}
         model.learn(100, BonusCheckpointCallback(20, str(tmp_path), **settings))
         for n in (40, 80):
-            for name in (f"{n}_steps.zip", f"bonus_{n}_steps.pt", f"replay_buffer_{n}_steps.pkl"):
+            for name in (f"{n}_steps.zip", f"bonus_{n}_steps.npz", f"replay_buffer_{n}_steps.pkl"):
                 assert (tmp_path / f"sac_{name}").is_file()
 
     def test_a_killed_run_leaves_no_model_without_its_wrapper(self, tmp_path):
@@ -230,7 +230,7 @@ class TestFreshWrappers:
         venv = wrapped()
         model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
         model.learn(160).save(tmp_path / "model")
-        venv.save(tmp_path / "bonus.pt")
+        venv.save(tmp_path / "bonus.npz")
         return lambda env: PPO.load(tmp_path / "model", env, device="cpu")
 
     def test_a_model_that_has_trained_is_warned_of_one(self, trained, callback, settings):
@@ -240,7 +240,7 @@ class TestFreshWrappers:
 
     def test_with_its_own_nothing_is_said(self, trained, callback, settings, tmp_path):
         venv = make_vec_env("Pendulum-v1", n_envs=2)
-        model = trained(BonusVecEnvWrapper.load(tmp_path / "bonus.pt", venv, device="cpu"))
+        model = trained(BonusVecEnvWrapper.load(tmp_path / "bonus.npz", venv, device="cpu"))
         with warnings.catch_warnings(action="error"):
             model.learn(callback=callback, **settings)
             model.learn(callback=callback, **settings)
@@ -260,9 +260,9 @@ class TestFreshWrappers:
             model.learn(callback=callback, **settings)
 
     def test_one_that_was_loaded_is_not_new(self, trained, callback, settings, tmp_path):
-        wrapped().save(tmp_path / "unstepped.pt")
+        wrapped().save(tmp_path / "unstepped.npz")
         venv = make_vec_env("Pendulum-v1", n_envs=2)
-        model = trained(BonusVecEnvWrapper.load(tmp_path / "unstepped.pt", venv, device="cpu"))
+        model = trained(BonusVecEnvWrapper.load(tmp_path / "unstepped.npz", venv, device="cpu"))
         with warnings.catch_warnings(action="error"):
             model.learn(callback=callback, **settings)
 

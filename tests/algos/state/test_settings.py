@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import (
     AURORA,
@@ -15,8 +14,6 @@ from curiosity_algos import (
     NSES,
     NSLC,
     RND,
-    BonusReplayBuffer,
-    BonusVecEnvWrapper,
     CuriosityES,
     MAPElites,
 )
@@ -104,63 +101,6 @@ def test_what_parts_were_made_with_stays(algorithm, make_model, make_easy_maze):
         with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set: .*make a new "):
             setattr(model, name, 3)
     assert vars(model) == before
-
-
-class TestOfABonus:
-    """Of what adds one to the rewards of Stable-Baselines3's algorithms."""
-
-    def make(self, kind, make_easy_maze, **settings):
-        settings = {"bonus": "rnd", "seed": 0, "device": "cpu", "train_interval": 16, **settings}
-        env = make_easy_maze()
-        if kind == "wrapper":
-            return BonusVecEnvWrapper(DummyVecEnv([lambda: env]), **settings)
-        return BonusReplayBuffer(200, env.observation_space, env.action_space, **settings)
-
-    @pytest.fixture(params=["wrapper", "buffer"])
-    def kind(self, request):
-        return request.param
-
-    def test_a_change_is_in_the_file_too(self, kind, make_easy_maze, tmp_path):
-        holder = self.make(kind, make_easy_maze)
-        changes = {"weight": np.float64(0.0), "extrinsic": False, "train_interval": 8}
-        changes |= {"n_updates": 3, "batch_size": 5}
-        for name, value in changes.items():
-            setattr(holder, name, value)
-        assert type(holder.weight) is float
-        holder.save(tmp_path / "file")
-        if kind == "wrapper":
-            again = BonusVecEnvWrapper.load(tmp_path / "file", holder.venv)
-        else:
-            again = self.make(kind, make_easy_maze)
-            again.restore(tmp_path / "file")
-        assert {name: getattr(again, name) for name in changes} == changes
-
-    def test_what_it_may_be_is_said_at_once(self, kind, make_easy_maze):
-        holder = self.make(kind, make_easy_maze)
-        wrong = {"weight": -1.0, "extrinsic": 2, "train_interval": 0, "n_updates": 0, "gamma": 1.0}
-        for name, value in wrong.items():
-            before = getattr(holder, name)
-            with pytest.raises(ValueError, match=f"^`{name}` must be "):
-                setattr(holder, name, value)
-            assert getattr(holder, name) == before
-
-    def test_what_parts_were_made_with_stays(self, kind, make_easy_maze):
-        holder = self.make(kind, make_easy_maze)
-        for name in ("bonus", "bonus_kwargs", "buffer_size", "observation_key", "seed"):
-            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set: make a new "):
-                setattr(holder, name, 1)
-        with pytest.raises(ValueError, match=r"^`learning_rate` must stay as it was set"):
-            holder.bonus.learning_rate = 1e-5
-
-    def test_gamma_discounts_from_then_on(self, kind, make_easy_maze):
-        holder = self.make(kind, make_easy_maze)
-        holder.gamma = 0.5
-        assert holder._scale.gamma == holder.gamma == 0.5
-
-    def test_without_a_scale_there_is_no_gamma(self, make_easy_maze):
-        buffer = self.make("buffer", make_easy_maze, gamma=None)
-        with pytest.raises(ValueError, match=r"^`gamma` must stay as it was set"):
-            buffer.gamma = 0.5
 
 
 @pytest.mark.parametrize(
@@ -255,11 +195,3 @@ def test_a_subclass_may_set_what_it_was_given():
     bonus.coef = 0.5
     with pytest.raises(ValueError, match="`learning_rate` must stay"):
         bonus.learning_rate = 1.0
-
-
-def test_a_discount_that_was_changed_is_in_the_buffers_file(make_easy_maze, tmp_path):
-    one, other = (TestOfABonus().make("buffer", make_easy_maze) for _ in range(2))
-    one.gamma = 0.9
-    one.save(tmp_path / "buffer.pt")
-    other.restore(tmp_path / "buffer.pt")
-    assert other.gamma == 0.9

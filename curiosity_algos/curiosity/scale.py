@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import torch as th
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
-from curiosity_algos.checkpoints.plain_files import fitting
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.validation import check_share
 
@@ -19,7 +17,7 @@ MEMORY = 100_000
 """Transitions that the scale remembers: what the bonus was at first is forgotten."""
 
 
-def check_discount(gamma: float) -> None:
+def check_discount(gamma: float | None) -> None:
     """Raise ValueError unless sums of any length have a scale."""
     check_share(gamma=gamma)
     if gamma == 1.0:
@@ -61,20 +59,14 @@ class BonusScale:
         return deviation
 
     def state_dict(self) -> dict[str, Any]:
-        """Discount, sums and statistics."""
+        """Sums and statistics; the discount is a setting."""
         seen = self._statistics
         statistics = np.array([seen.mean, seen.var, seen.count], dtype=np.float64)
-        arrays = {"sums": self._sums.copy(), "statistics": statistics}
-        return {"gamma": self.gamma} | {name: th.from_numpy(x) for name, x in arrays.items()}
+        return {"sums": self._sums.copy(), "statistics": statistics}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, of as many environments."""
-        sums = fitting("sums", state["sums"], self._sums.shape, np.float64)
-        numbers = fitting("statistics", state["statistics"], (3,), np.float64)
-        if numbers[1] < 0.0 or numbers[2] <= 0.0:
-            raise ValueError("`statistics` must have a variance of at least 0, and a count above.")
-        check_discount(state["gamma"])
-        self.gamma = float(state["gamma"])
-        self._sums = sums.copy()
-        self._statistics.mean, self._statistics.var = map(np.array, numbers[:2])
-        self._statistics.count = float(numbers[2])
+        mean, var, count = state["statistics"]
+        self._sums = state["sums"].copy()
+        self._statistics.mean, self._statistics.var = np.array(mean), np.array(var)
+        self._statistics.count = float(count)

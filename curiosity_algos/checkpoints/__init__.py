@@ -1,1 +1,0 @@
-"""Files of models, archives and their parts: written whole, read without running code."""

@@ -1,0 +1,1 @@
+"""The one owner of curiosity: a bonus, its training and its scale, whoever pays it."""

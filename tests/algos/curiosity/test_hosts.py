@@ -1,0 +1,332 @@
+"""What the three hosts of a bonus promise alike: motivation, VecEnv wrapper and replay buffer."""
+
+import copy
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch as th
+from gymnasium import spaces
+from padded_rollouts import N_OBSERVATIONS, make_rollouts
+from stable_baselines3.common.vec_env import DummyVecEnv
+from torch_threads import heavy_threads
+
+from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.bonuses.icm import ICM
+from curiosity_algos.bonuses.make import BONUSES
+from curiosity_algos.motivations.curiosity import CuriosityMotivation
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
+from curiosity_algos.state import file
+
+OBSERVATIONS, ACTIONS = spaces.Box(-99, 99, (N_OBSERVATIONS,)), spaces.Box(-1, 1, (2,))
+SMALL = {"n_updates": 2, "batch_size": 4, "seed": 0, "device": "cpu"}
+SAMPLED = [name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes")]
+
+
+class Recorder(Bonus):
+    """A bonus that remembers what it was taught, and scores as it is asked to."""
+
+    name = "recorder"
+
+    def __init__(self, score=1.0):
+        self.value, self.observed, self.batches = score, [], []
+
+    def score(self, observations, actions, next_observations):
+        return np.full(len(observations), self.value)
+
+    def observe(self, observations):
+        self.observed.append(observations)
+
+    def update(self, *batch):
+        self.batches.append(batch)
+        return {"loss": float(len(self.batches))}
+
+    def state_dict(self):
+        return {"n": len(self.batches)}
+
+    def load_state_dict(self, state):
+        self.batches = [None] * state["n"]
+
+
+class Count(gym.Env):
+    """Observes how many steps were taken; the task ends an episode after 4."""
+
+    observation_space, action_space = OBSERVATIONS, ACTIONS
+    scale = 1.0
+
+    def reset(self, *, seed=None, options=None):
+        self.n = 0
+        return np.zeros(N_OBSERVATIONS, np.float32), {}
+
+    def step(self, action):
+        self.n += 1
+        observation = np.full(N_OBSERVATIONS, self.n * self.scale, np.float32)
+        return observation, 0.0, self.n == 4, False, {}
+
+
+class Motivation:
+    """Of each host how it is made, and what it says of so many steps that it collects."""
+
+    bonuses = tuple(BONUSES)
+
+    def make(self, **settings):
+        settings = {"n_states": None, "n_transitions": 5, "buffer_size": 60} | SMALL | settings
+        return CuriosityMotivation(OBSERVATIONS, ACTIONS, **settings)
+
+    def collect(self, host, seed, scale=1.0):
+        rollouts = make_rollouts(seed=seed)
+        rollouts.observations[:] *= scale
+        host.update(rollouts)
+        return host.score(rollouts)
+
+
+class Wrapper:
+    bonuses = tuple(BONUSES)
+
+    def make(self, **settings):
+        settings = {"train_interval": 8, "buffer_size": 60} | SMALL | settings
+        return BonusVecEnvWrapper(DummyVecEnv([Count] * 2), **settings)
+
+    def collect(self, host, seed, scale=1.0):
+        rng = np.random.default_rng(seed)
+        for env in host.unwrapped.envs:
+            env.unwrapped.scale = scale
+        host.reset()
+        actions = rng.uniform(-1, 1, (11, 2, 2)).astype(np.float32)
+        return np.array([host.step(action)[1] for action in actions])
+
+
+class Buffer:
+    bonuses = SAMPLED
+
+    def make(self, **settings):
+        settings = {"train_interval": 8} | SMALL | settings
+        size = settings.pop("buffer_size", 60)
+        device = settings.pop("device")
+        return BonusReplayBuffer(size, OBSERVATIONS, ACTIONS, device, 2, **settings)
+
+    def collect(self, host, seed, scale=1.0):
+        rng = np.random.default_rng(seed)
+        for step in range(11):
+            before, after = (np.full((2, N_OBSERVATIONS), step % 4 + i) * scale for i in (0, 1))
+            actions, ends = rng.uniform(-1, 1, (2, 2)), np.full(2, step % 4 == 3)
+            host.add(before, after, actions, np.zeros(2), ends, [{}, {}])
+        return host.sample(16).rewards.numpy()
+
+
+HOSTS = {"motivation": Motivation(), "wrapper": Wrapper(), "buffer": Buffer()}
+
+
+@pytest.fixture(params=HOSTS)
+def host(request):
+    return HOSTS[request.param]
+
+
+def of_every_bonus():
+    return [pytest.param(host, name) for host in HOSTS.values() for name in host.bonuses]
+
+
+def through_a_file(state, path):
+    file.save(path, "a host", {}, state)
+    return file.read(path, "a host")[1]
+
+
+@pytest.mark.parametrize(("host", "bonus"), of_every_bonus())
+class TestEveryBonus:
+    def test_a_state_goes_on_bit_for_bit(self, host, bonus, tmp_path, assert_same):
+        one, twin = (host.make(bonus=bonus, seed=seed) for seed in (0, 1))
+        host.collect(one, 0)
+        twin.load_state_dict(through_a_file(one.state_dict(), tmp_path / "state.npz"))
+        assert_same(one.state_dict(), twin.state_dict())
+        for seed in (1, 2):
+            np.testing.assert_array_equal(*(host.collect(each, seed) for each in (one, twin)))
+        assert_same(one.state_dict(), twin.state_dict())
+
+    def test_it_has_one_of_torchs_threads(self, host, bonus):
+        made = host.make(bonus=bonus)
+        with heavy_threads() as threads:
+            host.collect(made, 0)
+        assert made.curiosity.n_trainings
+        assert threads == {1}
+
+    def test_seeds_decide(self, host, bonus):
+        one, twin, other = (host.make(bonus=bonus, seed=seed) for seed in (0, 0, 1))
+        values = [[host.collect(each, seed) for seed in (0, 1)] for each in (one, twin, other)]
+        np.testing.assert_array_equal(values[0], values[1])
+        assert not np.array_equal(values[0], values[2])
+
+
+class TestTraining:
+    def test_so_many_steps_on_batches_of_what_came(self, host):
+        bonus = Recorder()
+        made = host.make(bonus=bonus, n_updates=3, batch_size=7)
+        host.collect(made, 0)
+        assert len(bonus.batches) == 3 * made.curiosity.n_trainings > 0
+        shapes = [(7, N_OBSERVATIONS), (7, 2), (7, N_OBSERVATIONS)]
+        assert all([part.shape for part in batch] == shapes for batch in bonus.batches)
+        assert made.curiosity.metrics["recorder/loss"] == len(bonus.batches) - 1
+
+    @pytest.mark.parametrize("without", [th.no_grad, th.inference_mode])
+    def test_it_needs_gradients(self, host, without):
+        made = host.make(bonus="rnd")
+        with without(), pytest.raises(RuntimeError, match=r"must be called outside torch\.no_"):
+            host.collect(made, 0)
+
+    def test_the_bonus_observes_where_the_task_ended_episodes(self, host):
+        bonus = Recorder()
+        host.collect(host.make(bonus=bonus), 0)
+        spared = Recorder()
+        spared.observes_ends = False
+        host.collect(host.make(bonus=spared), 0)
+        n_observed = [sum(map(len, each.observed)) for each in (bonus, spared)]
+        assert n_observed[0] > n_observed[1] > 0
+
+    @pytest.mark.parametrize(
+        ("scale", "fault"),
+        [
+            (1.0, "`bonus` must give finite scores, it gave others"),
+            (1e20, r"`env` must give observations of at most 1e\+18"),
+        ],
+    )
+    def test_who_is_at_fault_is_named(self, host, scale, fault):
+        with pytest.raises(ValueError, match=fault):
+            host.collect(host.make(bonus=Recorder(np.nan)), 0, scale)
+
+
+class TestState:
+    def test_one_of_another_bonus_changes_nothing(self, host, assert_same):
+        made, other = host.make(bonus="rnd"), host.make(bonus="rnd", bonus_kwargs={"hidden": 8})
+        host.collect(made, 0)
+        host.collect(other, 1)
+        before = copy.deepcopy(made.state_dict())
+        with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
+            made.curiosity.load_state_dict(other.state_dict()["curiosity"])
+        assert_same(made.state_dict(), before)
+
+    @pytest.mark.parametrize("value", [None, "text", {}, np.full(3, np.nan)], ids=type)
+    def test_what_is_missing_or_foreign_is_found(self, host, value, assert_same):
+        made = host.make(bonus="rnd")
+        host.collect(made, 0)
+        state = made.curiosity.state_dict()
+        places = [("n_untrained",), ("n_trainings",), ("bonus",), ("bonus", "optimizer", 0)]
+        places += [("scale", name) for name in (state["scale"] or ())]
+        for *parents, last in places:
+            for is_missing in (False, True):
+                foreign = copy.deepcopy(state)
+                within = foreign
+                for name in parents:
+                    within = within[name]
+                within.pop(last) if is_missing else within.update({last: value})
+                with pytest.raises(ValueError, match="must"):
+                    made.curiosity.load_state_dict(foreign)
+                assert_same(made.curiosity.state_dict(), state)
+
+
+class TestSettings:
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("bonus", "count"),
+            ("bonus", Recorder),
+            ("bonus_kwargs", {"widths": 3}),
+            ("bonus_kwargs", {"seed": 1}),
+            ("bonus_kwargs", 3),
+            ("weight", -0.1),
+            ("extrinsic", "no"),
+            ("gamma", 1.1),
+            ("train_interval", 0),
+            ("n_updates", 0),
+            ("batch_size", 1.5),
+            ("buffer_size", 0),
+            ("seed", -1),
+        ],
+    )
+    def test_errors_name_the_argument(self, host, name, value):
+        if host is HOSTS["motivation"] and name in ("weight", "extrinsic", "train_interval"):
+            pytest.skip("evolution weighs by `phi`, and trains once a generation")
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            host.make(**{name: value})
+
+    def test_an_object_takes_no_keywords(self, host):
+        bonus = ICM(OBSERVATIONS, ACTIONS, device="cpu")
+        with pytest.raises(ValueError, match="`bonus_kwargs` must be empty"):
+            host.make(bonus=bonus, bonus_kwargs={"hidden": 3})
+        assert host.make(bonus=bonus).bonus is bonus
+
+    def test_a_change_is_in_force_at_once(self, host):
+        made = host.make(bonus=(bonus := Recorder()))
+        made.n_updates, made.batch_size = 1, np.int64(9)
+        host.collect(made, 0)
+        assert len(bonus.batches) == made.curiosity.n_trainings
+        assert {len(batch[0]) for batch in bonus.batches} == {9}
+        assert type(made.batch_size) is int
+
+    @pytest.mark.parametrize(("name", "value"), [("n_updates", 0), ("batch_size", "many")])
+    def test_what_one_may_be_is_said_before_it_is_in_force(self, host, name, value):
+        made = host.make()
+        before = getattr(made, name)
+        with pytest.raises(ValueError, match=f"^`{name}` must be "):
+            setattr(made, name, value)
+        assert getattr(made, name) == before
+
+    def test_the_bonus_stays(self, host):
+        made = host.make()
+        made.bonus = made.bonus
+        with pytest.raises(ValueError, match=r"^`bonus` must stay as it was set: make a new "):
+            made.bonus = Recorder()
+        with pytest.raises(ValueError, match=r"^`learning_rate` must stay as it was set"):
+            made.bonus.learning_rate = 1e-5
+
+
+@pytest.fixture(params=["wrapper", "buffer"])
+def payer(request):
+    """A host that adds the bonus to the reward of one policy."""
+    return HOSTS[request.param]
+
+
+class TestForOnePolicy:
+    def test_defaults_make_what_is_rare_stand_out_and_the_icm_slow(self, payer):
+        assert payer.make().bonus.name == "apt"
+        for given, expected in [({}, (3.0, 10)), ({"power": 1.0, "horizon": 100}, (1.0, 100))]:
+            bonus = payer.make(bonus="apt", bonus_kwargs=given).bonus
+            assert (bonus.power, bonus.horizon) == expected
+        for given, expected in [({}, 1e-4), ({"learning_rate": 0.1}, 0.1)]:
+            bonus = payer.make(bonus="icm", bonus_kwargs=given).bonus
+            assert bonus.optimizer.param_groups[0]["lr"] == expected
+
+    def test_changes_are_in_the_file(self, payer, tmp_path):
+        changes = {"weight": 0.0, "extrinsic": False, "train_interval": 4, "gamma": 0.5}
+        changes |= {"n_updates": 3, "batch_size": 5}
+        made, again = payer.make(), payer.make()
+        for name, value in changes.items():
+            setattr(made, name, value)
+        made.save(tmp_path / "host.npz")
+        if payer is HOSTS["wrapper"]:
+            again = BonusVecEnvWrapper.load(tmp_path / "host.npz", made.venv)
+        else:
+            again.restore(tmp_path / "host.npz")
+        assert changes.items() <= again.settings.items()
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [("weight", -1.0), ("extrinsic", 2), ("train_interval", 0), ("gamma", 1.0)],
+    )
+    def test_what_a_change_may_be_is_said_at_once(self, payer, name, value):
+        made = payer.make()
+        before = made.settings
+        with pytest.raises(ValueError, match=f"^`{name}` must be "):
+            setattr(made, name, value)
+        assert made.settings == before
+
+    @pytest.mark.parametrize("name", ["bonus_kwargs", "buffer_size", "observation_key", "seed"])
+    def test_what_parts_were_made_with_stays(self, payer, name):
+        with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set: make a new "):
+            setattr(payer.make(), name, 1)
+
+    def test_a_state_that_no_file_holds_is_not_written(self, payer, tmp_path):
+        made = payer.make(bonus=(bonus := Recorder()))
+        bonus.state_dict = lambda: {"thing": object()}
+        with pytest.raises(ValueError, match="A state must hold arrays of numbers"):
+            made.save(tmp_path / "host.npz")
+        assert not list(tmp_path.iterdir())

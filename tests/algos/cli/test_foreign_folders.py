@@ -122,8 +122,8 @@ class TestStrangers:
         assert run_here("enjoy", str(run.path), "--no-render")[0] == 0
 
     def wrap(self, run, wrapper):
-        wrappers = {":tuple:": {"items": [wrapper]}}
-        describe(env_spec=run.describe()["env_spec"] | {"additional_wrappers": wrappers})(run)
+        spec = run.describe()["env_spec"] | {"additional_wrappers": [wrapper]}
+        describe(env_spec=spec)(run)
 
     def test_a_video_is_written_nowhere(self, run, refused, tmp_path):
         recorder = {

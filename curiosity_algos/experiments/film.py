@@ -26,6 +26,7 @@ from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_s
 from curiosity_algos.experiments.reading import check_kind
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
@@ -142,16 +143,15 @@ def _read_policy(
     if is_baseline(cls) and not trust:
         load = partial(load_baseline_policy, cls, described=run.describe(), env=env)
         return run.read(load), 0
-    return run.read(partial(_load, cls, trust=trust))
+    return run.read(partial(_load, cls, env))
 
 
-def _load(cls: type[Any], checkpoint: Path, *, trust: bool) -> tuple[BasePolicy, int]:
+def _load(cls: type[Any], env: gym.Env[Any, Any], checkpoint: Path) -> tuple[BasePolicy, int]:
     """A model's policy, and the seed of its best episode; 0 where that is not known."""
     check_kind(checkpoint / "model.zip")
     if not issubclass(cls, EvolutionaryAlgorithm):
         return cls.load(checkpoint / "model").policy, 0
-    model = cls.load(checkpoint / "model")
-    return model.policy, model.best_episode_seed or 0
+    return load_policy(checkpoint / "model", cls, env)
 
 
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:

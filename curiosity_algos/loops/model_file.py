@@ -13,11 +13,14 @@ from typing import Any
 from gymnasium import spaces
 from stable_baselines3.common.utils import check_for_correct_spaces
 
-from curiosity_algos.state.file import StateFile
+from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.state.file import StateFile, read
 from curiosity_algos.state.spaces import Space, decode_space, encode_space
 from curiosity_algos.state.tree import encode
 from curiosity_gym.core import CoverageGrid
 
+OF_DAMAGE = (*(ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError),)
+"""What parts raise of states that are none of theirs."""
 NO_SETTINGS = {"env", "device", "_init_setup_model"}
 """Arguments of the constructor that `load` is called with itself."""
 
@@ -158,3 +161,28 @@ def _see_saved(model: Any, settings: Settings) -> None:
     elif seen is not None and acted is not None:
         check_for_correct_spaces(model.env, seen, acted)
     model._behavior_space, model._coverage_grid = settings.behavior_space, settings.coverage_grid
+
+
+def load_policy(path: StateFile, cls: type[Any], env: Any) -> tuple[MlpPolicy, int]:
+    """The policy of a saved model, without its search, and the seed of its best episode, or 0.
+
+    Raises:
+        ValueError: If the file is damaged, or the policy of a class of one's own.
+    """
+    file = model_path(path)
+    content, state = read(file, cls.__name__)
+    settings = read_settings(content, file, cls)
+    if own := settings.objects.get("policy"):
+        raise ValueError(f"`policy` must be MlpPolicy, it is {own}: load the model.")
+    seen, acted = settings.observation_space, settings.action_space
+    try:
+        policy = MlpPolicy(
+            env.observation_space if seen is None else seen,
+            env.action_space if acted is None else acted,
+            **settings.values["policy_kwargs"],
+        )
+        policy.load_state_dict(state["policy"])
+        best = state["best"]
+        return policy, best["seed"] if best["has_reward"] else 0
+    except OF_DAMAGE as error:
+        raise ValueError(f"`path` must be a saved {cls.__name__}, {file}: {error}") from error

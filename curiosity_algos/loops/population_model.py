@@ -36,6 +36,7 @@ from curiosity_algos.loops.best_policy import BestPolicy
 from curiosity_algos.loops.keywords import merged, name_in_presets, whole_signature
 from curiosity_algos.loops.model_file import (
     NO_SETTINGS,
+    OF_DAMAGE,
     check_objects,
     describe_env,
     make_model,
@@ -52,8 +53,6 @@ from curiosity_gym.validation import check_seed
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what a motivation has collected, ours and Stable-Baselines3's."""
-_OF_DAMAGE = (*(ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError),)
-"""What parts raise of states that are none of theirs."""
 BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
 """Names of parts that do not say where a search stands."""
 
@@ -419,7 +418,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             model: Self = make_model(cls, settings, env, device, given)
             try:
                 model.load_state_dict(state)
-            except _OF_DAMAGE as error:
+            except OF_DAMAGE as error:
                 message = f"`path` must be a saved {cls.__name__}, {file}: {error}"
                 raise ValueError(message) from error
             if model.env is not None:

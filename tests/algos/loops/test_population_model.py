@@ -16,6 +16,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from curiosity_algos import ICM, NSES, CanonicalES, CuriosityES, CuriosityMAPElites, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops import evolutionary_algorithm
+from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state import file as state_file
 from curiosity_algos.state.file import ABOUT, read, save
 from tests.algos.conftest import SETTINGS
@@ -377,3 +378,19 @@ def test_nothing_in_a_file_is_pickled(make_model, make_maze, path):
         make_model(algorithm, make_maze()).learn(1).save(path)
         with np.load(path) as file, zipfile.ZipFile(path) as members:
             assert len(dict(file)) == len(members.namelist())
+
+
+class TestPolicyAlone:
+    def test_it_needs_no_search(self, make_model, make_easy_maze, path):
+        env = make_easy_maze()
+        search = CanonicalES(env, population_size=4)._search
+        model = CanonicalES(env, population_size=4, search=search, seed=0).learn(2000)
+        model.save(path)
+        policy, seed = load_policy(path, CanonicalES, env)
+        np.testing.assert_array_equal(policy.vector, model.policy.vector)
+        assert seed == (model.best_episode_seed or 0)
+
+    def test_one_of_ones_own_is_refused(self, make_model, make_maze, path):
+        make_model(CuriosityES, make_maze(), policy=MyPolicy).save(path)
+        with pytest.raises(ValueError, match="`policy` must be MlpPolicy, it is MyPolicy"):
+            load_policy(path, CuriosityES, make_maze())

@@ -10,9 +10,11 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.utils import check_for_correct_spaces
 
+from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.state.file import StateFile, read
 from curiosity_algos.state.spaces import Space, decode_space, encode_space
@@ -107,6 +109,22 @@ def read_settings(content: Mapping[str, Any], file: StateFile, cls: type) -> Set
     except Exception as error:  # whatever spaces and grids raise of damaged arguments
         message = f"`path` must be a saved {cls.__name__}, {file} is damaged."
         raise ValueError(message) from error
+
+
+def state_of(part: Any) -> dict[str, Any]:
+    """The state of a part of a model, or of a generator."""
+    if isinstance(part, np.random.Generator):
+        return {"rng": generator_state(part)}
+    state: dict[str, Any] = part.state_dict()
+    return state
+
+
+def load_state(part: Any, state: Mapping[str, Any]) -> None:
+    """Take over what `state_of` gave."""
+    if isinstance(part, np.random.Generator):
+        load_generator_state(part, state["rng"])
+    else:
+        part.load_state_dict(state)
 
 
 def check_objects(settings: Settings, given: Mapping[str, Any], *, needs_evaluator: bool) -> None:

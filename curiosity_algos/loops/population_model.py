@@ -10,6 +10,7 @@ import inspect
 import io
 import os
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, Self
@@ -24,7 +25,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.common.presets import load_preset
-from curiosity_algos.common.randomness import generator_state, load_generator_state, reseed
+from curiosity_algos.common.randomness import reseed
 from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
@@ -39,10 +40,12 @@ from curiosity_algos.loops.model_file import (
     OF_DAMAGE,
     check_objects,
     describe_env,
+    load_state,
     make_model,
     model_path,
     read_settings,
     sort_settings,
+    state_of,
 )
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.file import read, save
@@ -53,6 +56,10 @@ from curiosity_gym.validation import check_seed
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what a motivation has collected, ours and Stable-Baselines3's."""
+_BESIDE_PARTS = {"best", "progress", "recent"}
+"""Names of states that are of no part."""
+_EPISODE = ({"r": np.inf, "l": 0, "t": np.inf}, False)
+"""Like what Stable-Baselines3 keeps of recent episodes: a Monitor's record, and the success."""
 BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
 """Names of parts that do not say where a search stands."""
 
@@ -246,8 +253,10 @@ class PopulationModel(HasSettings, BaseAlgorithm):
 
     def state_dict(self) -> State:
         """The states of all parts, and how far the run is."""
-        progress = {name: getattr(self, name) for name in self._progress}
-        return {**self.get_parameters(), "best": self._best.state_dict(), "progress": progress}
+        own = {name: getattr(self, name) for name in self._progress}
+        recent = [*zip(self.ep_info_buffer or (), self.ep_success_buffer or (), strict=True)]
+        own_states = {"best": self._best.state_dict(), "progress": own, "recent": recent}
+        return {**self.get_parameters(), **own_states}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave.
@@ -256,16 +265,21 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             ValueError: If it is that of another model.
         """
         progress = {name: getattr(self, name) for name in self._progress}
-        check_keys(state, {**self._parts(), "best": None, "progress": None})
+        check_keys(state, [*self._parts(), *_BESIDE_PARTS])
         check_like(state["progress"], progress, "progress")
+        check_like(state["recent"], [_EPISODE] * len(state["recent"]), "recent")
         self._checked(state["policy"])
         self._load_parts({name: state[name] for name in self._parts()})
         self._best.load_state_dict(state["best"])
         vars(self).update(state["progress"])
+        if state["recent"]:
+            infos, successes = zip(*state["recent"], strict=True)
+            self.ep_info_buffer = deque(infos, maxlen=self._stats_window_size)
+            self.ep_success_buffer = deque(successes, maxlen=self._stats_window_size)
 
     def get_parameters(self) -> dict[str, dict[str, Any]]:
         """The states of all parts, by the names of these."""
-        return {name: _state(part) for name, part in self._parts().items()}
+        return {name: state_of(part) for name, part in self._parts().items()}
 
     def set_parameters(
         self,
@@ -294,7 +308,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         parameters: Mapping[str, Any] = load_path_or_dict  # type: ignore[assignment]
         if not isinstance(load_path_or_dict, Mapping):
             state = read(model_path(load_path_or_dict), type(self).__name__)[1]
-            parameters = {name: state[name] for name in state.keys() - {"best", "progress"}}
+            parameters = {name: state[name] for name in state.keys() - _BESIDE_PARTS}
         check_keys(parameters, parts if exact_match else parts.keys() & parameters, "parameters")
         if "policy" in parameters:
             flat = self._checked(parameters["policy"])
@@ -305,7 +319,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def _load_parts(self, states: Mapping[str, Any]) -> None:
         for name, part in self._parts().items():
             if name in states:
-                _load_state(part, states[name])
+                load_state(part, states[name])
 
     def _checked(self, state: Any) -> Float32Array:
         """The parameters in the state of a policy, shape (n_parameters,), finite."""
@@ -356,7 +370,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         """
         left_out, state = set(exclude or ()), self.state_dict()
         if left_out & TRANSITIONS:
-            holders = [k for k, part in state.items() if isinstance(part.get("buffer"), Mapping)]
+            holders = [k for k in self._parts() if isinstance(state[k].get("buffer"), Mapping)]
             for name in holders:
                 state[name] = {k: value for k, value in state[name].items() if k != "buffer"}
             state["progress"]["_lacks_transitions"] |= bool(holders)
@@ -431,15 +445,3 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def _unchanged_on_error(cls, archive: Any) -> AbstractContextManager[None]:
         """Leave an archive that the user gave as it was if the block raises."""
         return nullcontext()
-
-
-def _state(part: Any) -> dict[str, Any]:
-    is_generator = isinstance(part, np.random.Generator)
-    return {"rng": generator_state(part)} if is_generator else part.state_dict()
-
-
-def _load_state(part: Any, state: Mapping[str, Any]) -> None:
-    if isinstance(part, np.random.Generator):
-        load_generator_state(part, state["rng"])
-    else:
-        part.load_state_dict(state)

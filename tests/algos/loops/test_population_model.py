@@ -139,6 +139,8 @@ class TestLoad:
         model.save(path)
         loaded = algorithm.load(path)
         assert_same_run(model, loaded)
+        assert loaded.ep_info_buffer == model.ep_info_buffer
+        assert loaded.ep_success_buffer == model.ep_success_buffer
         observation, _ = make_easy_maze().reset()
         assert (loaded.predict(observation)[0] == model.predict(observation)[0]).all()
         for name, value in vars(model).items():
@@ -354,6 +356,8 @@ class TestWrongFiles:
             ("progress", lambda state: state | {"generation": None}),
             ("progress", lambda state: state | {"learn": 3}),
             ("unknown", lambda state: {}),
+            ("recent", lambda state: [*state, 3]),
+            ("recent", lambda state: [({"r": 0.0}, True)]),
         ],
     )
     def test_states_that_do_not_fit(self, saved, path, part, change):

@@ -129,7 +129,7 @@ class ThreadPool:
         try:
             work()
         finally:
-            begun = [each for each in futures if not each.cancel()]  # those had nothing to do
+            begun = [future for future in futures if not future.cancel()]  # those had nothing to do
             wait(begun)
         for future in begun:
             future.result()

@@ -60,13 +60,13 @@ class View:
 
     def __call__(self, observations: Any) -> Array:
         """What is seen of n observations, (n, ...); a Dict's come as arrays (n, ...) by key."""
-        shown = observations if self._key is None else observations[self._key]
-        return np.asarray(shown) if self._flat is None else self._flat.many(shown)
+        entries = observations if self._key is None else observations[self._key]
+        return np.asarray(entries) if self._flat is None else self._flat.many(entries)
 
     def one(self, observation: Any) -> Array:
         """What is seen of a single observation."""
-        shown = observation if self._key is None else observation[self._key]
-        return np.asarray(shown) if self._flat is None else self._flat.one(shown)
+        entry = observation if self._key is None else observation[self._key]
+        return np.asarray(entry) if self._flat is None else self._flat.one(entry)
 
 
 def _entry(space: spaces.Space[Any], key: str) -> spaces.Space[Any]:

@@ -6,9 +6,9 @@ from typing import Any
 
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import (
+    EnvObject,
+    FactoryVecEnv,
     GymnasiumView,
-    MadeEnv,
-    MadeVecEnv,
     describe,
 )
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs, make_evaluator
@@ -25,7 +25,7 @@ OTHERS = (
 
 
 def choose_evaluator(
-    choice: Evaluator | str, env: MadeEnv, policy_kwargs: dict[str, Any], n_threads: int | None
+    choice: Evaluator | str, env: EnvObject, policy_kwargs: dict[str, Any], n_threads: int | None
 ) -> Evaluator:
     """The evaluator that the argument `evaluator` of an algorithm asks for.
 
@@ -49,10 +49,10 @@ def choose_evaluator(
     return choice
 
 
-def why_unreached(choice: Evaluator | str, chosen: Evaluator, env: MadeEnv) -> str:
+def why_unreached(choice: Evaluator | str, chosen: Evaluator, env: EnvObject) -> str:
     """What to do where `set_attr` of `env` does not reach all that plays; "": it does."""
     if not isinstance(choice, str):
-        may_play = not isinstance(env, MadeVecEnv | GymnasiumView)
+        may_play = not isinstance(env, FactoryVecEnv | GymnasiumView)
         return "" if may_play else "they are those of `evaluator`"
     if isinstance(env, GymnasiumView):
         return "change those of the VectorEnv, which is its `vector_env`"
@@ -64,7 +64,7 @@ def why_unreached(choice: Evaluator | str, chosen: Evaluator, env: MadeEnv) -> s
 def follow_env(
     evaluator: Evaluator,
     choice: Evaluator | str,
-    env: MadeEnv,
+    env: EnvObject,
     policy_kwargs: dict[str, Any],
     n_threads: int | None,
 ) -> Evaluator:

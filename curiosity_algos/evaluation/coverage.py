@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.cells import VisitedCells
-from curiosity_algos.evaluation.environments import MadeEnv, describe, env_attribute
+from curiosity_algos.evaluation.environments import EnvObject, describe, env_attribute
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.state.check import check_like
 from curiosity_gym.core import CoverageGrid
@@ -114,7 +114,7 @@ class Coverage:
         self._visited.add_cells(state["visited"].tolist())
 
 
-def coverage_grid(env: MadeEnv) -> CoverageGrid | None:
+def coverage_grid(env: EnvObject) -> CoverageGrid | None:
     """The cells to count: the env's own `coverage_grid`, or one over its whole behavior space.
 
     None where the env has no bounded behavior space, or one of so many dimensions (11) that 64 bits
@@ -132,13 +132,13 @@ def coverage_grid(env: MadeEnv) -> CoverageGrid | None:
     return CoverageGrid(dimensions, space.low.astype(np.float64), space.high.astype(np.float64))
 
 
-def behavior_space(env: MadeEnv) -> spaces.Box[Any] | None:
+def behavior_space(env: EnvObject) -> spaces.Box[Any] | None:
     """The bounds of the env's behaviors; None where it has none."""
     own = _own_behavior_space(env)
     return goal_space(env) if own is None else own
 
 
-def goal_space(env: MadeEnv) -> spaces.Box[Any] | None:
+def goal_space(env: EnvObject) -> spaces.Box[Any] | None:
     """The bounds of what a goal task has achieved: its behavior, unless it has a `behavior_space`.
 
     Goal tasks observe a Dict with the vector `achieved_goal`, as those of Gymnasium-Robotics.
@@ -150,6 +150,6 @@ def goal_space(env: MadeEnv) -> spaces.Box[Any] | None:
     return achieved if achieved is not None and is_vector(achieved) else None
 
 
-def _own_behavior_space(env: MadeEnv) -> spaces.Box[Any] | None:
+def _own_behavior_space(env: EnvObject) -> spaces.Box[Any] | None:
     space = env_attribute(env, "behavior_space")
     return space if isinstance(space, spaces.Box) else None

@@ -28,7 +28,7 @@ VECTOR_KEYWORDS = {
 }
 """Keywords in the spec of a vector environment that a single one does not take."""
 
-MadeEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
+EnvObject = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 MakeEnv = Callable[[], gym.Env[Any, Any]]
 """`make()`: a new environment each time."""
 
@@ -46,7 +46,7 @@ class Opened:
                 stack.callback(self.parts.pop().close)
 
 
-class MadeVecEnv(SingleVecEnv):
+class FactoryVecEnv(SingleVecEnv):
     """An environment that an id or a function made, and how to make more of its kind.
 
     Attributes:
@@ -73,11 +73,11 @@ def open_env(env: Any, **kwargs: Any) -> Any:
         first = gym.make(env, **kwargs)
         assert first.spec is not None
         # Of the spec: in another process nobody may have registered the id.
-        return MadeVecEnv(first, partial(gym.make, first.spec))
+        return FactoryVecEnv(first, partial(gym.make, first.spec))
     if isinstance(env, gym.Env | VectorEnv | VecEnv) or not _needs_no_arguments(env):
         return env
     first = env()
-    return MadeVecEnv(first, env) if isinstance(first, gym.Env) else first
+    return FactoryVecEnv(first, env) if isinstance(first, gym.Env) else first
 
 
 def _needs_no_arguments(function: Any) -> bool:
@@ -149,13 +149,13 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     )
 
 
-def step_limit(env: MadeEnv) -> int | None:
+def step_limit(env: EnvObject) -> int | None:
     """Most steps of an environment's episodes; None where unknown."""
     limits = [limit for limit in _limits(env) if isinstance(limit, int | np.integer)]
     return max(map(int, limits), default=None)
 
 
-def _limits(env: MadeEnv) -> list[Any]:
+def _limits(env: EnvObject) -> list[Any]:
     """The limits that an environment and its single environments have."""
     # A worker process would die of a spec that cannot be pickled.
     limits = [getattr(getattr(env, "spec", None), "max_episode_steps", None)]
@@ -171,7 +171,7 @@ def _single_envs(env: Any) -> list[Any]:
     return list(getattr(env.unwrapped, "envs", [])) if is_vector else []
 
 
-def env_attributes(env: MadeEnv, name: str) -> list[Any]:
+def env_attributes(env: EnvObject, name: str) -> list[Any]:
     """The attribute of each single env, whatever wraps it; none unless all have it.
 
     A vector environment without single ones has it once.
@@ -197,7 +197,7 @@ def _has_attr(env: VecEnv, name: str) -> bool:
         return False
 
 
-def env_attribute(env: MadeEnv, name: str) -> Any:
+def env_attribute(env: EnvObject, name: str) -> Any:
     """The attribute of the first single env, whatever wraps it; None unless all have it."""
     if isinstance(env, VecEnv):  # which may have a process for each
         return env.get_attr(name, indices=0)[0] if _has_attr(env, name) else None

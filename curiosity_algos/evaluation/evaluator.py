@@ -10,8 +10,8 @@ import numpy as np
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import (
-    MadeEnv,
-    MadeVecEnv,
+    EnvObject,
+    FactoryVecEnv,
     MakeEnv,
     describe,
     open_env,
@@ -29,7 +29,7 @@ from curiosity_algos.evaluation.transparent import (
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_at_least_one
 
-AnyEnv = MadeEnv | MakeEnv | str
+AnyEnv = EnvObject | MakeEnv | str
 
 BATCH = 64
 """Episodes that are replayed at once: more would take memory, and save no time."""
@@ -61,7 +61,7 @@ def make_evaluator(
     known = known_task(inner)
     warn_of_empty_files(opened, is_compiled=known is not None)
     if known is None:
-        played = opened if isinstance(opened, MadeVecEnv) else inner
+        played = opened if isinstance(opened, FactoryVecEnv) else inner
         return VectorEvaluator(played, mlp, n_threads or 1)
     compiled = MazeEvaluator if known.simulate is None else SimulationEvaluator
     return compiled(known, mlp, n_threads)

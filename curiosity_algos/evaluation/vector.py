@@ -25,8 +25,8 @@ from curiosity_algos.evaluation.batches import (
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.coverage import coverage_grid, goal_space
 from curiosity_algos.evaluation.environments import (
-    MadeEnv,
-    MadeVecEnv,
+    EnvObject,
+    FactoryVecEnv,
     MakeEnv,
     Opened,
     describe,
@@ -78,9 +78,9 @@ class VectorEvaluator(Evaluator):
         ValueError: If there are processes, and what makes envs cannot be sent to them.
     """
 
-    def __init__(self, env: MadeEnv, mlp: Mlp, n_processes: int = 1) -> None:
-        self._made = env if isinstance(env, MadeVecEnv) else None
-        env = env.played if isinstance(env, MadeVecEnv) else env
+    def __init__(self, env: EnvObject, mlp: Mlp, n_processes: int = 1) -> None:
+        self._factory = env if isinstance(env, FactoryVecEnv) else None
+        env = env.played if isinstance(env, FactoryVecEnv) else env
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
         self._grid = coverage_grid(env)
@@ -92,17 +92,17 @@ class VectorEvaluator(Evaluator):
         self._envs = [env] if isinstance(env, gym.Env) else []
         self._own = Opened()
         weakref.finalize(self, self._own.close)
-        self._hints_at_more = not self._made and bool(self._envs) and env.render_mode is None
+        self._hints_at_more = not self._factory and bool(self._envs) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # Starts depend on who plays beside whom, where a vector env has one generator.
         self.batch_size = self._batch.n
         self._max_steps = most_steps(env)
         self.make_another: Callable[[], VectorEvaluator] | None = None
         self._processes: Processes | None = None
-        if self._made is not None:
-            self._made.opened.add(self._own)
-            make = self._made.make
-            if files := _files(self._made.played):
+        if self._factory is not None:
+            self._factory.opened.add(self._own)
+            make = self._factory.make
+            if files := _files(self._factory.played):
                 self._make_envs(2)
                 _check_files(n_processes > 1 or files & _files(self._envs[1]))
             self.make_another = partial(_evaluator_of, make, mlp, n_processes)
@@ -131,12 +131,12 @@ class VectorEvaluator(Evaluator):
 
     def close(self) -> None:
         """Close the envs, if an id or a function made them."""
-        if self._made is not None:
-            self._made.close()
+        if self._factory is not None:
+            self._factory.close()
 
     def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
         """The batch that plays so many policies; it makes envs as far as they save time."""
-        if self._made is None:
+        if self._factory is None:
             return self._batch
         # Without a seed, envs that had the same seed before would begin alike.
         n = 1 if seed is None else min(n_policies, N_ENVS)
@@ -145,9 +145,9 @@ class VectorEvaluator(Evaluator):
 
     def _make_envs(self, n: int) -> None:
         """Make envs until there are n."""
-        assert self._made is not None
+        assert self._factory is not None
         while len(self._envs) < n:
-            self._envs.append(_new(self._made.make, self._envs))
+            self._envs.append(_new(self._factory.make, self._envs))
             self._own.parts.append(self._envs[-1])
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
@@ -209,7 +209,7 @@ class VectorEvaluator(Evaluator):
             )
 
 
-def most_steps(env: MadeEnv) -> int:
+def most_steps(env: EnvObject) -> int:
     """Steps after which an environment's episode counts as endless."""
     return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
@@ -239,10 +239,10 @@ def _files(env: gym.Env[Any, Any]) -> set[str]:
 
 
 def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:
-    return VectorEvaluator(MadeVecEnv(make(), make), mlp, n_processes)
+    return VectorEvaluator(FactoryVecEnv(make(), make), mlp, n_processes)
 
 
-def _as_batch(env: MadeEnv, seen: FlatObservations) -> Batch:
+def _as_batch(env: EnvObject, seen: FlatObservations) -> Batch:
     if isinstance(env, gym.Env):
         return SingleEnvBatch([env], seen)
     if isinstance(env, VectorEnv):

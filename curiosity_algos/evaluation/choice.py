@@ -43,7 +43,7 @@ def choose_evaluator(
     own = choice.n_parameters if isinstance(choice, Evaluator) else None
     if own != wanted:
         raise ValueError(
-            f'`evaluator` must be "auto", "ray" or an {Evaluator.__module__}.Evaluator of the '
+            f'`evaluator` must be "auto", "ray" or an Evaluator ({Evaluator.__module__}) of the '
             f"policy's {wanted} parameters, got {choice!r} of {own}."
         )
     return choice

@@ -20,7 +20,6 @@ from benchmarks.population import (
     roof_tasks,
 )
 from curiosity_algos import make_evaluator
-from curiosity_algos.evaluation.rollouts import no_summarizers
 from curiosity_gym import MazeLayout
 from curiosity_gym.processors import available_cpus
 
@@ -123,9 +122,7 @@ def _task(
 
     def rate() -> float:
         began = time.perf_counter()
-        steps = sum(
-            evaluator.play(parameters, 0, no_summarizers).timesteps for _ in range(n_evaluations)
-        )
+        steps = sum(evaluator.play(parameters, 0, {}).timesteps for _ in range(n_evaluations))
         return 1e-6 * steps / (time.perf_counter() - began)
 
     return rate

@@ -17,7 +17,7 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.loops.quality_diversity import (
     Fields,
     FieldTypes,
@@ -146,8 +146,9 @@ class AURORA(QualityDiversity):
             self._train(states)
         return self._encoder.encode(states)
 
-    def _summarizers(self) -> MakeSummarizers | None:
-        return self._encoder.summarizers if self._encoder.shape is not None else None
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        is_begun = self._encoder.shape is not None
+        return self._encoder.summarizers(n_individuals) if is_begun else None
 
     def _is_training_due(self) -> bool:
         n_intervals, rest = divmod(len(self.history), self.training_interval)

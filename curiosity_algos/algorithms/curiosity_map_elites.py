@@ -17,7 +17,7 @@ from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
 from curiosity_algos.motivations.elites import EliteCuriosity
@@ -123,8 +123,9 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         super()._steer(emitter)
         emitter.tournament_size = self.tournament_size
 
-    def _summarizers(self) -> MakeSummarizers | None:
-        return lambda n: self._motivation.learning(n) | self._curiosity.summarizers(n)
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        learned = self._motivation.learning(n_individuals)
+        return {**learned, **self._curiosity.summarizers(n_individuals)}
 
     def _fields(self, rollouts: Rollouts) -> Fields:
         return {**super()._fields(rollouts), **self._curiosity.fields(rollouts)}

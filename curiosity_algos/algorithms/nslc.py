@@ -17,7 +17,7 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, check_observations
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_observations
 from curiosity_algos.loops.quality_diversity import (
     Fields,
     FieldTypes,
@@ -147,8 +147,8 @@ class NSLC(QualityDiversity):
         own = {FINAL: rollouts.final_observations} if self._is_learned else {}
         return {**super()._fields(rollouts), **own}
 
-    def _summarizers(self) -> MakeSummarizers | None:
-        return self._encoder.learning if self._is_learned else super()._summarizers()
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        return self._encoder.learning(n_individuals) if self._is_learned else {}
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return ParetoEmitter(

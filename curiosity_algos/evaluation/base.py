@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.rollouts import (
-    MakeSummarizers,
     Rollouts,
     Summarizer,
     concatenate,
@@ -52,16 +52,18 @@ class Evaluator(ABC):
         """
 
     def play(
-        self, parameters: Float32Array, seed: int, make_summarizers: MakeSummarizers | None
+        self, parameters: Float32Array, seed: int, summarizers: Mapping[str, Summarizer] | None
     ) -> Rollouts:
         """Play one episode of each policy (P, n_parameters).
 
-        Several blocks give summaries, and no trajectories, unless `make_summarizers` is None.
+        Several blocks give summaries alone, and no trajectories, unless `summarizers` is None.
         """
-        n = len(parameters)
-        if make_summarizers is None or self.block_size is None or n <= self.block_size:
-            return self.evaluate(parameters, seed)
-        return self.evaluate_and_summarize(parameters, seed, make_summarizers(n))
+        is_large = self.block_size is not None and len(parameters) > self.block_size
+        if is_large and summarizers is not None:
+            return self.evaluate_and_summarize(parameters, seed, summarizers)
+        whole = self.evaluate(parameters, seed)
+        summary = whole.summarize(summarizers or {}, slice(0, len(whole)))
+        return replace(whole, summaries=summary.summaries)
 
     def evaluate_and_summarize(
         self,

@@ -86,11 +86,6 @@ def _shape(behavior: Any) -> tuple[int, ...] | None:
         return None
 
 
-def no_summarizers(n_individuals: int) -> dict[str, Summarizer]:
-    """A `MakeSummarizers` for a search that reads no trajectories."""
-    return {}
-
-
 @dataclass(frozen=True, repr=False)
 class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from functools import partial
 from typing import Any, TypeGuard, Unpack
 
 import numpy as np
@@ -18,13 +17,13 @@ from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.motivations.base import Motivation
 from curiosity_algos.motivations.phi import Phi, check_phi
 from curiosity_algos.search.base import MakeSearch, Search
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_algos.search.normalized import NormalizedSearch, with_moments
+from curiosity_algos.search.normalized import MOMENTS, NormalizedSearch, moments
 from curiosity_algos.state.check import check_like
 from curiosity_algos.state.tree import encode
 from curiosity_gym.validation import (
@@ -242,15 +241,15 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         """Fitness of each individual, shape (P,), and metrics to log."""
         return standardize(rollouts.returns), {}
 
-    def _summarizers(self) -> MakeSummarizers | None:
-        own = self._own_summarizers()
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        own = self._own_summarizers(n_individuals)
         if own is None or not isinstance(self._search, NormalizedSearch):
             return own
-        return partial(with_moments, own)
+        return {**own, MOMENTS: moments}
 
-    def _own_summarizers(self) -> MakeSummarizers | None:
-        """What `_assess` needs of trajectories, see `_summarizers`."""
-        return no_summarizers
+    def _own_summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        """What `_assess` reads of trajectories, see `_summarizers`."""
+        return {}
 
     def _ask(self) -> Float32Array:
         return self._search.ask()
@@ -335,8 +334,8 @@ class MotivatedStrategy(EvolutionStrategy):
         own = {"fitness": self._fitness, "motivation": self._motivation}
         return {**super()._parts(), **own}
 
-    def _own_summarizers(self) -> MakeSummarizers | None:
-        return getattr(self._motivation, "summarizers", None)
+    def _own_summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        return self._motivation.summarizers(n_individuals)
 
     def _forget_behaviors(self) -> None:
         self._fitness.phi.forget()

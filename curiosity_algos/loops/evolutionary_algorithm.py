@@ -39,7 +39,7 @@ from curiosity_algos.evaluation.environments import GymnasiumView, describe, ope
 from curiosity_algos.evaluation.evaluator import AnyEnv, check_policy_kwargs
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
@@ -168,10 +168,10 @@ class EvolutionaryAlgorithm(PopulationModel):
     def _put_in_force(self) -> None:
         """Give the parts the settings as they are now, before each generation."""
 
-    def _summarizers(self) -> MakeSummarizers | None:
-        """The parts of trajectories that `_tell` needs; None: all of them.
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        """What `_tell` reads of the trajectories of a generation; None: all of them.
 
-        Where it is said, large populations are played in blocks, and rollouts hold summaries alone.
+        Otherwise rollouts of large populations, which are played in blocks, hold summaries alone.
         """
         return None
 
@@ -370,7 +370,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._take_evaluator(choice, follow_env(self.evaluator, choice, *settings))
         self._put_in_force()
         parameters = self._ask()
-        rollouts = self.evaluator.play(parameters, self._episodes.draw(), self._summarizers())
+        summarizers = self._summarizers(len(parameters))
+        rollouts = self.evaluator.play(parameters, self._episodes.draw(), summarizers)
         if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again
             self.env.seed(self._episodes.current + 1)
         if len(rollouts) != len(parameters):

@@ -26,7 +26,7 @@ from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.rollouts import MakeSummarizers, Rollouts, no_summarizers
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters, set_mutations
@@ -168,8 +168,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "net_arch": self.policy.net_arch,
         }
 
-    def _summarizers(self) -> MakeSummarizers | None:
-        return no_summarizers
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        return {}
 
     # -- the search -----------------------------------------------------------------------------
 

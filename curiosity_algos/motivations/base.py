@@ -6,15 +6,18 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from curiosity_algos.common.arrays import Float64Array
-from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 
 
 class Motivation(Protocol):
-    """An individual's interest beside reward.
+    """An individual's interest beside reward."""
 
-    One that also has `summarizers`, a `MakeSummarizers`, says what it needs of trajectories: of
-    large populations it gets rollouts that hold summaries alone.
-    """
+    def summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        """What it reads of the trajectories of so many individuals; None: all of them.
+
+        Otherwise it gets rollouts of large populations that hold summaries alone.
+        """
+        return None
 
     def score(self, rollouts: Rollouts) -> Float64Array:
         """Intrinsic fitness of each individual, shape (P,)."""

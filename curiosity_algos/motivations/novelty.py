@@ -15,7 +15,7 @@ from gymnasium import spaces
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.common.neighbors import nearest_others
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
-from curiosity_algos.evaluation.rollouts import Rollouts, check_observations, no_summarizers
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_observations
 from curiosity_algos.motivations.novelty_archive import NoveltyArchive
 from curiosity_gym.validation import check_choice
 
@@ -66,8 +66,9 @@ class NoveltyMotivation:
         self.behavior = behavior
         self.archive = NoveltyArchive(n_dimensions)
 
-    summarizers = staticmethod(no_summarizers)
-    """Behaviors are no part of trajectories."""
+    def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
+        """Nothing: behaviors are no part of trajectories."""
+        return {}
 
     def score(self, rollouts: Rollouts) -> Float64Array:
         """Novelty of each individual, shape (P,)."""

@@ -9,7 +9,6 @@ Mania et al. 2018 (arXiv:1803.07055).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,18 +16,14 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.mlp import Mlp
-from curiosity_algos.evaluation.rollouts import (
-    MakeSummarizers,
-    Rollouts,
-    Summarizer,
-    Summary,
-    no_summarizers,
-)
+from curiosity_algos.evaluation.rollouts import Rollouts, Summary
 from curiosity_algos.search.base import Search
 from curiosity_algos.state.check import check_like
 
 SMALLEST_DEVIATION = 1e-2
 """An entry that hardly changes is not blown up."""
+MOMENTS = "moments"
+"""Name of what is read of trajectories."""
 
 
 def moments(rollouts: Rollouts, individuals: slice) -> Summary:
@@ -37,11 +32,6 @@ def moments(rollouts: Rollouts, individuals: slice) -> Summary:
     seen = [each[:n] for each, n in zip(observations, rollouts.lengths, strict=True)]
     means = np.array([each.mean(axis=0, dtype=np.float64) for each in seen])
     return means, np.array([each.var(axis=0, dtype=np.float64) for each in seen])
-
-
-def with_moments(make_summarizers: MakeSummarizers, n_individuals: int) -> dict[str, Summarizer]:
-    """Summarizers, and what `NormalizedSearch.observe` needs of trajectories."""
-    return {**make_summarizers(n_individuals), "moments": moments}
 
 
 class NormalizedSearch:
@@ -81,7 +71,7 @@ class NormalizedSearch:
 
     def observe(self, rollouts: Rollouts) -> None:
         """Count the observations of a generation."""
-        means, variances = rollouts.summary("moments", partial(with_moments, no_summarizers))
+        means, variances = rollouts.summary(MOMENTS, lambda n: {MOMENTS: moments})
         if not np.isfinite(means).all():
             raise ValueError("`env` must give finite observations, to be standardized.")
         for mean, variance, n in zip(means, variances, rollouts.lengths, strict=True):

@@ -6,7 +6,7 @@ import pytest
 
 from curiosity_algos import AURORA, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.rollouts import no_summarizers
+from curiosity_algos.motivations.base import Motivation
 from curiosity_gym import MazeLayout
 
 LAYOUT = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
@@ -45,7 +45,7 @@ def lengths_of(n):
 @pytest.mark.parametrize(("n", "sizes"), [(4, [4]), (9, [4, 4, 1])])
 def test_more_than_a_block_are_cut(n, sizes):
     evaluator = Counting(block_size=4)
-    rollouts = evaluator.play(make_population(evaluator, n), 0, lengths_of)
+    rollouts = evaluator.play(make_population(evaluator, n), 0, lengths_of(n))
     assert evaluator.sizes == sizes
     assert (rollouts.observations is None) == (n > 4)
     lengths, places = rollouts.summary("lengths", lengths_of)
@@ -57,7 +57,7 @@ def test_more_than_a_block_are_cut(n, sizes):
         np.testing.assert_array_equal(getattr(rollouts, name), getattr(whole, name))
 
 
-@pytest.mark.parametrize(("block_size", "summarizers"), [(4, None), (None, no_summarizers)])
+@pytest.mark.parametrize(("block_size", "summarizers"), [(4, None), (None, {})])
 def test_some_are_given_whole(block_size, summarizers):
     evaluator = Counting(block_size)
     rollouts = evaluator.play(make_population(evaluator, 9), 0, summarizers)
@@ -67,7 +67,7 @@ def test_some_are_given_whole(block_size, summarizers):
 
 def test_without_trajectories_there_is_no_new_summary():
     evaluator = Counting(block_size=4)
-    rollouts = evaluator.play(make_population(evaluator, 9), 0, no_summarizers)
+    rollouts = evaluator.play(make_population(evaluator, 9), 0, {})
     with pytest.raises(ValueError, match="hold no trajectories"):
         rollouts.summary("observations", lambda n: {"observations": lambda r, _: r.trajectories})
 
@@ -123,7 +123,7 @@ def test_a_motivation_that_reads_nothing_gets_whole_trajectories(make_model, mak
     assert model._motivation.sizes == [6]
 
 
-class WholeMotivation:
+class WholeMotivation(Motivation):
     """A motivation with nothing but what the protocol asks for."""
 
     def __init__(self, motivation):

@@ -11,7 +11,6 @@ from curiosity_algos.search.normalized import (
     SMALLEST_DEVIATION,
     NormalizedSearch,
     moments,
-    with_moments,
 )
 
 N_INPUTS = 3
@@ -106,7 +105,6 @@ def test_parts_of_a_population_have_the_moments_of_the_whole():
     )
     for all_of_it, some in zip(whole, moments(part, slice(1, 3)), strict=True):
         np.testing.assert_array_equal(all_of_it[1:], some)
-    assert with_moments(lambda n: {"own": None}, 3).keys() == {"own", "moments"}
 
 
 def test_an_entry_that_never_changes_is_not_blown_up():

@@ -126,6 +126,10 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
             return float(self.simulation.rewards[0])
         return 1.0 - t / self.horizon if success else 0.0
 
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """See Gymnasium; it would set on a wrapper what cannot be changed here."""
+        return super().set_wrapper_attr(name, value, force=force or hasattr(type(self), name))
+
     # -- pictures ---------------------------------------------------------------------------------
 
     def render(self) -> Frame | None:

@@ -133,6 +133,8 @@ def known_task(env: Any) -> KnownTask | None:
     make_task = task_class(inner)
     names = {name for layer in (*around, inner) for name in vars(layer)}
     is_changed = any(callable(getattr(type(inner), name, None)) for name in names)
+    is_changed |= env.observation_space is not inner.observation_space
+    is_changed |= env.action_space is not inner.action_space
     if is_changed or (make_task is None and type(inner) not in SIMULATIONS):
         return None
     _check_reached(around, inner)

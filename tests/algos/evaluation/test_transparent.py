@@ -35,6 +35,10 @@ class Halving(Monitor):
 
 def test_a_monitor_that_changes_something_is_not():
     assert known_task(Halving(limited(5))) is None
+    for name in ("observation_space", "action_space"):
+        env = Monitor(limited(5))
+        setattr(env, name, gym.spaces.Box(-1.0, 1.0, (50,)))
+        assert known_task(env) is None
 
 
 def test_what_nobody_asked_for_is_taken_off():

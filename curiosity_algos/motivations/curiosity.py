@@ -223,13 +223,14 @@ class CuriosityMotivation:
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""
-        summary = rollouts.summary(self._learned, self.learning)
-        before, actions, after = map(flat, summary)
-        ends = rollouts.final_observations[rollouts.terminated.astype(np.bool_)]
         with single_torch_thread():
-            self.curiosity.observe(before, ends)
-            self.buffer.add(*map(th.from_numpy, (before, actions, after)))
+            self._remember(rollouts)
             return self.curiosity.train(self.buffer.sample)
+
+    def _remember(self, rollouts: Rollouts) -> None:
+        before, actions, after = map(flat, rollouts.summary(self._learned, self.learning))
+        self.curiosity.observe(before, rollouts.final_observations[rollouts.terminated > 0])
+        self.buffer.add(*map(th.from_numpy, (before, actions, after)))
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs."""

@@ -67,7 +67,7 @@ def sort_settings(values: Mapping[str, Any], arguments: Mapping[str, Any]) -> di
     parts: dict[str, Any] = {"keywords": {}, "attributes": {}, "objects": {}}
     for name, value in values.items():
         value = str(value) if isinstance(value, os.PathLike) else value
-        if _is_plain(value):
+        if _fits_json(value):
             parts["keywords" if name in arguments else "attributes"][name] = value
         elif name in arguments or name == "evaluator":  # others the constructor makes again
             named = value if isinstance(value, type) else type(value)
@@ -75,7 +75,7 @@ def sort_settings(values: Mapping[str, Any], arguments: Mapping[str, Any]) -> di
     return parts
 
 
-def _is_plain(value: Any) -> bool:
+def _fits_json(value: Any) -> bool:
     try:
         encode(value, {})
     except ValueError:
@@ -127,10 +127,12 @@ def load_state(part: Any, state: Mapping[str, Any]) -> None:
         part.load_state_dict(state)
 
 
-def check_objects(settings: Settings, given: Mapping[str, Any], *, needs_evaluator: bool) -> None:
+def check_objects(
+    settings: Settings, overrides: Mapping[str, Any], *, needs_evaluator: bool
+) -> None:
     """Raise ValueError unless objects that no file holds are given again."""
     for name, kind in sorted(settings.objects.items()):
-        if kind == "none" or name in given or (name == "evaluator" and not needs_evaluator):
+        if kind == "none" or name in overrides or (name == "evaluator" and not needs_evaluator):
             continue
         raise ValueError(
             f"`{name}` must be given to `load` as to the saved model, {kind}, got none."
@@ -138,7 +140,7 @@ def check_objects(settings: Settings, given: Mapping[str, Any], *, needs_evaluat
 
 
 def make_model(
-    cls: type[Any], settings: Settings, env: Any, device: Any, given: Mapping[str, Any]
+    cls: type[Any], settings: Settings, env: Any, device: Any, overrides: Mapping[str, Any]
 ) -> Any:
     """A model of a class with the settings of a file, and keywords that count more.
 
@@ -146,18 +148,18 @@ def make_model(
         ValueError: If a keyword is another than what the state in the file was made with, or an
             object of another kind; if the environment has other spaces.
     """
-    keywords = settings.keywords | {k: value for k, value in given.items() if k != "preset"}
+    keywords = settings.keywords | {k: value for k, value in overrides.items() if k != "preset"}
     try:
         model = cls(env=env, device=device, _init_setup_model=False, **keywords)
     except TypeError as error:
         raise ValueError(f"`path` must be a saved {cls.__name__}: {error}") from error
-    own = model._settings() | {k: value for k, value in given.items() if k == "preset"}
-    for name in sorted(cls._fixed_settings() & given.keys()):
+    own = model._settings() | {k: value for k, value in overrides.items() if k == "preset"}
+    for name in sorted(cls._fixed_settings() & overrides.keys()):
         if own[name] != (saved := settings.values.get(name)):
             raise ValueError(
                 f"`{name}` must be left as it was saved, {saved}: make a new {cls.__name__}."
             )
-    rest = settings.attributes.keys() - given.keys() - {"policy"}
+    rest = settings.attributes.keys() - overrides.keys() - {"policy"}
     vars(model).update({cls._attributes.get(k, k): settings.attributes[k] for k in rest})
     _see_saved(model, settings)
     model._setup_model()

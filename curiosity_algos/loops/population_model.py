@@ -423,13 +423,13 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         settings = read_settings(content, file, cls)
         known = inspect.signature(cls).parameters.keys() - NO_SETTINGS
         custom = {k: v for k, v in (custom_objects or {}).items() if k in known - {"learning_rate"}}
-        given = custom | kwargs
-        check_keywords_known(cls, sorted(given.keys() - known - settings.values.keys()))
-        check_seed(given.get("seed"))
-        check_objects(settings, given, needs_evaluator=env is not None)
+        overrides = custom | kwargs
+        check_keywords_known(cls, sorted(overrides.keys() - known - settings.values.keys()))
+        check_seed(overrides.get("seed"))
+        check_objects(settings, overrides, needs_evaluator=env is not None)
         env = None if env is None else open_env(env)
-        with cls._unchanged_on_error(given.get("archive")):
-            model: Self = make_model(cls, settings, env, device, given)
+        with cls._unchanged_on_error(overrides.get("archive")):
+            model: Self = make_model(cls, settings, env, device, overrides)
             try:
                 model.load_state_dict(state)
             except OF_DAMAGE as error:
@@ -438,7 +438,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             if model.env is not None:
                 model._match_env(model.env)
         model._show_best()
-        model.set_random_seed(given.get("seed"))
+        model.set_random_seed(overrides.get("seed"))
         return model
 
     @classmethod

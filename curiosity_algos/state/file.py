@@ -69,14 +69,14 @@ def read(file: StateFile, kind: str) -> tuple[dict[str, Any], State]:
         raise FileNotFoundError(f"`path` must be a saved {kind}, there is no file {file}.")
     try:
         about, arrays = _members(file)
-        found = about["kind"]
+        written = about["kind"]
         settings, state = decode(about["settings"], arrays), decode(about["state"], arrays)
         if arrays or not (isinstance(settings, dict) and isinstance(state, dict)):
             raise ValueError("It has more, or less, than settings and state.")
     except Exception as error:  # zip files, JSON and arrays fail in more ways than can be named
         raise ValueError(f"`path` must be a saved {kind}, {file} is not a whole one.") from error
-    if found != kind:
-        raise ValueError(f"`path` must be a saved {kind}, {file} is one of {found!r:.60}.")
+    if written != kind:
+        raise ValueError(f"`path` must be a saved {kind}, {file} is one of {written!r:.60}.")
     return settings, state
 
 

@@ -59,8 +59,8 @@ class TestRoundTrip:
         assert archive.dtypes == loaded.dtypes
         assert archive.stats.obj_max == loaded.stats.obj_max
         for number in (1, 2):
-            for each in (archive, loaded):
-                fill(each, 200, number)
+            for one in (archive, loaded):
+                fill(one, 200, number)
         assert_same(archive.data(), loaded.data())
 
     @pytest.mark.parametrize("net_arch", [None, [], [5], (16, 8), np.array([3, 2])])

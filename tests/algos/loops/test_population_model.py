@@ -84,7 +84,7 @@ class TestSave:
     def test_names_get_stable_baselines_suffix(self, saved, tmp_path):
         saved.save(tmp_path / "one")
         saved.save(tmp_path / "model.best")
-        assert {each.name for each in tmp_path.iterdir()} == {"model.zip", "one.zip", "model.best"}
+        assert {file.name for file in tmp_path.iterdir()} == {"model.zip", "one.zip", "model.best"}
         assert CuriosityES.load(tmp_path / "one").generation == saved.generation
 
     def test_a_full_disk_leaves_the_old_file(self, saved, path, monkeypatch):
@@ -103,7 +103,7 @@ class TestSave:
     def test_a_state_that_no_file_can_hold_leaves_the_old_file(self, saved, path):
         before = path.read_bytes()
         saved._motivation.bonus.state_dict = lambda: {"seen": {1, 2}}
-        with pytest.raises(ValueError, match="at `motivation/bonus/seen` there is a set"):
+        with pytest.raises(ValueError, match=r"at `motivation/.*bonus/seen` there is a set"):
             saved.save(path)
         assert path.read_bytes() == before
 
@@ -188,8 +188,8 @@ class TestLoad:
             ):
                 NSES.load(path, env=make_maze(), **{name: value})
         for same in (None, {}, {"net_arch": (32, 16)}, {"net_arch": [32, 16]}):
-            given = {"behavior": "final", "policy_kwargs": same, "preset": None}
-            assert NSES.load(path, env=make_maze(), **given).generation == 1
+            overrides = {"behavior": "final", "policy_kwargs": same, "preset": None}
+            assert NSES.load(path, env=make_maze(), **overrides).generation == 1
 
     def test_stand_ins_of_rl_zoo3_are_ignored(self, saved, path):
         custom = {"learning_rate": 0.0, "lr_schedule": lambda _: 0.0, "clip_range": 1, "sigma": 0.1}
@@ -252,15 +252,15 @@ class TestObjects:
         bonus = make_bonus()
         loaded = algorithm.load(path, env=make_maze(), bonus=bonus)
         assert loaded.bonus is bonus is loaded._motivation.bonus
-        for each in (model, loaded):
-            each.learn(300, reset_num_timesteps=False)
+        for one in (model, loaded):
+            one.learn(300, reset_num_timesteps=False)
         assert_same_run(model, loaded)
 
     def test_what_a_user_gave_is_in_its_part_alone(self, make_easy_maze):
         search = CanonicalES(make_easy_maze(), population_size=4)._search
-        given = CanonicalES(make_easy_maze(), search=search)
-        assert given.search is given._search is search
-        np.testing.assert_array_equal(given.get_parameters()["search"]["center"], search.center)
+        model = CanonicalES(make_easy_maze(), search=search)
+        assert model.search is model._search is search
+        np.testing.assert_array_equal(model.get_parameters()["search"]["center"], search.center)
 
 
 class Remembering(CanonicalES):
@@ -328,8 +328,9 @@ class TestWrongFiles:
     )
     def test_settings_that_are_damaged(self, saved, path, name, value):
         def change(about):
-            held = about["settings"][name]
-            about["settings"][name] = held | value if value and held != value != 3 else value
+            before = about["settings"][name]
+            is_part = isinstance(value, dict) and value
+            about["settings"][name] = before | value if is_part else value
 
         rewrite(path, with_about(change))
         with pytest.raises(ValueError, match="`"):

@@ -15,6 +15,7 @@ import numpy as np
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
+from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.evaluation.mlp import Mlp
 from curiosity_algos.evaluation.rollouts import Rollouts, Summary
 from curiosity_algos.search.base import Search
@@ -22,6 +23,7 @@ from curiosity_algos.state.check import check_like
 
 SMALLEST_DEVIATION = 1e-2
 """An entry that hardly changes is not blown up."""
+FARTHEST = RunningNormalizer.FARTHEST
 MOMENTS = "moments"
 """Name of what is read of trajectories."""
 
@@ -75,7 +77,20 @@ class NormalizedSearch:
         if not np.isfinite(means).all():
             raise ValueError("`env` must give finite observations, to be standardized.")
         for mean, variance, n in zip(means, variances, rollouts.lengths, strict=True):
+            mean, variance = self._bounded(mean, variance, n)
             self._seen.update_from_moments(mean, variance, n)
+
+    def _bounded(
+        self, mean: Float64Array, variance: Float64Array, n: int
+    ) -> tuple[Float64Array, Float64Array]:
+        """Moments of n observations that move a known deviation by a small factor at most."""
+        # As in RunningNormalizer: one observation like no other would hide all that come after it.
+        largest = self._seen.var * (FARTHEST**2 + self._seen.count) / n
+        largest[self._seen.var < SMALLEST_DEVIATION**2] = np.inf
+        if self._seen.count < FARTHEST:  # too few to know a deviation by
+            largest[:] = np.inf
+        shift = np.clip(mean - self._seen.mean, -np.sqrt(largest), np.sqrt(largest))
+        return self._seen.mean + shift, np.minimum(variance, largest)
 
     def state_dict(self) -> dict[str, Any]:
         """The state of the search, and what was seen."""

@@ -72,6 +72,20 @@ def test_policies_act_as_those_of_the_search_on_standardized_observations(net_ar
         np.testing.assert_allclose(act(mlp, mine[None], seen), expected, atol=1e-3)
 
 
+@pytest.mark.parametrize("outlier", [1e4, 1e9, -1e9])
+def test_one_observation_hides_no_others(outlier):
+    search, _ = make_search()
+    for seed in range(10):
+        search.observe(make_rollouts(seed=seed))
+    before = search.state_dict()
+    rollouts = make_rollouts(seed=10)
+    rollouts.observations[1, 0] = outlier
+    search.observe(rollouts)
+    after = search.state_dict()
+    assert (after["var"] < 200.0 * before["var"]).all()
+    assert (np.abs(after["mean"] - before["mean"]) < 10.0 * np.sqrt(before["var"])).all()
+
+
 def test_before_anything_is_seen_they_are_the_same():
     search, _ = make_search()
     inner, _ = make_search()

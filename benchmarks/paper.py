@@ -36,8 +36,8 @@ from curiosity_algos.experiments.figures.projection import (
     project_rewarding,
     replay_rewarding,
 )
-from curiosity_algos.experiments.loading import load_progress
 from curiosity_algos.experiments.measures import Points, logged
+from curiosity_algos.experiments.run import Run
 
 FOLDER = results.FOLDER / "paper"
 N_POINTS = 100
@@ -113,16 +113,16 @@ def _shown(runs: pd.DataFrame, figure: int) -> pd.DataFrame:
     return runs[is_shown & runs["variant"].isin(["", PUBLIC_STEP])]
 
 
-def _of_each(runs: pd.DataFrame, read: Callable[[Path], pd.DataFrame]) -> pd.DataFrame:
+def _of_each(runs: pd.DataFrame, read: Callable[[Run], pd.DataFrame]) -> pd.DataFrame:
     """What is read of each run, in rows that begin with its keys."""
     rows = runs[[*KEYS, "run"]].itertuples(index=False)
-    tables = {tuple(key): read(Path(run)) for *key, run in rows}
+    tables = {tuple(key): read(Run(run)) for *key, run in rows}
     if not tables:
         return pd.DataFrame(columns=KEYS)
     return pd.concat(tables, names=KEYS).reset_index(KEYS)
 
 
-def _curves(run: Path) -> pd.DataFrame:
+def _curves(run: Run) -> pd.DataFrame:
     """What the measures are at `N_POINTS` times; a bonus is logged by those that have one.
 
     A generation's return and the bonus are means since the time before: the highest would be that
@@ -130,7 +130,7 @@ def _curves(run: Path) -> pd.DataFrame:
     """
     measured = {name: measure(run) for name, measure in MEASURES.items()}
     curves = {name: (np.r_[0.0, x], np.r_[0.0, y]) for name, (x, y) in measured.items()}
-    if BONUS in load_progress(run):
+    if BONUS in run.progress:
         x, y = logged(run, BONUS)
         curves["bonus"] = np.r_[0.0, x], np.r_[np.nan, y]  # not known before the first log
     edges = np.linspace(0.0, max(steps[-1] for steps, _ in curves.values()), N_POINTS + 1)
@@ -143,9 +143,9 @@ def _curves(run: Path) -> pd.DataFrame:
     return table
 
 
-def _final_states(run: Path) -> pd.DataFrame:
+def _final_states(run: Run) -> pd.DataFrame:
     """How many episodes ended in each square, a row for each y."""
-    table = pd.DataFrame(count_final_states(run, run.parent.name), columns=COLUMNS)
+    table = pd.DataFrame(count_final_states(run, run.folder.path.parent.name), columns=COLUMNS)
     return table.rename_axis("y").reset_index()
 
 
@@ -161,7 +161,7 @@ def _projection(runs: pd.DataFrame, folder: Path) -> pd.DataFrame:
         if not old.index.isin(runs.set_index(keys).index).all():
             typer.echo("projection.csv stays as it is: it shows runs that are not here.")
             return pd.DataFrame(columns=keys)
-    played = {run: [replay_rewarding(Path(run))] for run in runs["run"]}
+    played = {run: [replay_rewarding(Run(run))] for run in runs["run"]}
     states = [policy for (each,) in played.values() for policy in each.states]
     if len(states) < 3:
         return pd.DataFrame(columns=keys)

@@ -6,10 +6,9 @@ from functools import partial
 
 import pandas as pd
 
-from curiosity_algos.experiments.loading import StrPath, load_progress
-from curiosity_algos.experiments.measures import logged, told_apart
+from curiosity_algos.experiments.measures import logged, with_differences
 from curiosity_algos.experiments.reading import damaged
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run
 
 QD_SCORE, SIZE = "archive/qd_score", "archive/size"
 """Columns of the log."""
@@ -29,22 +28,21 @@ def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
     number of elites itself is what a distance between them comes to, so that each label counts as
     an archive of its own.
     """
-    kept = [_archive_of(*each) for each in zip(runs["run"], runs["label"], strict=True)]
-    texts = pd.DataFrame(kept, index=runs.index).dropna(how="all").astype(object)
+    archives = [_archive_of(*row) for row in zip(runs["files"], runs["label"], strict=True)]
+    texts = pd.DataFrame(archives, index=runs.index).dropna(how="all").astype(object)
     texts = texts.where(texts.notna(), "none").reindex(columns=["archive", *texts.columns[1:]])
-    found = runs.loc[texts.index]
-    names = found["env"] + ", " + texts.pop("archive")
-    return found.assign(archive=told_apart(names, texts))
+    runs = runs.loc[texts.index]
+    names = runs["env"] + ", " + texts.pop("archive")
+    return runs.assign(archive=with_differences(names, texts))
 
 
-def _archive_of(run: StrPath, label: str) -> dict[str, str]:
+def _archive_of(run: Run, label: str) -> dict[str, str]:
     """The class of a run's `archive` and its settings, in words; empty without a QD score."""
-    if not {QD_SCORE, SIZE} <= {*load_progress(run)}:
+    if not {QD_SCORE, SIZE} <= {*run.progress}:
         return {}
-    folder = RunFolder(run)
-    match [*(folder.describe().get("archive") or {}).items()]:
+    match [*(run.description.get("archive") or {}).items()]:
         case [(name, dict(settings))] if settings.keys() & CELLS:
             return {"archive": name} | {key: str(value) for key, value in settings.items()}
         case [(name, dict())]:
             return {"archive": f"{name} of {label}"}
-    raise damaged(folder.path / "run.json")
+    raise damaged(run.folder.path / "run.json")

@@ -24,7 +24,7 @@ from curiosity_algos.experiments.baselines import is_baseline, load_baseline_pol
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.reading import check_kind
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.atomic_file import atomic_file
@@ -121,29 +121,28 @@ def _open(
 ) -> Iterator[tuple[BasePolicy, gym.Env[Any, Any], int]]:
     """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
     if isinstance(source, tuple):
-        with given_or_made(env, partial(gym.make, source[1], **rendering)) as made:
-            yield load_pretrained(*source), made, pretrained_seed(*source) or 0
+        with given_or_made(env, partial(gym.make, source[1], **rendering)) as played:
+            yield load_pretrained(*source), played, pretrained_seed(*source) or 0
         return
-    run = RunFolder(source)
-    described = run.describe()
-    cls = _algorithm(described)
-    with given_or_made(env, partial(make_env, described, trust=trust, **rendering)) as made:
-        policy, seed = _read_policy(run, cls, made, trust)
-        sizes = {FlatObservations(each.observation_space).size for each in (policy, made)}
-        if len(sizes) > 1:
-            name = described["env"]
+    run = Run(source)
+    cls = _algorithm(run.description)
+    with given_or_made(env, partial(make_env, run.description, trust=trust, **rendering)) as played:
+        policy, seed = _read_policy(run, cls, played, trust)
+        spaces = policy.observation_space, played.observation_space
+        if len({FlatObservations(space).size for space in spaces}) > 1:
+            name = run.description["env"]
             raise ValueError(f"`run` must be of its environment: {name} has other observations.")
-        yield policy, made, seed
+        yield policy, played, seed
 
 
 def _read_policy(
-    run: RunFolder, cls: type[Any], env: gym.Env[Any, Any], trust: bool
+    run: Run, cls: type[Any], env: gym.Env[Any, Any], trust: bool
 ) -> tuple[BasePolicy, int]:
     """The policy of a run, and the seed of its best episode; 0 where that is not known."""
     if is_baseline(cls) and not trust:
-        load = partial(load_baseline_policy, cls, described=run.describe(), env=env)
-        return run.read(load), 0
-    return run.read(partial(_load, cls, env))
+        load = partial(load_baseline_policy, cls, described=run.description, env=env)
+        return run.folder.read(load), 0
+    return run.folder.read(partial(_load, cls, env))
 
 
 def _load(cls: type[Any], env: gym.Env[Any, Any], checkpoint: Path) -> tuple[BasePolicy, int]:
@@ -188,6 +187,6 @@ def write_film(frames: list[Frame], path: Path) -> None:
     (moviepy,) = import_extra("render", "moviepy")
     clip = moviepy.ImageSequenceClip(frames, fps=20)
     with TemporaryDirectory() as folder, atomic_file(path) as file:
-        made = Path(folder, path.name)  # its encoder writes to no file that is open
-        clip.write_videofile(str(made), logger=None)
-        file.write(made.read_bytes())
+        encoded = Path(folder, path.name)  # the encoder writes to no file that is open
+        clip.write_videofile(str(encoded), logger=None)
+        file.write(encoded.read_bytes())

@@ -5,47 +5,46 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.reading import read_rows
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run, StrPath
 
-StrPath: TypeAlias = str | os.PathLike[str]
 KEYS = ("algorithm", "env", "seed")
-NOT_SHOWN = {
+FOR_PROGRAMS = {
     *("run", "env_spec", "env_unknown", "behavior_names", "archive"),
     *("pending_log", "ended"),
 }
+"""Fields that make the environment again or continue the run: tables leave them out."""
 
 
 def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
-    """The folders of runs in folders and what is in these, in their order; each run once.
+    """The folders of runs in folders and below, in order; each run once.
 
     Raises:
         FileNotFoundError: If there is none in one of the folders.
     """
     if isinstance(folders, str | os.PathLike):
         folders = [folders]
-    found: dict[Path, Path] = {}
+    paths: dict[Path, Path] = {}
     for folder in folders:
         runs = sorted(_runs_in(folder))
         if not runs:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:
-            found.setdefault(run.resolve(), run)
-    if not found:
+            paths.setdefault(run.resolve(), run)
+    if not paths:
         raise FileNotFoundError("`folders` must hold runs, there is no folder in it.")
-    return list(found.values())
+    return list(paths.values())
 
 
 def _runs_in(folder: StrPath) -> Iterator[Path]:
-    """The folders of runs, behind links, too, of which those that lead back are not followed."""
+    """The folders of runs, also behind links; a link back to a folder above is not followed."""
     seen = set()
-    # Which passes over folders that vanish, as checkpoints do while a run goes on.
+    # `os.walk` passes over folders that vanish, as checkpoints do while a run goes on.
     for path, inner, files in os.walk(folder, followlinks=True):
         if "run.json" in files:
             yield Path(path)
@@ -67,19 +66,21 @@ def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
         FileNotFoundError: If there is no run.
         ValueError: If a run is of another format, or damaged.
     """
-    rows = [_row(path) for path in find_runs(folders)]
-    runs = pd.json_normalize(rows)
+    return tabulate([Run(path) for path in find_runs(folders)])
+
+
+def tabulate(runs: list[Run]) -> pd.DataFrame:
+    """The table of `load_runs`."""
+    table = pd.json_normalize([_row(run) for run in runs])
     firsts = {"first_reward_timesteps", "first_success_timesteps"}
-    for name in {*firsts, "best_return"} & set(runs.columns):
-        runs[name] = runs[name].astype(float)  # None: NaN
-    return runs
+    for name in {*firsts, "best_return"} & set(table.columns):
+        table[name] = table[name].astype(float)  # None: NaN
+    return table
 
 
-def _row(path: Path) -> dict[str, Any]:
-    run = RunFolder(path)
-    fields = run.describe() | run.result()
-    # Some are for the programs that make the environment and go on with the run.
-    return {"run": str(path)} | {k: v for k, v in fields.items() if k not in NOT_SHOWN}
+def _row(run: Run) -> dict[str, Any]:
+    fields = run.description | run.result
+    return {"run": str(run)} | {k: v for k, v in fields.items() if k not in FOR_PROGRAMS}
 
 
 def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
@@ -89,18 +90,14 @@ def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
         FileNotFoundError: If there is no run.
         ValueError: If a run is of another format, or damaged.
     """
-    return pd.concat([_progress(path) for path in find_runs(folders)], ignore_index=True)
+    return pd.concat([_progress(Run(path)) for path in find_runs(folders)], ignore_index=True)
 
 
-def _progress(path: Path) -> pd.DataFrame:
-    run = RunFolder(path)
-    described = run.describe()
-    table = pd.DataFrame(read_rows(run.progress))
-    # Where a row lacks an entry, its column would be of floats, and of integers elsewhere.
-    table = table.astype(dict.fromkeys(table.select_dtypes("integer"), float))
+def _progress(run: Run) -> pd.DataFrame:
+    table = run.progress.copy()
     for i, name in enumerate(KEYS):
-        table.insert(i, name, described.get(name))
-    table.insert(0, "run", str(path))
+        table.insert(i, name, run.description.get(name))
+    table.insert(0, "run", str(run))
     return table
 
 
@@ -115,6 +112,4 @@ def load_final_states(folder: StrPath) -> dict[str, npt.NDArray[np.generic]]:
         FileNotFoundError: If there is no run.
         ValueError: If it is of another format, or damaged.
     """
-    run = RunFolder(folder)
-    run.describe()
-    return run.final_states()
+    return Run(folder).final_states

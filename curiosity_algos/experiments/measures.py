@@ -1,7 +1,7 @@
-"""Runs side by side, and their curves, read from their folders for the figures and the report.
+"""Runs side by side, and their curves, for the figures and the report.
 
-What reads a folder raises FileNotFoundError if there is no run, ValueError if it is damaged or has
-not what is asked for.
+Functions that read a run raise FileNotFoundError if there is none, ValueError if it is damaged or
+has no such curve.
 """
 
 from __future__ import annotations
@@ -15,23 +15,18 @@ import pandas as pd
 
 from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.experiments.labels import label_runs, setting_text
-from curiosity_algos.experiments.loading import (
-    StrPath,
-    load_final_states,
-    load_progress,
-    load_runs,
-)
+from curiosity_algos.experiments.loading import find_runs, tabulate
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run, StrPath
 from curiosity_algos.experiments.statistics import Survival, survival
 
 Points: TypeAlias = tuple[Float64Array, Float64Array]
 """Timesteps or seconds (n,), and the value from then on (n,)."""
-Measure: TypeAlias = Callable[[StrPath], Points]
-"""Reads a run's curve from its folder."""
+Measure: TypeAlias = Callable[[Run], Points]
+"""Reads a curve of a run."""
 
 EPISODES = 56
-"""That count as a generation where an algorithm has none; as many as the paper's have."""
+"""Episodes that count as a generation where an algorithm has none: the paper's population."""
 
 
 # -- runs side by side ----------------------------------------------------------------------------
@@ -44,10 +39,14 @@ def load_compared(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
         A row for each run. `env` has the keywords that tell environments of one name apart,
         `label` the settings that tell runs of one algorithm apart, `has_begun` says whether an
         episode has ended by the last checkpoint, `is_repeated` whether another run of the label has
-        the same seed, and has come as far or farther: the two are no independent runs.
+        the same seed, and has come as far or farther: the two are no independent runs. `files` has
+        the `Run` that reads its files.
     """
-    runs = load_runs(folders)
-    runs["env"] = _titles(runs)
+    files = [Run(path) for path in find_runs(folders)]
+    runs = tabulate(files).assign(files=files)
+    names = runs["env"].fillna(runs.get("env_class", "unknown"))
+    keywords = runs.filter(regex=r"^(env_kwargs|wrappers)\.").map(setting_text)
+    runs["env"] = with_differences(names, keywords)
     has_begun = runs["n_episodes"] > 0 if "n_episodes" in runs else False
     runs = runs.assign(label=label_runs(runs), has_begun=has_begun)
     return runs.assign(is_repeated=_is_repeated(runs))
@@ -62,14 +61,8 @@ def _is_repeated(runs: pd.DataFrame) -> pd.Series:
     return repeated.reindex(runs.index, fill_value=False)
 
 
-def _titles(runs: pd.DataFrame) -> pd.Series:
-    names = runs["env"].fillna(runs.get("env_class", "unknown"))
-    texts = runs.filter(regex=r"^(env_kwargs|wrappers)\.").map(setting_text)
-    return told_apart(names, texts)
-
-
-def told_apart(names: pd.Series, texts: pd.DataFrame) -> pd.Series:
-    """Names, each with the columns in which rows of that name differ: `A, k 5`."""
+def with_differences(names: pd.Series, texts: pd.DataFrame) -> pd.Series:
+    """Names, followed by the columns in which rows of one name differ: `A, k 5`."""
     titles = names.copy()
     for _, rows in texts.groupby(names):
         for column in rows.columns[rows.nunique() > 1]:
@@ -100,34 +93,35 @@ def times_to_first(runs: pd.DataFrame, event: str, x: str = "timesteps") -> Surv
     """Kaplan-Meier estimate of how long runs go without an event, in "timesteps" or "seconds"."""
     times = np.c_[first_timesteps(runs, event), runs["timesteps"].to_numpy(dtype=np.float64)]
     if x == "seconds":
-        times = np.array([in_seconds(*each) for each in zip(runs["run"], times, strict=True)])
+        times = np.array([in_seconds(*row) for row in zip(runs["files"], times, strict=True)])
     return survival(times[:, 0], times[:, 1])
 
 
 def read_curves(runs: pd.DataFrame, measure: Measure, x: str = "timesteps") -> list[Points]:
     """The curve of each run over its "timesteps" or "seconds"."""
-    points = [(run, *measure(run)) for run in runs["run"]]
-    if x == "seconds":
-        return [(in_seconds(run, timesteps), values) for run, timesteps, values in points]
-    return [(timesteps, values) for _, timesteps, values in points]
+    curves = [measure(run) for run in runs["files"]]
+    if x == "timesteps":
+        return curves
+    pairs = zip(runs["files"], curves, strict=True)
+    return [(in_seconds(run, timesteps), values) for run, (timesteps, values) in pairs]
 
 
 # -- curves of a run ------------------------------------------------------------------------------
 
 
-def coverage(run: StrPath) -> Points:
+def coverage(run: Run) -> Points:
     """Share of the reachable cells in which episodes have ended; none before timestep 0."""
     return _from_zero(*logged(run, "coverage/reachable"))
 
 
-def best_return(run: StrPath) -> Points:
+def best_return(run: Run) -> Points:
     """Highest return of an episode so far, from the first generation on."""
     states = final_states(run)
     timesteps, returns = _highest(states, states["timesteps"])
     return timesteps, np.maximum.accumulate(returns)
 
 
-def generation_return(run: StrPath) -> Points:
+def generation_return(run: Run) -> Points:
     """Highest return of each generation; of 56 episodes where the algorithm trains one policy."""
     states = final_states(run)
     generation = states["generation"]
@@ -136,12 +130,11 @@ def generation_return(run: StrPath) -> Points:
     return _highest(states, generation)
 
 
-def final_states(run: StrPath) -> dict[str, Array]:
-    """`load_final_states` of a run with an episode."""
-    states = load_final_states(run)
-    if not states:
+def final_states(run: Run) -> dict[str, Array]:
+    """The final states of a run with an episode."""
+    if not run.final_states:
         raise ValueError(f"`folder` must be that of a run, final states of {run} are missing.")
-    return states
+    return run.final_states
 
 
 def _highest(states: dict[str, Array], group: Array) -> Points:
@@ -152,9 +145,9 @@ def _highest(states: dict[str, Array], group: Array) -> Points:
     return timesteps, np.maximum.reduceat(states["return"], first)
 
 
-def logged(run: StrPath, column: str) -> Points:
+def logged(run: Run, column: str) -> Points:
     """Timesteps and values of the rows of the log that have both."""
-    progress = load_progress(run)
+    progress = run.progress
     if len(progress) and column not in progress:
         raise ValueError(
             f"`runs` must be of environments with a coverage, {run} is not."
@@ -170,10 +163,10 @@ def _from_zero(timesteps: npt.ArrayLike, values: npt.ArrayLike) -> Points:
     return np.r_[0.0, timesteps], np.r_[0.0, values]
 
 
-def in_seconds(run: StrPath, timesteps: npt.ArrayLike) -> Float64Array:
+def in_seconds(run: Run, timesteps: npt.ArrayLike) -> Float64Array:
     """Seconds of training after which a run was at `timesteps` (n,), by its log and its result."""
     known, seconds = _from_zero(*logged(run, SECONDS))
-    result = RunFolder(run).result()
-    if "seconds" in result and result["timesteps"] > known[-1]:
-        known, seconds = np.r_[known, result["timesteps"]], np.r_[seconds, result["seconds"]]
+    end = run.result
+    if end and end["timesteps"] > known[-1]:
+        known, seconds = np.r_[known, end["timesteps"]], np.r_[seconds, end["seconds"]]
     return np.interp(np.asarray(timesteps, dtype=np.float64), known, seconds)

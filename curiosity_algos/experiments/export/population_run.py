@@ -19,7 +19,7 @@ from curiosity_algos.evaluation.evaluator import check_policy_kwargs
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import read_settings
 from curiosity_algos.loops.quality_diversity import QualityDiversity
@@ -81,8 +81,8 @@ class PopulationRun:
     def __init__(
         self, folder: Path, *, trust: bool = False, env: gym.Env[Any, Any] | None = None
     ) -> None:
-        self._run = RunFolder(folder)
-        self.described = self._run.describe()
+        self._run = Run(folder)
+        self.described = self._run.description
         self._algorithm = _population_algorithm(folder, self.described["algorithm"])
         self._trust = trust
         self._env = env
@@ -103,7 +103,7 @@ class PopulationRun:
             self.timesteps = int(checkpoint.name)
             return found
 
-        return self._run.read(read_and_note)
+        return self._run.folder.read(read_and_note)
 
     def _spaces(self, checkpoint: Path) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
         """Observations and actions, as the model has them, or else the environment."""

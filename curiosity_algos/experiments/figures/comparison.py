@@ -25,7 +25,6 @@ from curiosity_algos.experiments.figures.curves import (
     legend_handles,
 )
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.loading import StrPath
 from curiosity_algos.experiments.measures import (
     Measure,
     best_return,
@@ -35,6 +34,7 @@ from curiosity_algos.experiments.measures import (
     read_curves,
     times_to_first,
 )
+from curiosity_algos.experiments.run import StrPath
 from curiosity_gym.validation import check_choice
 
 MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
@@ -96,6 +96,8 @@ def compare(
     for ax, (env, here) in zip(axes.flat, panels, strict=False):
         (_draw_curves if measure else _draw_survival)(ax, here, colors, y, x)
         ax.set(title=fill(short_name(str(env)), TITLE_WIDTH), xlabel=X[x][0])
+        for run in here["files"]:
+            run.forget_final_states()
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
     events = {first_of(here) or "success" for _, here in panels} if measure is None else set()

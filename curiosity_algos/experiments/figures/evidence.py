@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Protocol
 
 import gymnasium as gym
@@ -16,7 +15,6 @@ from curiosity_algos.experiments.figures.projection import (
     project_rewarding,
     replay_rewarding,
 )
-from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.measures import (
     Measure,
     Points,
@@ -24,7 +22,7 @@ from curiosity_algos.experiments.measures import (
     coverage,
     generation_return,
 )
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run
 from curiosity_gym.maze.plots import count
 
 MEASURES: Mapping[str, Measure] = {
@@ -35,10 +33,10 @@ MEASURES: Mapping[str, Measure] = {
 """What curves are of, by name."""
 
 
-def count_final_states(run: Path, env: str) -> Counts:
+def count_final_states(run: Run, env: str) -> Counts:
     """How many episodes of a run ended in each square of a maze, by y and x."""
     layout = gym.make(env).unwrapped.layout  # type: ignore[attr-defined]  # of a maze
-    ends = load_final_states(run)["behavior"].astype(np.float64)
+    ends = run.final_states["behavior"].astype(np.float64)
     return count(ends, layout, SIDE)
 
 
@@ -69,26 +67,26 @@ class TrainedRuns:
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
         """A curve of each run, of one of `MEASURES`."""
-        return [MEASURES[measure](folder) for folder in self._folders(series, env)]
+        return [MEASURES[measure](run) for run in self._runs(series, env)]
 
     def final_states(self, series: Series, env: str) -> Counts:
         """How many episodes of all runs ended in each square of a maze, by y and x."""
-        counts = [count_final_states(run, env) for run in self._folders(series, env)]
+        counts = [count_final_states(run, env) for run in self._runs(series, env)]
         total: Counts = np.sum(counts, axis=0)
         return total
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""
         return project_rewarding(
-            {each.label: list(map(replay_rewarding, self._folders(each, env))) for each in panel}
+            {series.label: list(map(replay_rewarding, self._runs(series, env))) for series in panel}
         )
 
-    def _folders(self, series: Series, env: str) -> list[Path]:
-        runs = [self.plan.run(series, env, seed) for seed in self.plan.seeds]
-        folders = [run.folder(self.plan.folder) for run in runs]
-        for run, folder in zip(runs, folders, strict=True):
-            if RunFolder(folder).result().get("timesteps", 0) < run.timesteps:
+    def _runs(self, series: Series, env: str) -> list[Run]:
+        specs = [self.plan.run(series, env, seed) for seed in self.plan.seeds]
+        runs = [Run(spec.folder(self.plan.folder)) for spec in specs]
+        for spec, run in zip(specs, runs, strict=True):
+            if run.result.get("timesteps", 0) < spec.timesteps:
                 raise FileNotFoundError(
-                    f"`log_folder` must hold the runs of the figure, {folder} is not finished."
+                    f"`log_folder` must hold the runs of the figure, {run} is not finished."
                 )
-        return folders
+        return runs

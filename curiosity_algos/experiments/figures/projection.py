@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from curiosity_algos.experiments.export.population_run import Policies
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.reading import REWARDING, read_arrays
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run
 
 N_STATES = 300
 """Last states of an episode, the paper's number."""
@@ -47,26 +46,24 @@ class Rewarding(NamedTuple):
     returns: Float64Array
 
 
-def replay_rewarding(run: Path) -> Rewarding:
+def replay_rewarding(run: Run) -> Rewarding:
     """Play rewarding policies of a run again, each with the seed of its episode.
 
     The last of the `N_STATES` is the one that the episode ended in. A shorter episode counts as if
     it had waited at its start: the first state is repeated before the others.
 
     Args:
-        run: Folder of a run that has a checkpoint. Of more than `N_POLICIES`, as many are drawn.
+        run: A run with a checkpoint. `N_POLICIES` are drawn where there are more.
 
     Raises:
         FileNotFoundError: If there is no run.
         ValueError: If it is damaged, or its environment is not one that is known here.
     """
-    folder = RunFolder(run)
-    described = folder.describe()
-    kept = folder.read(lambda last: read_arrays(last / "rewarding.npz", REWARDING))
-    parameters, seeds = Policies(kept["parameters"], kept["episode_seed"]).draw(N_POLICIES)
+    stored = run.folder.read(lambda last: read_arrays(last / "rewarding.npz", REWARDING))
+    parameters, seeds = Policies(stored["parameters"], stored["episode_seed"]).draw(N_POLICIES)
     returns = np.empty(len(seeds))
-    with closing(make_env(described, trust=False)) as env:
-        evaluator = make_evaluator(env, described["settings"]["policy_kwargs"], 1)
+    with closing(make_env(run.description, trust=False)) as env:
+        evaluator = make_evaluator(env, run.description["settings"]["policy_kwargs"], 1)
         n_observed = FlatObservations(env.observation_space).size
         states = np.empty((len(seeds), N_STATES, n_observed), dtype=np.float32)
         for batch, rollouts in replay(evaluator, parameters, seeds):

@@ -11,10 +11,10 @@ import pandas as pd
 
 from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.loading import StrPath
 from curiosity_algos.experiments.measures import load_compared
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, pairs, summary, swatch
+from curiosity_algos.experiments.run import StrPath
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
@@ -146,7 +146,7 @@ def write_report(folders: StrPath | Iterable[StrPath], out: StrPath) -> pd.DataF
     )
     with atomic_file(out) as file:
         file.write(text.encode())
-    return page.begun
+    return page.begun.drop(columns="files")
 
 
 def _asset(name: str) -> str:
@@ -174,6 +174,8 @@ class _Page:
             left_out += _named(REPEATED, here[here["is_repeated"]])
             here = self.begun[self.begun["env"] == env]
             parts = self._section(here, str(env)) if len(here) else ""
+            for run in here["files"]:
+                run.forget_final_states()
             self.sections.append(
                 f'<section class="card" aria-labelledby="{name}"><h2 id="{name}">{title}</h2>'
                 f"{left_out}{parts}</section>"

@@ -26,7 +26,7 @@ from curiosity_algos.experiments.measures import (
     times_to_first,
 )
 from curiosity_algos.experiments.report.tables import has_coverage
-from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.statistics import Curve, curve_interval
 from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
@@ -186,23 +186,23 @@ class Plane:
 
 def plane_of(runs: pd.DataFrame) -> Plane | None:
     """The plane of final states; None where behaviors have fewer than two entries."""
-    maze = _maze_of(RunFolder(runs["run"].iloc[0]).describe())
+    maze = _maze_of(runs["files"].iloc[0].description)
     if maze is not None:
         size = np.array([maze.layout.width, maze.layout.height])
         return Plane(np.zeros(2), size, maze.behavior_names[:2], maze)
-    points = [_ends(run)[0] for run in runs["run"]]
-    if any(each.shape[1] < 2 for each in points) or not sum(map(len, points)):
+    points = [_ends(run)[0] for run in runs["files"]]
+    if any(ends.shape[1] < 2 for ends in points) or not sum(map(len, points)):
         return None
     # One final state far away would leave all others in a corner.
     low, high = np.percentile(np.concatenate(points), [0.5, 99.5], axis=0)
-    return Plane(low, np.where(high > low, high, low + 1.0), _names(runs["run"]))
+    return Plane(low, np.where(high > low, high, low + 1.0), _names(runs["files"]))
 
 
-def _names(runs: Iterable[str]) -> tuple[str, ...]:
+def _names(runs: Iterable[Run]) -> tuple[str, ...]:
     """The names of the first two entries of the behavior, by the first run that has them."""
-    described = (RunFolder(run).describe().get("behavior_names") for run in runs)
-    names = next((each[:2] for each in described if each is not None), None)
-    return entry_names(names, 2)
+    names = (run.description.get("behavior_names") for run in runs)
+    first = next((entries[:2] for entries in names if entries is not None), None)
+    return entry_names(first, 2)
 
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
@@ -217,7 +217,7 @@ def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     return env if isinstance(env, MazeEnv) else None
 
 
-def _ends(run: str) -> tuple[Float64Array, Float64Array]:
+def _ends(run: Run) -> tuple[Float64Array, Float64Array]:
     """Final states (n, 2 or fewer) of a run, as far as they are finite, and their timesteps (n,).
 
     Raises:
@@ -235,7 +235,7 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     The last color is that of `longest` timesteps.
     """
     first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
-    for points, timesteps in map(_ends, runs["run"]):
+    for points, timesteps in map(_ends, runs["files"]):
         np.fmin.at(first, plane.cells(points), timesteps)
     width, height = ((plane.high - plane.low) / N_CELLS).tolist()
     x_name, y_name = plane.names

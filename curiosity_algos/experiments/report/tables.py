@@ -91,7 +91,7 @@ def _areas(runs: pd.DataFrame) -> list[float]:
     """Mean coverage of each run from its first timestep to its last."""
     if not has_coverage(runs):
         return []
-    budgets = zip(runs["run"], runs["timesteps"], strict=True)
+    budgets = zip(runs["files"], runs["timesteps"], strict=True)
     return [area_under_curve(*coverage(run), timesteps) for run, timesteps in budgets]
 
 

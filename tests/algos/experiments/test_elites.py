@@ -12,6 +12,7 @@ from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.experiments import SaveRun, load_progress
 from curiosity_algos.experiments.elites import n_elites, qd_score, with_archives
 from curiosity_algos.experiments.measures import load_compared
+from curiosity_algos.experiments.run import Run
 from curiosity_gym import BehaviorWrapper
 
 OFFSET = -20.0
@@ -47,10 +48,10 @@ def test_the_score_is_that_of_pyribs(below_zero):
     folder, elites = below_zero
     peer = GridArchive(solution_dim=17, qd_score_offset=OFFSET, **GRID)
     peer.add(elites["solution"], elites["objective"], elites["measures"])
-    timesteps, scores = qd_score(folder)
+    timesteps, scores = qd_score(Run(folder))
     assert peer.stats.obj_max < 0.0
     assert scores[-1] == pytest.approx(peer.stats.qd_score)
-    assert n_elites(folder)[1][-1] == peer.stats.num_elites
+    assert n_elites(Run(folder))[1][-1] == peer.stats.num_elites
     assert timesteps.tolist() == load_progress(folder)["time/total_timesteps"].tolist()
 
 
@@ -81,7 +82,7 @@ def change(runs, tmp_path):
     def change(algorithm, edit):
         changed = runs.copy()
         for i in runs.index[runs["algorithm"] == algorithm]:
-            changed.loc[i, "run"] = str(tmp_path / f"{i}")
+            changed.at[i, "files"] = Run(tmp_path / f"{i}")
             shutil.copytree(runs.loc[i, "run"], tmp_path / f"{i}")
             path = tmp_path / f"{i}" / "run.json"
             described = json.loads(path.read_text())

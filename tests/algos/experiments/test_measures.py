@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from curiosity_algos import MAPElites
-from curiosity_algos.experiments import load_final_states, load_progress
 from curiosity_algos.experiments.measures import (
     EPISODES,
     best_return,
@@ -19,6 +18,7 @@ from curiosity_algos.experiments.measures import (
     load_compared,
     times_to_first,
 )
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 
@@ -121,14 +121,14 @@ def test_firsts_in_timesteps_and_seconds(copied, event):
 
 
 def test_rows_that_lack_what_is_read_are_left_out(copied):
-    expected = coverage(copied[0]), in_seconds(copied[0], [700.0])
+    expected = coverage(Run(copied[0])), in_seconds(Run(copied[0]), [700.0])
     log = copied[0] / "progress.csv"
     rows = pd.read_csv(log)
     foreign = rows.assign(**{"coverage/reachable": np.nan, "eval/mean_reward": 1.0})
     pd.concat([foreign, rows.assign(**{"time/seconds": np.nan})]).sort_values(
         "time/total_timesteps", kind="stable"
     ).to_csv(log, index=False)
-    found = coverage(copied[0]), in_seconds(copied[0], [700.0])
+    found = coverage(Run(copied[0])), in_seconds(Run(copied[0]), [700.0])
     np.testing.assert_array_equal(found[0], expected[0])
     np.testing.assert_allclose(found[1], expected[1])
 
@@ -136,32 +136,34 @@ def test_rows_that_lack_what_is_read_are_left_out(copied):
 def test_seconds_are_known_to_the_end_without_a_log(copied):
     result = RunFolder(copied[0]).result()
     (copied[0] / "progress.csv").write_text("time/total_timesteps,time/seconds\n")
-    half = in_seconds(copied[0], [0.0, result["timesteps"] / 2, result["timesteps"]])
+    half = in_seconds(Run(copied[0]), [0.0, result["timesteps"] / 2, result["timesteps"]])
     np.testing.assert_allclose(half, [0.0, result["seconds"] / 2, result["seconds"]])
 
 
 def test_returns_are_those_of_the_generations(runs):
-    states = load_final_states(runs[0])
+    run = Run(runs[0])
+    states = run.final_states
     assert states["return"].max() > 0.0
-    timesteps, best = generation_return(runs[0])
+    timesteps, best = generation_return(run)
     generations = np.unique(states["generation"])
     assert len(timesteps) == len(best) == len(generations)
     for i, generation in enumerate(generations):
         members = states["generation"] == generation
         assert timesteps[i] == states["timesteps"][members][0]
         assert best[i] == states["return"][members].max()
-    so_far = best_return(runs[0])
+    so_far = best_return(run)
     np.testing.assert_array_equal(so_far[0], timesteps)
     assert so_far[1].tolist() == [max(best[: i + 1]) for i in range(len(best))]
     assert (np.diff(best) < 0.0).any()  # else the two could not be told apart
 
 
 def test_coverage_is_the_logs(runs):
-    timesteps, shares = coverage(runs[0])
-    progress = load_progress(runs[0])
+    run = Run(runs[0])
+    timesteps, shares = coverage(run)
+    progress = run.progress
     assert timesteps.tolist() == [0.0, *progress["time/total_timesteps"]]
     assert shares.tolist() == [0.0, *progress["coverage/reachable"]]
-    seconds = in_seconds(runs[0], timesteps)
+    seconds = in_seconds(run, timesteps)
     assert seconds.tolist() == [0.0, *progress["time/seconds"]]
 
 
@@ -170,7 +172,7 @@ def write_run(folder, **columns):
     run.begin({"algorithm": "TD3ICM", "env": "CuriosityMaze-US-v0", "seed": 0})
     if columns:
         run.add_final_states(0, columns | {"behavior": np.zeros((len(columns["return"]), 2))})
-    return folder
+    return Run(folder)
 
 
 def test_an_algorithm_without_generations_counts_56_episodes_as_one(tmp_path):
@@ -196,8 +198,8 @@ def test_returns_begin_with_the_first_generation(tmp_path):
     run = write_run(
         tmp_path, generation=np.cumsum(ones), timesteps=10 * np.cumsum(ones), **{"return": returns}
     )
-    assert [each.tolist() for each in best_return(run)] == [[10, 20, 30], [-7.0, -7.0, -2.0]]
-    assert [each.tolist() for each in generation_return(run)] == [[10, 20, 30], returns.tolist()]
+    assert [axis.tolist() for axis in best_return(run)] == [[10, 20, 30], [-7.0, -7.0, -2.0]]
+    assert [axis.tolist() for axis in generation_return(run)] == [[10, 20, 30], returns.tolist()]
 
 
 def test_a_run_that_has_just_begun_has_no_return_and_is_at_0(tmp_path):
@@ -211,6 +213,6 @@ def test_a_run_that_has_just_begun_has_no_return_and_is_at_0(tmp_path):
 
 def test_an_environment_without_cells_has_no_coverage(tmp_path):
     run = write_run(tmp_path)
-    (run / "progress.csv").write_text("time/total_timesteps,rollout/ep_rew_mean\n10,0.0\n")
+    run.folder.progress.write_text("time/total_timesteps,rollout/ep_rew_mean\n10,0.0\n")
     with pytest.raises(ValueError, match="`runs` must be of environments with a coverage"):
         coverage(run)

@@ -12,6 +12,7 @@ from curiosity_algos.experiments import SaveRun, load_progress, load_runs
 from curiosity_algos.experiments.figures.comparison import compare
 from curiosity_algos.experiments.labels import COLORS, FURTHER
 from curiosity_algos.experiments.measures import best_return
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 
@@ -57,7 +58,7 @@ def test_settings_that_differ_are_lines_of_their_own(runs, make_runs):
     assert labels(figure) == ["MAPElites, sigma 0.3 (3 runs)", "MAPElites, sigma 0.9 (1 run)"]
     lines = thick(figure.axes[0])
     assert [to_hex(line.get_color()).upper() for line in lines] == list(FURTHER[:2])
-    assert lines[1].get_ydata()[-1] == best_return(other[0])[1][-1]
+    assert lines[1].get_ydata()[-1] == best_return(Run(other[0]))[1][-1]
 
 
 @pytest.mark.parametrize("y", ["coverage", "survival"])

@@ -10,6 +10,7 @@ from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.evidence import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, COMPARED, MAZES, Plan
 from curiosity_algos.experiments.measures import best_return
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 
@@ -64,7 +65,7 @@ def test_the_line_is_that_of_the_runs(finished):
     ends = [line.get_ydata()[-1] for line in thick]
     np.testing.assert_allclose(ends, [0.605, 0.625, 0.645, 0.685])
     runs = [run for run in finished.runs(2) if (run.algorithm, run.env) == ("NSES", MAZES[1])]
-    curves = [best_return(run.folder(finished.folder)) for run in runs]
+    curves = [best_return(Run(run.folder(finished.folder))) for run in runs]
     thin = [line for line in ax.get_lines() if line.get_linewidth() == 0.6][2:4]
     for line, (timesteps, values) in zip(thin, curves, strict=True):
         np.testing.assert_allclose(line.get_xdata(), timesteps / 1e6)

@@ -19,6 +19,7 @@ from curiosity_algos.experiments.figures.projection import (
     show_projection,
 )
 from curiosity_algos.experiments.labels import COLORS
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 
@@ -32,7 +33,7 @@ def kept(run):
 
 
 def test_policies_that_are_played_again_do_what_they_did(run):
-    rewarding = replay_rewarding(run)
+    rewarding = replay_rewarding(Run(run))
     stored = kept(run)["return"]
     assert len(np.unique(kept(run)["episode_seed"])) > 2
     assert len(stored) > 10
@@ -46,7 +47,7 @@ def test_policies_that_are_played_again_do_what_they_did(run):
 def test_of_many_policies_some_are_played(run, monkeypatch):
     monkeypatch.setattr(projection, "N_POLICIES", 5)
     monkeypatch.setattr(evaluator, "BATCH", 2)
-    some = replay_rewarding(run)
+    some = replay_rewarding(Run(run))
     assert len(some.returns) == 5
     assert set(some.returns.round(6)) <= set(kept(run)["return"])
 
@@ -84,7 +85,7 @@ def test_policies_of_all_runs_are_projected_together(make_runs):
         "MAPElites": make_runs(MAPElites, seeds=(0, 1)),
         "NSES": make_runs(NSES, seeds=(0,), n_parents=4),
     }
-    played = {name: [replay_rewarding(run) for run in each] for name, each in runs.items()}
+    played = {name: [replay_rewarding(Run(run)) for run in each] for name, each in runs.items()}
     numbers = [sum(len(each.returns) for each in of_one) for of_one in played.values()]
     assert min(numbers) > 0
     projection = project_rewarding(played)
@@ -139,19 +140,19 @@ def test_an_environment_of_strangers_is_not_made(make_runs):
     described["env_spec"]["entry_point"] = "somebody:Else"
     RunFolder(run).begin(described)
     with pytest.raises(ValueError, match="`trust` must be given"):
-        replay_rewarding(run)
+        replay_rewarding(Run(run))
 
 
 def test_damaged_policies_are_told(make_runs):
     (run,) = make_runs(NSES, seeds=(0,), timesteps=60, n_parents=2, k=3)
     (RunFolder(run).checkpoint / "rewarding.npz").write_bytes(b"PK\x03\x04")
     with pytest.raises(ValueError, match=r"rewarding\.npz is damaged"):
-        replay_rewarding(run)
+        replay_rewarding(Run(run))
 
 
 def test_there_must_be_something_to_project(make_runs):
     (run,) = make_runs(NSES, seeds=(0,), timesteps=60, goal_radius=2.0, n_parents=2)
-    none = replay_rewarding(run)
+    none = replay_rewarding(Run(run))
     assert none.states.shape == (0, N_STATES, 36)
     with pytest.raises(ValueError, match="`runs` must have 3 rewarding policies, they have"):
         project_rewarding({"NSES": [none]})

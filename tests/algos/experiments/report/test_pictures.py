@@ -17,6 +17,7 @@ from curiosity_algos.experiments.report.pictures import (
     evenly,
     plane_of,
 )
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym import BehaviorWrapper, MazeLayout
 
@@ -33,7 +34,7 @@ def write_run(tmp_path):
         zeros = np.zeros(len(places))
         columns = {"behavior": places, "timesteps": timesteps, "return": zeros, "generation": zeros}
         run.add_final_states(0, {name: np.array(each) for name, each in columns.items()})
-        return pd.DataFrame({"run": [str(run.path)], "label": ["A"]})
+        return pd.DataFrame({"files": [Run(run.path)], "label": ["A"]})
 
     return write
 

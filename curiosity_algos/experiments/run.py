@@ -1,0 +1,62 @@
+"""What a run has left in its folder, for those who only read it."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import pandas as pd
+
+from curiosity_algos.common.arrays import Array
+from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.run_folder import RunFolder
+
+StrPath: TypeAlias = str | os.PathLike[str]
+
+
+class Run:
+    """A run that is read: each of its files once, when it is first asked for.
+
+    Another `Run` of the folder reads what has been written since.
+
+    Args:
+        path: Folder of the run.
+
+    Raises:
+        FileNotFoundError: When an attribute is read, if there is no run.
+        ValueError: Likewise, if the run is of another format, or a file is damaged.
+    """
+
+    def __init__(self, path: StrPath) -> None:
+        self.folder = RunFolder(path)
+
+    def __str__(self) -> str:
+        return str(self.folder.path)
+
+    @cached_property
+    def description(self) -> dict[str, Any]:
+        """The fields of `run.json`."""
+        return self.folder.describe()
+
+    @cached_property
+    def result(self) -> dict[str, Any]:
+        """The fields of `result.json` in the last checkpoint; empty before the first."""
+        return self.folder.result()
+
+    @cached_property
+    def progress(self) -> pd.DataFrame:
+        """The rows of `progress.csv`, with floats for whole numbers."""
+        table = pd.DataFrame(read_rows(self.folder.progress))
+        # Where a row lacks an entry, its column would be of floats, and of integers elsewhere.
+        return table.astype(dict.fromkeys(table.select_dtypes("integer"), float))
+
+    @cached_property
+    def final_states(self) -> dict[str, Array]:
+        """The columns of the final states, an entry for each episode; empty before the first."""
+        _ = self.description  # raises where there is no run
+        return self.folder.final_states()
+
+    def forget_final_states(self) -> None:
+        """Free the memory of the final states: they are read again when they are asked for."""
+        vars(self).pop("final_states", None)

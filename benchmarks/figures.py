@@ -16,7 +16,7 @@ from curiosity_algos.experiments.figures.canvas import (
     add_title,
     count_of_runs,
     make_panels,
-    save,
+    save_figure,
     short_name,
 )
 from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
@@ -76,7 +76,7 @@ def main(out: Path = IMAGES) -> None:
     """Draw every figure anew."""
     out.mkdir(parents=True, exist_ok=True)
     for name, title in TITLES.items():
-        save(show(read_curves(name), title), out / f"{name}.png")
+        save_figure(show(read_curves(name), title), out / f"{name}.png")
 
 
 if __name__ == "__main__":

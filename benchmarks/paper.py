@@ -27,7 +27,7 @@ from benchmarks import results
 from benchmarks.figures import IMAGES, points_of
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
-from curiosity_algos.experiments.figures.canvas import save
+from curiosity_algos.experiments.figures.canvas import save_figure
 from curiosity_algos.experiments.figures.evidence import MEASURES, count_final_states
 from curiosity_algos.experiments.figures.mazes import SIDE, Counts
 from curiosity_algos.experiments.figures.plan import Series, series_of
@@ -253,7 +253,7 @@ def draw(out: Path = IMAGES, folder: Path = FOLDER) -> None:
         for figure, (ending, theme) in product(figures, THEMES.items()):
             with mpl.rc_context(theme):
                 path = out / f"{settings}_figure_{figure}{ending}.png"
-                save(paper.draw(figure, evidence), path)
+                save_figure(paper.draw(figure, evidence), path)
                 typer.echo(path)
 
 

@@ -22,7 +22,12 @@ from benchmarks.opening import read_ends
 from benchmarks.results import FOLDER, label, rank
 from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments import load_runs
-from curiosity_algos.experiments.figures.canvas import add_note, make_panels, save, short_name
+from curiosity_algos.experiments.figures.canvas import (
+    add_note,
+    make_panels,
+    save_figure,
+    short_name,
+)
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.plots import count, draw_counts, draw_layout
 
@@ -84,7 +89,7 @@ def main(
     if runs is not None:
         counts |= count_ends(runs)
         np.savez_compressed(folder / FILE, **{"|".join(key): each for key, each in counts.items()})
-    save(draw(counts), out / "whereabouts.png")
+    save_figure(draw(counts), out / "whereabouts.png")
 
 
 if __name__ == "__main__":

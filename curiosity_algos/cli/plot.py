@@ -34,5 +34,5 @@ def plot(
     from curiosity_algos.experiments.figures import canvas, comparison
 
     canvas.check_out(out)
-    canvas.save(comparison.compare(runs, y=y, x=x), out)
+    canvas.save_figure(comparison.compare(runs, y=y, x=x), out)
     typer.echo(f"{out}")

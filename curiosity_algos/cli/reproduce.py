@@ -85,5 +85,5 @@ def reproduce(
         drawing = paper.draw(figure, TrainedRuns(plan))
         if note := plan.note(figure):
             canvas.add_note(drawing, note)
-        canvas.save(drawing, path)
+        canvas.save_figure(drawing, path)
         typer.echo(f"{path}")

@@ -1,4 +1,4 @@
-"""The archives of runs side by side: which can be compared, and their curves."""
+"""The archives of runs: which of them can be compared, and their curves."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ CELLS = {"dims", "centroids"}
 
 
 def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
-    """The rows of `load_compared` whose logs have a QD score, with their `archive` of elites.
+    """The rows of `load_compared` whose logs have a QD score, and a column `archive`.
 
-    QD scores can be compared where that is the same: on one environment, in an archive of one class
-    with the same cells and `qd_score_offset`. Without cells, as in `UnstructuredArchive`, the
-    number of elites itself is what a distance between them comes to, so that each label counts as
-    an archive of its own.
+    QD scores of one `archive` can be compared: they are of one environment, and of archives of one
+    class with the same cells and `qd_score_offset`. In an archive without cells, such as
+    `UnstructuredArchive`, the number of elites follows from a distance between them, so that each
+    label counts as an archive of its own.
     """
     archives = [_archive_of(*row) for row in zip(runs["files"], runs["label"], strict=True)]
     texts = pd.DataFrame(archives, index=runs.index).dropna(how="all").astype(object)

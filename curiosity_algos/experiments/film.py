@@ -1,6 +1,6 @@
-"""The best policy of a run, or one that comes with the package, in a window or in a file.
+"""Show the best policy of a run, or one that comes with the package, in a window or a film.
 
-All raise FileNotFoundError if there is no run, ValueError if it cannot be played.
+The functions raise FileNotFoundError if there is no run, ValueError if it cannot be played.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 
 SEEN_THROUGH = {"BonusVecEnvWrapper", "VecTransposeImage"}
-"""Wrappers of a VecEnv below which a policy acts as it does above."""
+"""Wrappers of a VecEnv that do not change what a policy acts on."""
 
 N_DIGITS = 6
-"""Of a return, as in `best_return` and SB3's Monitor: rounded otherwise, 3 of them may differ."""
+"""Decimals of a return, as in `best_return` and SB3's Monitor."""
 AnyEnv: TypeAlias = gym.Env[Any, Any] | None
 Source: TypeAlias = Path | tuple[str, str]
 """The folder of a run, or the algorithm and environment of a policy of the package."""
@@ -51,16 +51,16 @@ def film(
     trust: bool = False,
     env: AnyEnv = None,
 ) -> float:
-    """Play one episode, and write every `stride`-th step as a frame; its return.
+    """Play one episode, write every `stride`-th step as a frame, and return the episode's return.
 
     Args:
         source: Run or policy that acts.
-        path: Place of the GIF or MP4.
+        path: Path of the GIF or MP4.
         stride: Steps from frame to frame.
-        seed: Seed of the environment; None: that of the policy's best episode, if it is known.
-        trust: Also run code that the folder of the run names or holds.
-        env: Environment like the run's, with the `render_mode` "rgb_array"; None: made as
-            `run.json` says.
+        seed: Seed of the environment; None: that of the policy's best episode, or 0.
+        trust: Also run code that the folder of the run names or contains.
+        env: Environment like the run's, with the `render_mode` "rgb_array"; None: the one that
+            `run.json` describes.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
     frames, total = [], 0.0
@@ -72,7 +72,7 @@ def film(
             total += reward
             if t % stride == 0:
                 frames.append(_frame(played))
-        if t % stride:  # the last one, wherever it is
+        if t % stride:  # the last frame always
             frames.append(_frame(played))
     write_film(frames, path)
     return round(total, N_DIGITS)
@@ -81,7 +81,7 @@ def film(
 def watch(
     source: Source, *, seed: int | None = None, trust: bool = False, env: AnyEnv = None
 ) -> float:
-    """Play one episode in a window; its return. Arguments are those of `film`."""
+    """Play one episode in a window, and return its return. Arguments are those of `film`."""
     (pygame,) = import_extra("render", "pygame")
     try:
         return play(source, seed=seed, trust=trust, env=env, render_mode="human")
@@ -97,14 +97,14 @@ def play(
     env: AnyEnv = None,
     **rendering: Any,
 ) -> float:
-    """Play one episode; its return. Arguments are those of `film`."""
+    """Play one episode, and return its return. Arguments are those of `film`."""
     with _open(source, trust, env, **rendering) as (policy, played, best_seed):
         total = sum(_rewards(policy, played, best_seed if seed is None else seed))
     return round(total, N_DIGITS)
 
 
 def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:
-    """0 at the reset, then the reward of each step; without a limit, of the first 10,000."""
+    """0 at the reset, then the reward of each step; at most 10,000 steps without a limit."""
     observation, _ = env.reset(seed=seed)
     yield 0.0
     for _ in range(most_steps(env)):
@@ -119,7 +119,7 @@ def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[
 def _open(
     source: Source, trust: bool, env: AnyEnv, **rendering: Any
 ) -> Iterator[tuple[BasePolicy, gym.Env[Any, Any], int]]:
-    """A policy, an environment as it was trained in, and the seed of its best episode; else 0."""
+    """A policy, an environment like that of its training, and the seed of its best episode."""
     if isinstance(source, tuple):
         with given_or_made(env, partial(gym.make, source[1], **rendering)) as played:
             yield load_pretrained(*source), played, pretrained_seed(*source) or 0
@@ -154,18 +154,18 @@ def _load(cls: type[Any], env: gym.Env[Any, Any], checkpoint: Path) -> tuple[Bas
 
 
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:
-    """The class of a run's algorithm, whose policy sees what the environment gives."""
+    """The class of a run's algorithm; its policy must act on the environment's observations."""
     name = described["algorithm"].partition(" + ")[0]
     if name not in KNOWN:
         raise ValueError(
-            f"`run` must be of an algorithm that `curiosity list` names, it is of {name}: load its "
+            f"`run` must be of an algorithm that `curiosity list` names, it is of {name}. Load its "
             "model, and call `predict`."
         )
-    between = {*described.get("vec_env", {}).get("wrappers", {})} - SEEN_THROUGH
-    if between:
+    wrappers = {*described.get("vec_env", {}).get("wrappers", {})} - SEEN_THROUGH
+    if wrappers:
         raise ValueError(
-            "`run` must be of a policy that sees the environment's own observations, it saw those "
-            f"of {', '.join(sorted(between))}: load its model, and call `predict`."
+            "`run` must be of a policy that acts on the environment's own observations, it acts on "
+            f"those of {', '.join(sorted(wrappers))}. Load its model, and call `predict`."
         )
     return find_algorithm(name)
 
@@ -178,7 +178,7 @@ def _frame(env: gym.Env[object, object]) -> Frame:
 
 
 def write_film(frames: list[Frame], path: Path) -> None:
-    """Write frames as a .gif or .mp4, 20 a second, that appears once it is whole."""
+    """Write frames as a .gif or .mp4, 20 a second; the file appears once it is whole."""
     if path.suffix == ".gif":
         first, *others = [Image.fromarray(frame) for frame in frames]
         with atomic_file(path) as file:

@@ -1,4 +1,4 @@
-"""Policies that come with the package: the best of an algorithm's run in an environment."""
+"""Policies that come with the package: the best of an algorithm in an environment."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from curiosity_algos.common.names import find_algorithm, find_known
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_gym.registration import SPECS
 
-# Not by paths: the package may lie in an archive.
+# Resources, not paths: the package may lie in an archive.
 _FILES = {
     file.name.removesuffix(".npz"): file
     for file in files("curiosity_algos").joinpath("pretrained").iterdir()
     if file.name.endswith(".npz")
 }
 PRETRAINED = tuple(sorted(tuple(name.split("_", 1)) for name in _FILES))
-"""Algorithm and environment of each."""
+"""Pairs of algorithm and environment."""
 
 
 def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
-    """A policy of the algorithm's best run of the results, trained again but for those of robots.
+    """The policy of the algorithm's best run in the committed results.
 
-    It `predict`s as a trained model does; `evaluate_policy` takes it for one.
+    Robots' policies are those of the results; the others were trained again. It `predict`s as a
+    trained model does, and `evaluate_policy` takes it for one.
 
     Args:
         algorithm: Name of the algorithm, in any spelling.
         env_id: Id of an environment of this package.
 
     Raises:
-        ValueError: If there is none of them.
+        ValueError: If the package has none of them.
     """
     saved = _read(algorithm, env_id)
     env = gym.make(env_id)
@@ -43,18 +44,19 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
 
 
 def pretrained_seed(algorithm: str, env_id: str) -> int | None:
-    """Seed of the reset of the episode that `load_pretrained` has the policy for; None: any."""
+    """Seed of the reset of the policy's best episode; None: any."""
     seed = _read(algorithm, env_id).get("episode_seed")
     return None if seed is None else int(seed)
 
 
 def _read(algorithm: str, env_id: str) -> dict[str, Array]:
-    """The arrays of a file."""
     name = find_algorithm(algorithm).__name__
     find_known("env", env_id, SPECS)
     env_id = next(known for known, spec in SPECS.items() if spec == SPECS[env_id])  # of an alias
     if (name, env_id) not in PRETRAINED:
-        known = ", ".join(each for other, each in PRETRAINED if other == name) or "nothing"
-        raise ValueError(f"`pretrained` {name} is there for {known}, not for {env_id}.")
+        envs = ", ".join(env for algorithm, env in PRETRAINED if algorithm == name)
+        raise ValueError(
+            f"`pretrained` {name} has policies for {envs or 'no environment'}, not for {env_id}."
+        )
     with _FILES[f"{name}_{env_id}"].open("rb") as file, np.load(file) as saved:
         return dict(saved)

@@ -17,34 +17,34 @@ from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.settings import python_number
 
 TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
-"""Columns that say when a row was logged."""
+"""Columns of the time at which a row was logged."""
 OWN = "time/fps"
-"""Column that an algorithm records whenever it logs, and no callback does."""
+"""Column that the algorithm records at each log, and callbacks never do."""
 
 Row: TypeAlias = Mapping[str, Any]
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Columns in the order that they have in every file: when, and then by the alphabet."""
+    """Columns in the order of every file: the time, and then the alphabet."""
     return sorted(set(names), key=lambda name: (name != TIMESTEPS, name != SECONDS, name))
 
 
 def _writable(value: Any) -> Any:
-    """What a row has of a value; a carriage return would end the row."""
+    """A value as a row has it; a carriage return would end the row."""
     return re.sub("\r\n?", "\n", value) if isinstance(value, str) else python_number(value)
 
 
 class ProgressLog(KVWriter):
     """Writes a row whenever the algorithm logs, and one when training ends.
 
-    Where a run stands is asked of the run itself. What the logger was emptied of in between, as by
-    an `EvalCallback`, waits for the next row. Columns have one order, whenever they first appear.
-    No file is open between two rows.
+    Timesteps, seconds and coverage are the run's own. What another callback, such as an
+    `EvalCallback`, dumps in between is in the next row. The order of columns does not depend on
+    when they first appear. No file is open between two rows.
 
     Args:
         path: File to write.
         timesteps: Rows that were logged later are dropped.
-        state: Gives where the run stands: timesteps, seconds and coverage, by column.
+        state: Returns timesteps, seconds and coverage of the run, by column.
     """
 
     def __init__(self, path: Path, timesteps: int, state: Callable[[], dict[str, float]]) -> None:
@@ -62,15 +62,15 @@ class ProgressLog(KVWriter):
     def write(
         self, key_values: Row, key_excluded: Mapping[str, tuple[str, ...]], step: int = 0
     ) -> None:
-        """Take what the logger was emptied of."""
+        """Store what the logger dumps; write a row if the algorithm logs."""
         self.pending |= filter_excluded_keys(dict(key_values), dict(key_excluded), "csv")
         if OWN in key_values:
             self._add_row()
 
     def end(self, recorded: Row) -> None:
-        """Write the last row, with what was recorded since, unless it is there."""
-        stands = {name: value for name, value in self._state().items() if name != SECONDS}
-        if any(self._last.get(name) != value for name, value in stands.items()):
+        """Write the last row, with what was recorded since, unless it is written."""
+        state = {name: value for name, value in self._state().items() if name != SECONDS}
+        if any(self._last.get(name) != value for name, value in state.items()):
             self.pending |= recorded
             self._add_row()
 
@@ -101,4 +101,4 @@ class ProgressLog(KVWriter):
         return text.getvalue()
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no file is open."""

@@ -1,4 +1,4 @@
-"""Reads the files of a run: whatever is damaged in them is one sentence, a ValueError."""
+"""Reading the files of a run. A damaged file raises a ValueError of one sentence."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ import numpy as np
 
 from curiosity_algos.common.arrays import Array
 
-Fields = Mapping[str, type | UnionType]
+JsonTypes = Mapping[str, type | UnionType]
 Columns = dict[str, Array]
 
-DESCRIPTION: Fields = {
+DESCRIPTION: JsonTypes = {
     "format": int,
     "algorithm": str,
     "env": str | None,
@@ -32,8 +32,8 @@ DESCRIPTION: Fields = {
     "settings?": dict,
     "archive?": dict | None,
 }
-"""Fields of `run.json` that are read; those with a question mark may be missing."""
-RESULT: Fields = {
+"""Types of the fields of `run.json`; those with a question mark may be missing."""
+RESULT: JsonTypes = {
     "timesteps": int,
     "total_timesteps": int,
     "n_episodes": int,
@@ -45,71 +45,73 @@ RESULT: Fields = {
     "pending_log": dict,
     "ended": bool,
 }
-"""Fields of `result.json` that are read."""
+"""Types of the fields of `result.json`."""
 FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
-"""Columns of final states that are read, and their dimensions."""
+"""Dimensions of the columns of final states."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
-"""Arrays of `rewarding.npz` and `sample.npz` that are read."""
+"""Dimensions of the arrays of `rewarding.npz` and `sample.npz`."""
 LARGEST = 2**63
-"""Numbers of `result.json` are smaller, as numpy's integers are."""
-READ = ("time/", "coverage/", "archive/qd_score", "archive/size")
-"""Beginnings of the columns of `progress.csv` that are read: they hold numbers."""
+"""Bound of the numbers of `result.json`, as of numpy's integers."""
+NUMERIC = ("time/", "coverage/", "archive/qd_score", "archive/size")
+"""Beginnings of the columns of `progress.csv` that must hold finite numbers."""
 
 
 def damaged(path: Path) -> ValueError:
-    """The error of a file that a run would not have written."""
+    """The error of a file that no run has written so."""
     return ValueError(f"`folder` must be that of a run, {path} is damaged.")
 
 
 def check_kind(path: Path, *, is_folder: bool = False) -> None:
-    """Raise the error of a damaged file where a path is there, and no file or no folder.
+    """Raise the error of a damaged file if a path is not a file, or not a folder, but exists.
 
-    Whoever opens a pipe waits for ever.
+    A pipe would be waited for.
     """
     if path.exists() and not (path.is_dir() if is_folder else path.is_file()):
         raise damaged(path)
 
 
-def read_json(path: Path, fields: Fields) -> dict[str, Any]:
+def read_json(path: Path, types: JsonTypes) -> dict[str, Any]:
     """A dictionary with fields of these types."""
     check_kind(path)
     try:
-        read = json.loads(path.read_text())
+        fields = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
         raise damaged(path) from error
-    if not isinstance(read, dict) or not all(_has(read, *field) for field in fields.items()):
+    if not isinstance(fields, dict) or not all(_has(fields, *item) for item in types.items()):
         raise damaged(path)
-    return read
+    return fields
 
 
-def _has(read: dict[str, Any], name: str, kind: type | UnionType) -> bool:
-    plain = name.removesuffix("?")
-    return isinstance(read[plain], kind) if plain in read else plain != name
+def _has(fields: dict[str, Any], name: str, kind: type | UnionType) -> bool:
+    key = name.removesuffix("?")
+    return isinstance(fields[key], kind) if key in fields else key != name
 
 
 def read_result(path: Path) -> dict[str, Any]:
-    """The fields of a `result.json`, whose numbers and shares are such as a run comes to."""
-    read = read_json(path, RESULT)
-    shares = read["coverage"].values()
-    numbers = [*shares, *(each for each in read.values() if isinstance(each, int | float))]
-    is_sound = all(isinstance(each, int | float) and abs(each) < LARGEST for each in numbers)
-    logged = [each for each in read["pending_log"].values() if isinstance(each, list)]
-    are_pairs = len(logged) == len(read["pending_log"]) and all(len(each) == 2 for each in logged)
-    if not is_sound or not are_pairs or not all(0.0 <= share <= 1.0 for share in shares):
+    """The fields of a `result.json`, with numbers and shares in their ranges."""
+    result = read_json(path, RESULT)
+    shares, logged = result["coverage"].values(), result["pending_log"].values()
+    numbers = [*shares, *(value for value in result.values() if isinstance(value, int | float))]
+    is_valid = (
+        all(isinstance(number, int | float) and abs(number) < LARGEST for number in numbers)
+        and all(isinstance(pair, list) and len(pair) == 2 for pair in logged)
+        and all(0.0 <= share <= 1.0 for share in shares)
+    )
+    if not is_valid:
         raise damaged(path)
-    return read
+    return result
 
 
 def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
-    """The arrays of a file, those with so many dimensions among them, which hold numbers."""
+    """The arrays of a file, which must have numeric ones of these dimensions."""
     check_kind(path)
     try:
         with np.load(path) as file:
             arrays = dict(file)
     except Exception as error:  # whatever numpy, zipfile and zlib make of it
         raise damaged(path) from error
-    found = {name: each.ndim for name, each in arrays.items() if each.dtype.kind in "biuf"}
-    if not found.items() >= dimensions.items():
+    numeric = {name: array.ndim for name, array in arrays.items() if array.dtype.kind in "biuf"}
+    if not numeric.items() >= dimensions.items():
         raise damaged(path)
     return arrays
 
@@ -128,27 +130,24 @@ def read_final_states(paths: list[Path]) -> Columns:
 
 
 def read_texts(path: Path) -> list[dict[str, str]]:
-    """The rows of a log without empty entries, as they are written; none where there is no file."""
+    """The rows of a log as text, without empty entries; none if there is no file."""
     check_kind(path)
     try:
-        read = path.read_bytes() if path.is_file() else b""
-        whole = read[: read.rfind(b"\n") + 1].decode()  # a kill may leave half of the last
-        rows = csv.DictReader(io.StringIO(whole, newline=""))
+        content = path.read_bytes() if path.is_file() else b""
+        complete = content[: content.rfind(b"\n") + 1].decode()  # a kill may leave half a row
+        rows = csv.DictReader(io.StringIO(complete, newline=""))
         return [{name: text for name, text in row.items() if text} for row in rows]
     except (ValueError, csv.Error) as error:
         raise damaged(path) from error
 
 
 def read_rows(path: Path) -> list[dict[str, float | str]]:
-    """The rows of a log without empty entries, numbers and text; none where there is no file.
-
-    Whole numbers without a point are integers.
-    """
+    """The rows of a log as numbers and text, without empty entries; none if there is no file."""
     return parse_rows(read_texts(path), path)
 
 
 def parse_rows(texts: list[dict[str, str]], path: Path) -> list[dict[str, float | str]]:
-    """What `read_rows` gives of the rows that `read_texts` has read of a path."""
+    """The rows of `read_texts` with their numbers parsed; those without a point are integers."""
     try:
         # Surplus entries are a list, with the name None.
         return [{name: _entry(name, text) for name, text in row.items()} for row in texts]
@@ -157,14 +156,14 @@ def parse_rows(texts: list[dict[str, str]], path: Path) -> list[dict[str, float 
 
 
 def _entry(name: str, text: str) -> float | str:
-    """A number, or text in a column of the user's own."""
-    is_read = name.startswith(READ)
+    """A number, or a text in a column of the user's own."""
+    is_numeric = name.startswith(NUMERIC)
     try:
         number = float(text)
     except ValueError:
-        if is_read:
+        if is_numeric:
             raise
         return text
-    if is_read and not math.isfinite(number):
+    if is_numeric and not math.isfinite(number):
         raise ValueError(f"{name} is {number}.")
     return int(text) if text.isdecimal() else number

@@ -14,10 +14,9 @@ FIELDS = ("parameters", "return", "generation", "episode_seed")
 
 
 class Reservoir:
-    """Keeps `size` policies, each of those seen with the same probability (Vitter 1985, R).
+    """Keeps `size` policies, every one of those seen with the same probability (Vitter 1985, R).
 
-    A policy and the seed of its episode say what the episode was: it can be played again, so that
-    its states need not be kept.
+    The states of an episode are not stored: the policy and the seed play it again.
 
     Args:
         size: Policies kept, at most.
@@ -27,34 +26,34 @@ class Reservoir:
     def __init__(self, size: int, seed: np.random.SeedSequence) -> None:
         self.size = size
         self.n_seen = 0
-        self._kept: list[dict[str, Any]] = []
+        self._policies: list[dict[str, Any]] = []
         self._rng = np.random.default_rng(seed)
 
     def add(self, policy: Mapping[str, Any]) -> None:
-        """See one more policy: a value for each of `FIELDS`, of which copies are kept."""
+        """See one more policy, a value for each of `FIELDS`, and store a copy if it is drawn."""
         self.n_seen += 1
-        place = len(self._kept)
+        place = len(self._policies)
         if place >= self.size:
             place = int(self._rng.integers(self.n_seen))
         if place < self.size:  # copied: a view would keep the whole generation in memory
-            self._kept[place : place + 1] = [{k: np.array(v) for k, v in policy.items()}]
+            self._policies[place : place + 1] = [{k: np.array(v) for k, v in policy.items()}]
 
     def arrays(self) -> dict[str, Array]:
-        """Each of `FIELDS`, (n, ...), n 0 where none is kept; `n_seen`; the state of the draws."""
-        stacked = {name: np.array([each[name] for each in self._kept]) for name in FIELDS}
+        """The `FIELDS` (n, ...) of n stored policies, `n_seen`, and the state of the draws."""
+        stacked = {name: np.array([policy[name] for policy in self._policies]) for name in FIELDS}
         state = generator_state(self._rng)
         return {**stacked, "n_seen": np.array(self.n_seen), "rng": np.array(state)}
 
     def load(self, arrays: Mapping[str, Array]) -> None:
-        """Take over what `arrays` gave; of another size, that of what is kept where it is smaller.
+        """Restore what `arrays` gave. The smaller of two sizes counts.
 
-        Where policies were left out, more room would make those that come later likelier.
+        After policies were left out, more room would favor those that come later.
         """
         columns = [arrays[name] for name in FIELDS]
-        self._kept = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
+        self._policies = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
         self.n_seen = int(arrays["n_seen"])
         load_generator_state(self._rng, str(arrays["rng"]))
-        while len(self._kept) > self.size:
-            self._kept.pop(int(self._rng.integers(len(self._kept))))
-        if self.n_seen > len(self._kept):
-            self.size = len(self._kept)
+        while len(self._policies) > self.size:
+            self._policies.pop(int(self._rng.integers(len(self._policies))))
+        if self.n_seen > len(self._policies):
+            self.size = len(self._policies)

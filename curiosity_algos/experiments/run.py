@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.reading import read_final_states, read_rows
 from curiosity_algos.experiments.run_folder import RunFolder
 
 StrPath: TypeAlias = str | os.PathLike[str]
@@ -55,7 +55,7 @@ class Run:
     def final_states(self) -> dict[str, Array]:
         """The columns of the final states, an entry for each episode; empty before the first."""
         _ = self.description  # raises where there is no run
-        return self.folder.final_states()
+        return read_final_states(self.folder.final_state_files())
 
     def forget_final_states(self) -> None:
         """Free the memory of the final states: they are read again when they are asked for."""

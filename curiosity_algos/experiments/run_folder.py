@@ -1,16 +1,16 @@
-"""The files of a run, which numpy, pandas and any reader of JSON and CSV can open.
+"""The files of a run. numpy, pandas and any reader of JSON and CSV can open them.
 
     run.json            what the run is: algorithm, environment, every setting, versions, machine
     progress.csv        a row for each log
-    final_states/*.npz  of each individual its generation, return, length, success, curiosity and
-                        the behavior that its episode ended with
+    final_states/*.npz  of each episode its generation, return, length, success, curiosity and the
+                        behavior at its end
     checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, sample.npz,
                         best_policy.npz
     error.txt           the traceback of the error that ended the last training by the command
 
-Nothing that is written is written again but `progress.csv`, where a new column appears. A
-checkpoint appears at once and whole, and what was written after the last one is dropped when a run
-goes on from there. One process and thread at a time trains in a folder: it holds `lock`.
+No file is written twice, but `progress.csv` when a new column appears. A checkpoint appears at once
+and whole. A run that goes on from it drops what was written later. One process and thread at a time
+trains in a folder and locks `lock`.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from curiosity_algos.experiments.reading import (
 )
 from curiosity_algos.state.atomic_file import atomic_file, sync_folder
 
-FORMAT = 1
+RUN_FORMAT = 1
 _LOCKS: WeakValueDictionary[tuple[Path, Thread], FileLock] = WeakValueDictionary()
-"""The locks of this process: folder and thread of each."""
+"""The locks of this process, by folder and thread."""
 _Read = TypeVar("_Read")
 
 
 class RunFolder:
-    """The files of one run, and their places.
+    """The files of one run.
 
     Args:
-        path: Place of the folder; it need not be there yet.
+        path: Path of the folder, which need not exist yet.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -64,16 +64,16 @@ class RunFolder:
 
     def is_empty(self) -> bool:
         """Whether a run can begin here; what a kill left of its first file does not count."""
-        held = self.path.iterdir() if self.path.exists() else ()
+        paths = self.path.iterdir() if self.path.exists() else ()
         half = f".{self._description.name}."
-        aside = self._lock, self.error
-        return all(path in aside or path.name.startswith(half) for path in held)
+        ignored = self._lock, self.error
+        return all(path in ignored or path.name.startswith(half) for path in paths)
 
     def lock(self) -> FileLock:
-        """Hold the folder until `release`, or until the lock or the process is gone.
+        """Lock the folder until `release`, or until the lock or the process is gone.
 
-        A thread takes over from itself and from threads that have ended: the traceback of a failed
-        training, in a notebook, still refers to its lock.
+        A thread takes over its own lock and those of threads that have ended: in a notebook the
+        traceback of a failed training still refers to its lock.
 
         Raises:
             ValueError: If another process trains in the folder, or another thread; if the folder
@@ -97,12 +97,12 @@ class RunFolder:
         _LOCKS[path, here] = lock
         return lock
 
-    # -- what the run is ------------------------------------------------------------------------
+    # -- description ----------------------------------------------------------------------------
 
     def begin(self, description: Mapping[str, Any]) -> None:
-        """Write what the run is."""
+        """Write the description of the run."""
         with atomic_file(self._description) as file:
-            file.write(json.dumps({"format": FORMAT, **description}, indent=2).encode())
+            file.write(json.dumps({"format": RUN_FORMAT, **description}, indent=2).encode())
 
     def describe(self) -> dict[str, Any]:
         """The fields of `run.json`, without its format.
@@ -116,10 +116,10 @@ class RunFolder:
                 f"`folder` must be that of a run, there is none in {self.path}."
             )
         described = read_json(self._description, DESCRIPTION)
-        if described.pop("format") != FORMAT:
+        if described.pop("format") != RUN_FORMAT:
             raise ValueError(
-                f"`folder` must hold a run of format {FORMAT}, {self.path} was written by another "
-                "version of curiosity-search."
+                f"`folder` must hold a run of format {RUN_FORMAT}, {self.path} was written by "
+                "another version of curiosity-search."
             )
         return described
 
@@ -131,12 +131,15 @@ class RunFolder:
         return max(self._all_checkpoints(), default=None, key=lambda path: int(path.name))
 
     def read(self, read: Callable[[Path], _Read]) -> _Read:
-        """What a function reads of the last checkpoint.
+        """Read the last checkpoint with a function.
 
-        A training may replace that meanwhile: then it reads the next one.
+        If training replaces the checkpoint meanwhile, the function reads the next one.
 
         Args:
             read: Function of the checkpoint's folder.
+
+        Returns:
+            What the function returns.
 
         Raises:
             ValueError: If there is no checkpoint yet.
@@ -155,13 +158,13 @@ class RunFolder:
         check_kind(self._checkpoints, is_folder=True)
         if not self._checkpoints.exists():
             return []
-        found = [path for path in self._checkpoints.iterdir() if path.name.isdecimal()]
-        for path in found:
+        folders = [path for path in self._checkpoints.iterdir() if path.name.isdecimal()]
+        for path in folders:
             check_kind(path, is_folder=True)
-        return found
+        return folders
 
     def commit(self, timesteps: int, write: Callable[[Path], None]) -> None:
-        """Replace the last checkpoint by one that `write` fills a folder with."""
+        """Replace the last checkpoint by a new one, whose folder `write` fills."""
         older = self._all_checkpoints()
         target = self._checkpoints / f"{timesteps}"
         if target in older:
@@ -172,7 +175,7 @@ class RunFolder:
         write(unfinished)
         os.replace(unfinished, target)
         sync_folder(self._checkpoints)
-        for path in older:  # what cannot be removed now, as it is read, the next commit removes
+        for path in older:  # the next commit removes what cannot be removed while it is read
             shutil.rmtree(path, ignore_errors=True)
 
     def result(self) -> dict[str, Any]:
@@ -186,7 +189,7 @@ class RunFolder:
         return self.read(lambda checkpoint: read_result(checkpoint / "result.json"))
 
     def end(self) -> None:
-        """Note that training has ended at the last checkpoint, and all of its files are there."""
+        """Note that training has ended at the last checkpoint, after all files were written."""
         assert self.checkpoint is not None
         with atomic_file(self.checkpoint / "result.json") as file:
             file.write(json.dumps(self.result() | {"ended": True}, indent=2).encode())
@@ -194,37 +197,28 @@ class RunFolder:
     # -- final states ---------------------------------------------------------------------------
 
     def add_final_states(self, first: int, columns: Mapping[str, Array]) -> None:
-        """Write those of the episodes from number `first` on."""
+        """Write the final states of episodes; `first` is the number of the first episode."""
         write_arrays(self._final_states / f"{first:010}.npz", columns)
 
-    def final_states(self) -> dict[str, Array]:
-        """Every column with an entry for each episode; empty before the first checkpoint.
-
-        Raises:
-            ValueError: If a file is damaged.
-        """
-        return read_final_states(self._final_state_files())
-
     def n_entries(self) -> int | None:
-        """Entries of the behaviors in the final states; None where there are none."""
-        newest = read_final_states(self._final_state_files()[-1:])
+        """Number of entries of a behavior; None without final states."""
+        newest = read_final_states(self.final_state_files()[-1:])
         return newest["behavior"].shape[1] if newest else None
 
-    def _final_state_files(self) -> list[Path]:
+    def final_state_files(self) -> list[Path]:
+        """The files of final states, in the order of episodes."""
         check_kind(self._final_states, is_folder=True)
         files = self._final_states.glob("*.npz")
         return sorted(path for path in files if path.stem.isdecimal())
 
-    # -- going on -------------------------------------------------------------------------------
-
     def drop_after(self, n_episodes: int) -> None:
         """Remove final states that were written after the last checkpoint."""
-        for path in self._final_state_files():
+        for path in self.final_state_files():
             if int(path.stem) >= n_episodes:
                 path.unlink()
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Write a file for `numpy.load` that appears only once it is whole."""
+    """Write a file for `numpy.load`, which appears once it is whole."""
     with atomic_file(path) as file:
         np.savez(file, **arrays)

@@ -5,11 +5,11 @@ Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the Statistical
 Kaplan & Meier 1958, "Nonparametric Estimation from Incomplete Observations"
 (https://doi.org/10.1080/01621459.1958.10501452).
 
-Scores of several tasks are a matrix (runs, tasks), or a list with the runs of each task (1-D), of
-which there may be more in one task than in another. Scores of one task are 1-D. Intervals hold
-95 %. Those of the bootstrap are the percentiles of `N_RESAMPLES` resamples; each draws as many runs
-of every task as there are, with replacement, and depends on nothing but scores and `seed`. Where a
-task has fewer than `LEAST_RUNS`, too little says how much runs differ: the bounds are NaN.
+Scores of several tasks are a matrix (runs, tasks), or a list with the runs (1-D) of each task, of
+different lengths if need be. Scores of one task are 1-D. Intervals are of 95 %. Bounds of the
+bootstrap are the percentiles of `N_RESAMPLES` resamples, which draw as many runs of every task as
+there are, with replacement. They depend on nothing but scores and `seed`. If a task has fewer than
+`LEAST_RUNS`, too little is known of how much runs differ: the bounds are NaN.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ Statistic: TypeAlias = Callable[[list[Float64Array]], Any]
 
 N_RESAMPLES = 5000
 LEAST_RUNS = 3
-"""With fewer there is no interval, as a bootstrap's of two would be what the two are."""
+"""Fewer runs have no interval: a bootstrap of two gives just the two."""
 N_POINTS = 200
-"""Points of a curve's mean, where no grid is given."""
+"""Points of the mean of curves without a `grid`."""
 BATCH = 100  # resamples in memory at once; another number would change the draws
 
 
@@ -125,9 +125,9 @@ def stratified_bootstrap(
             `seed` is not valid.
     """
     tasks = _runs("scores", scores)
-    for given in (tasks, [np.stack([runs, runs]) for runs in tasks]):
-        shape = np.shape(aggregate(given))
-        if shape != given[0].shape[:-1]:
+    for scored in (tasks, [np.stack([runs, runs]) for runs in tasks]):
+        shape = np.shape(aggregate(scored))
+        if shape != scored[0].shape[:-1]:
             raise ValueError(f"`aggregate` must reduce the last axis alone, got shape {shape}.")
     return Interval(*_bootstrap(aggregate, tasks, seed).tolist())
 
@@ -174,11 +174,11 @@ def survival(
 ) -> Survival:
     """Kaplan-Meier estimate of how long runs go without reward.
 
-    A run that found none is censored: all that is known is that it had found none by its budget.
-    Bounds are those of the exponential Greenwood formula, which stay within 0 and 1 and need fewer
-    runs than the plain one's. Two cases are beyond the formula. As long as no run has found reward,
+    A run without reward is censored: all that is known is that it had none by its budget. Bounds
+    are those of the exponential Greenwood formula, which stay within 0 and 1 and need fewer runs
+    than the simple formula. Two cases are beyond the formula. As long as no run has had a reward,
     both bounds are 1, by convention: nothing is known of the spread. Once all have, the lower bound
-    is 0 and the upper one that of the point before. Of fewer than three runs all are NaN.
+    is 0 and the upper one that of the point before. Bounds of fewer than three runs are NaN.
 
     Args:
         first_rewards: (runs,) timesteps or seconds of first rewards, above 0; None, NaN or
@@ -188,11 +188,11 @@ def survival(
     Raises:
         ValueError: There are no runs, or a number is NaN or not above 0.
     """
-    times, found = _censored(first_rewards, budgets)
-    share = stats.ecdf(stats.CensoredData.right_censored(times, ~found)).sf
+    times, has_reward = _censored(first_rewards, budgets)
+    share = stats.ecdf(stats.CensoredData.right_censored(times, ~has_reward)).sf
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         bounds = share.confidence_interval(method="log-log")  # NaN where the share is 0 or 1
-    heights = [each.probabilities for each in (share, bounds.low, bounds.high)]
+    heights = [curve.probabilities for curve in (share, bounds.low, bounds.high)]
     estimate, low, high = np.insert(heights, 0, 1.0, axis=1)
     low[estimate == 1.0] = high[estimate == 1.0] = 1.0
     if estimate[-1] == 0.0:
@@ -205,12 +205,12 @@ def survival(
 
 
 def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64Array, Any]:
-    """Time at which each run was last seen without reward or first with it, and which it was."""
+    """Time of each run's first reward or else of its end, and whether it had a reward."""
     first = _array("first_rewards", list(first_rewards))  # None becomes NaN
     first = np.where(np.isnan(first), np.inf, first)
     if first.ndim != 1 or not len(first) or not (first > 0.0).all():
         raise ValueError(
-            "`first_rewards` must hold a number above 0 for each run, or None where it found none."
+            "`first_rewards` must hold a number above 0 for each run, or None without reward."
         )
     ends = _array("budgets", budgets)
     if ends.shape not in {(), first.shape} or not ((ends > 0.0) & np.isfinite(ends)).all():
@@ -297,7 +297,7 @@ def _bootstrap(statistic: Statistic, samples: list[Float64Array], seed: Seed) ->
     if min(sample.shape[-1] for sample in samples) < LEAST_RUNS:
         nothing = np.full_like(estimate, np.nan)
         return np.stack([estimate, nothing, nothing])
-    found = stats.bootstrap(
+    resampled = stats.bootstrap(
         samples,
         lambda *resamples, axis: statistic(list(resamples)),
         n_resamples=N_RESAMPLES,
@@ -307,7 +307,7 @@ def _bootstrap(statistic: Statistic, samples: list[Float64Array], seed: Seed) ->
         method="percentile",
         random_state=np.random.default_rng(seed),  # `rng` from scipy 1.15 on
     )
-    return np.stack([estimate, *found.confidence_interval])
+    return np.stack([estimate, *resampled.confidence_interval])
 
 
 def _runs(name: str, scores: Any) -> list[Float64Array]:

@@ -1,4 +1,4 @@
-"""What a run found, in the files of other libraries: a Minari dataset, an ONNX graph."""
+"""Export of a run to files of other libraries: a Minari dataset, an ONNX graph."""
 
 from curiosity_algos.experiments.export.minari_dataset import export_minari
 from curiosity_algos.experiments.export.onnx_graph import export_onnx, policy_graph

@@ -25,7 +25,7 @@ from curiosity_gym.validation import check_at_least_one, check_choice
 
 N_POLICIES = 1000
 DESCRIBED = ("algorithm", "env", "env_kwargs", "wrappers", "seed", "settings", "versions")
-"""What the dataset says of the run."""
+"""Fields of `run.json` in the metadata of the dataset."""
 
 
 def export_minari(
@@ -40,21 +40,21 @@ def export_minari(
     """Play policies of a run again, and write their episodes as a Minari dataset.
 
     Each policy plays the episode that it played in the run, which begins with a reset with the seed
-    that Minari keeps of it. Stepping an environment of the dataset's `recover_environment` through
-    the actions gives its observations and rewards, bit for bit, with the same versions of the
-    libraries. Policies that are there twice are played once.
+    in Minari's metadata. The dataset's `recover_environment` gives the same observations and
+    rewards for the same actions, bit for bit, with the same versions of the libraries. A policy
+    that the run stored twice is played once.
 
-    The dataset appears where Minari keeps its own (`MINARI_DATASETS_PATH`), and only once it is
-    whole; what a killed process leaves there is a folder that begins with a dot.
+    The dataset appears in Minari's folder (`MINARI_DATASETS_PATH`) once it is whole. A killed
+    process leaves a folder there that begins with a dot.
 
     Args:
         run: Folder of the run, of a population algorithm.
-        dataset_id: Name of the dataset, as Minari has it: `curiosity/us-v0`.
+        dataset_id: Name of the dataset for Minari: `curiosity/us-v0`.
         policies: "elites", of an algorithm with an archive; "rewarding", those that succeeded;
-            "sample", of all that were evaluated. See `SaveRun` for how many of them a run keeps.
-        n_policies: At most, drawn uniformly where there are more.
-        trust: Also run code that the run's folder names or holds.
-        env: Environment like the run's; None: made as `run.json` says.
+            "sample", of all that were evaluated. `SaveRun` says how many of them a run stores.
+        n_policies: Most policies, which are drawn uniformly if there are more.
+        trust: Also run code that the run's folder names or contains.
+        env: Environment like the run's; None: the one that `run.json` describes.
 
     Returns:
         The `minari.MinariDataset`.
@@ -62,8 +62,8 @@ def export_minari(
     Raises:
         gymnasium.error.DependencyNotInstalled: If the extra `minari` is not installed.
         FileNotFoundError: If there is no run.
-        ValueError: If the run is of another algorithm, keeps no such policies, is damaged or needs
-            trust; if the id is malformed, or there is such a dataset.
+        ValueError: If the run is of another algorithm, has no such policies, is damaged or needs
+            trust; if the id is malformed, or the dataset exists.
     """
     minari, _ = import_extra("minari", "minari", "h5py")
     check_choice(POLICIES, policies=policies)
@@ -83,7 +83,7 @@ def _write(
     dataset_id: str,
     target: Path,
 ) -> None:
-    """Write the dataset to a folder beside its place, and move it there once it is whole."""
+    """Write the dataset to a folder beside its own, and rename that once it is whole."""
     minari, storages = import_extra("minari", "minari", "minari.dataset.minari_storage")
     chosen = run.policies(policies).distinct().draw(n_policies)
     about = _describe(run, env.spec, policies, len(chosen.seeds))
@@ -101,25 +101,25 @@ def _write(
             {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
         )
         pairs = zip(chosen.parameters, chosen.seeds.tolist(), strict=True)
-        # Which it takes one by one.
-        storage.update_episodes(_episode(env, run.mlp, *each) for each in pairs)
+        # Minari takes the episodes one by one.
+        storage.update_episodes(_episode(env, run.mlp, *pair) for pair in pairs)
         _publish(whole, target, dataset_id)
 
 
 def _root() -> Path:
-    """Where Minari keeps its datasets: absolute, as it cannot write to a path that is not."""
+    """Minari's folder as an absolute path: Minari cannot write to another."""
     from minari.storage.datasets_root_dir import get_dataset_path
 
     return Path(get_dataset_path()).absolute()
 
 
 def _new_path(dataset_id: str) -> Path:
-    """The folder of a dataset that is not there yet."""
+    """The folder of a new dataset."""
     from minari.dataset.minari_dataset import parse_dataset_id
 
     try:
         parse_dataset_id(dataset_id)
-    except (TypeError, ValueError) as error:  # of one without a version it makes a number of None
+    except (TypeError, ValueError) as error:  # TypeError without a version
         raise ValueError(
             "`out` must be the id of a Minari dataset, such as curiosity/us-v0, with names of two "
             f"letters or more, got {dataset_id!r}."
@@ -131,7 +131,7 @@ def _new_path(dataset_id: str) -> Path:
 
 
 def _publish(whole: Path, target: Path, dataset_id: str) -> None:
-    """Move a dataset to its place, in its namespace."""
+    """Move a dataset into its namespace."""
     from minari.dataset.minari_dataset import parse_dataset_id
     from minari.namespace import create_namespace, list_local_namespaces
 
@@ -142,7 +142,7 @@ def _publish(whole: Path, target: Path, dataset_id: str) -> None:
 
 
 def _describe(run: PopulationRun, spec: EnvSpec | None, policies: str, n: int) -> dict[str, Any]:
-    """What Minari's metadata say of the run."""
+    """Minari's metadata of the run."""
     described = run.described
     about = {name: described.get(name) for name in DESCRIBED}
     is_ours = spec is not None and str(spec.entry_point).startswith("curiosity_gym.")
@@ -159,19 +159,19 @@ def _describe(run: PopulationRun, spec: EnvSpec | None, policies: str, n: int) -
 
 
 def _as_json_spec(spec: EnvSpec | None) -> EnvSpec | None:
-    """A spec that Minari can keep, or None."""
+    """A spec that Minari can store, or None."""
     if spec is None:
         return None
-    kwargs = spec.kwargs.items()
-    plain = {k: each.to_dict() if isinstance(each, MazeLayout) else each for k, each in kwargs}
+    pairs = spec.kwargs.items()
+    kwargs = {name: v.to_dict() if isinstance(v, MazeLayout) else v for name, v in pairs}
     try:
-        return EnvSpec.from_json(replace(spec, kwargs=plain).to_json())
-    except (TypeError, ValueError, gym.error.Error):  # of a class, or an array
+        return EnvSpec.from_json(replace(spec, kwargs=kwargs).to_json())
+    except (TypeError, ValueError, gym.error.Error):  # JSON has no classes and no arrays
         return None
 
 
 def _episode(env: gym.Env[Any, Any], mlp: Mlp, parameters: Float32Array, seed: int) -> Any:
-    """One episode as the environment gives it: `Rollouts` are in float32, and have no rewards."""
+    """One episode with the environment's own numbers: `Rollouts` are float32, without rewards."""
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
     seen, acted = FlatObservations(env.observation_space), FlatActions(env.action_space)

@@ -25,8 +25,8 @@ policy (float[n, {}] observation) => ({} action) {{ {} }}
 """
 LINEAR = "linear_{1} = Gemm ({0}, weights_{1}, biases_{1})\n"
 RELU = "relu_{1} = Relu ({0})\n"
-LARGEST = "action = ArgMax <axis = 1, keepdims = 0> ({})"
-# Max and Min, as rounding may leave the box.
+ARG_MAX = "action = ArgMax <axis = 1, keepdims = 0> ({})"
+# Max and Min, as rounding may lead out of the box.
 SCALED = """
 share = Tanh ({})
 scaled = Mul (share, half_range)
@@ -41,19 +41,19 @@ def export_onnx(
 ) -> None:
     """Write the best policy of a run, the one that `curiosity enjoy` plays, as an ONNX graph.
 
-    It needs no environment, unless that has spaces of a class of its own. See `policy_graph` for
-    what goes in and comes out.
+    No environment is made, unless its spaces are of a class of their own. `policy_graph` describes
+    input and output.
 
     Args:
         run: Folder of the run, of a population algorithm.
-        path: Place of the file, which ends in .onnx.
+        path: Path of the file, which ends in .onnx.
         trust: Also run code that the run's folder names.
 
     Raises:
         gymnasium.error.DependencyNotInstalled: If the extra `onnx` is not installed.
         FileNotFoundError: If there is no run.
-        ValueError: If the run is of another algorithm, is damaged or needs trust, or its actions
-            are other ones; if `path` ends in something else.
+        ValueError: If the run is of another algorithm, is damaged or needs trust, if no graph can
+            give its actions, or `path` ends in something else.
     """
     import_extra("onnx", "onnx")
     if Path(path).suffix != ".onnx":
@@ -65,8 +65,8 @@ def export_onnx(
 
 
 def _check_actions(space: spaces.Space[Any]) -> None:
-    is_plain = is_vector(space) and np.issubdtype(space.dtype, np.floating)
-    if not is_plain and not (isinstance(space, spaces.Discrete) and space.start == 0):
+    is_continuous = is_vector(space) and np.issubdtype(space.dtype, np.floating)
+    if not is_continuous and not (isinstance(space, spaces.Discrete) and space.start == 0):
         raise ValueError(
             "`action_space` must be a Box of one dimension, of floats, or a Discrete from 0, got "
             f"{space}."
@@ -76,12 +76,12 @@ def _check_actions(space: spaces.Space[Any]) -> None:
 def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[Any]) -> Any:
     """The ONNX model of a policy.
 
-    Its input `observation` is (n, O) float32, for any n: observations as vectors, which
-    `model.policy.seen.many` makes of those that are none. Its output `action` is (n, A) float32 in
+    Its input `observation` is (n, O) float32, for any n: `model.policy.seen.many` makes vectors of
+    other observations. Its output `action` is (n, A) float32 in
     the bounds of the action space, or (n,) int64 of `Discrete` actions.
 
     Args:
-        mlp: The policy's shape: `model.policy.mlp`.
+        mlp: Shape of the policy: `model.policy.mlp`.
         parameters: (n_parameters,): `model.policy.vector`.
         action_space: A Box of one dimension, of floats, or a Discrete from 0.
 
@@ -90,7 +90,8 @@ def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[
 
     Raises:
         gymnasium.error.DependencyNotInstalled: If the extra `onnx` is not installed.
-        ValueError: If the parameters are not as many, or not finite, or actions are other ones.
+        ValueError: If the number of parameters is another, they are not finite, or `action_space`
+            is another.
     """
     _check_actions(action_space)
     rest = check_parameters(parameters[None], mlp.n_parameters)[0]
@@ -106,12 +107,13 @@ def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[
         nodes += LINEAR.format(x, i)
         x = f"linear_{i}"
     if not mlp.is_discrete:
-        constants |= {each: getattr(mlp, each) for each in ("center", "half_range", "low", "high")}
-    nodes += (LARGEST if mlp.is_discrete else SCALED).format(x)
+        names = "center", "half_range", "low", "high"
+        constants |= {name: getattr(mlp, name) for name in names}
+    nodes += (ARG_MAX if mlp.is_discrete else SCALED).format(x)
     action = "int64[n]" if mlp.is_discrete else f"float[n, {sizes[-1]}]"
     model = parser.parse_model(GRAPH.format(sizes[0], action, nodes))
-    arrays = [numpy_helper.from_array(np.array(each), name) for name, each in constants.items()]
-    model.graph.initializer.extend(arrays)
+    for name, array in constants.items():
+        model.graph.initializer.append(numpy_helper.from_array(np.array(array), name))
     for node in model.graph.node:
         node.name = node.output[0]
     onnx.checker.check_model(model, full_check=True)

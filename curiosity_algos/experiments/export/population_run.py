@@ -1,4 +1,4 @@
-"""The policies that the folder of a population algorithm's run keeps."""
+"""The policies in the folder of a population algorithm's run."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_algos.state.file import read
 
 FILES = {"rewarding": "rewarding.npz", "sample": "sample.npz"}
-"""Where a checkpoint keeps policies, by kind."""
+"""Files of a checkpoint with policies, by kind."""
 POLICIES = ("elites", *FILES)
 """Kinds of policies."""
 _Read = TypeVar("_Read")
 
 
 class Policies(NamedTuple):
-    """Policies, each with the episode that it played.
+    """Policies and their episodes.
 
     Attributes:
         parameters: (n, n_parameters).
-        seeds: (n,) of the resets of their episodes.
+        seeds: (n,) seeds of the resets of their episodes.
     """
 
     parameters: Float32Array
     seeds: Int64Array
 
     def distinct(self) -> Policies:
-        """The same without those that stand there twice, with the same seed."""
+        """The policies without repetitions of the same parameters and seed."""
         rows = [row.tobytes() for row in self.parameters]
         is_repeated = pd.DataFrame({"row": rows, "seed": self.seeds}).duplicated()
         return self._at(np.flatnonzero(~is_repeated))
 
     def draw(self, n: int) -> Policies:
-        """At most n of them, drawn uniformly, in their order."""
+        """At most n policies, drawn uniformly, in order."""
         if len(self.seeds) <= n:
             return self
         return self._at(np.sort(np.random.default_rng(0).choice(len(self.seeds), n, replace=False)))
@@ -64,14 +64,14 @@ class PopulationRun:
 
     Args:
         folder: Folder of the run.
-        trust: Also run code that it names or holds.
-        env: Environment like the run's; None: made as `run.json` says, once it is needed.
+        trust: Also run code that it names or contains.
+        env: Environment like the run's; None: the one that `run.json` describes, once it is needed.
 
     Attributes:
-        described: What `run.json` says.
-        timesteps: Of the checkpoint that was read last.
-        mlp: The shape of its policies.
-        action_space: Their actions'.
+        described: The fields of `run.json`.
+        timesteps: Timesteps of the checkpoint that was read last.
+        mlp: Shape of the policies.
+        action_space: Space of their actions.
 
     Raises:
         FileNotFoundError: If there is no run.
@@ -92,21 +92,20 @@ class PopulationRun:
         self.mlp = build_mlp(observation_space, self.action_space, net_arch)
 
     def opened_env(self) -> AbstractContextManager[gym.Env[Any, Any]]:
-        """An environment as the run was trained in, closed afterwards unless it was given."""
+        """An environment like the run's, which is closed afterwards unless it is the user's."""
         return given_or_made(self._env, partial(make_env, self.described, trust=self._trust))
 
     def _read(self, read: Callable[[Path], _Read]) -> _Read:
-        """What is read of the last checkpoint, whose timesteps are noted."""
+        """Read the last checkpoint with a function, and note its timesteps."""
 
         def read_and_note(checkpoint: Path) -> _Read:
-            found = read(checkpoint)
             self.timesteps = int(checkpoint.name)
-            return found
+            return read(checkpoint)
 
         return self._run.folder.read(read_and_note)
 
     def _spaces(self, checkpoint: Path) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-        """Observations and actions, as the model has them, or else the environment."""
+        """Spaces of observations and actions, of the model or else of the environment."""
         file = checkpoint / "model.zip"
         content, _ = read(file, self._algorithm.__name__)
         settings = read_settings(content, file, self._algorithm)
@@ -126,26 +125,26 @@ class PopulationRun:
         return best.reshape(-1)
 
     def policies(self, kind: str) -> Policies:
-        """All policies of a kind that the run keeps.
+        """All policies of a kind in the run.
 
         Args:
             kind: One of `POLICIES`: "elites", of an algorithm with an archive; "rewarding", those
                 that succeeded; "sample", of all that were evaluated.
 
         Raises:
-            ValueError: If the run keeps none.
+            ValueError: If the run has none.
         """
-        found = self._read(
+        policies = self._read(
             self._elites if kind == "elites" else lambda last: self._sampled(last / FILES[kind])
         )
-        if not len(found.seeds):
-            raise ValueError(f"`policies` must be some that the run keeps, it has no {kind}.")
-        return found
+        if not len(policies.seeds):
+            raise ValueError(f"`policies` must be a kind that the run has, it has no {kind}.")
+        return policies
 
     def _elites(self, checkpoint: Path) -> Policies:
         if not issubclass(self._algorithm, QualityDiversity):
             raise ValueError(
-                "`policies` must be rewarding or sample of an algorithm without an archive, such "
+                "`policies` must be rewarding or sample for an algorithm without an archive, such "
                 f"as {self.described['algorithm']}."
             )
         file = checkpoint / "model.zip"
@@ -157,16 +156,16 @@ class PopulationRun:
             raise damaged(file) from error
 
     def _sampled(self, path: Path) -> Policies:
-        kept = read_arrays(path, REWARDING)
-        if not len(kept["return"]):
+        stored = read_arrays(path, REWARDING)
+        if not len(stored["return"]):
             return Policies(np.empty((0, self.mlp.n_parameters), np.float32), np.empty(0, np.int64))
-        return self._checked(kept.get("parameters"), kept["episode_seed"], path)
+        return self._checked(stored.get("parameters"), stored["episode_seed"], path)
 
     def _checked(self, parameters: Any, seeds: Array, path: Path) -> Policies:
-        """Those of a file, which must be policies for the environment."""
+        """The policies of a file, which must fit the environment."""
         fits = np.shape(parameters) == (len(seeds), self.mlp.n_parameters)
-        are_seeds = seeds.dtype.kind in "iu" and (seeds >= 0).all()
-        if not fits or not are_seeds or not np.isfinite(parameters).all():
+        has_seeds = seeds.dtype.kind in "iu" and (seeds >= 0).all()
+        if not fits or not has_seeds or not np.isfinite(parameters).all():
             raise damaged(path)
         return Policies(np.asarray(parameters, dtype=np.float32), seeds.astype(np.int64))
 

@@ -16,9 +16,9 @@ from curiosity_gym.validation import check_choice
 FORMATS = (".png", ".pdf", ".svg")
 DPI = 160
 HANDLE, LETTER = 0.6, 0.07
-"""Inches that a line of a legend and a letter of its label take."""
+"""Inches of a line in a legend, and of a letter of its label."""
 GRAY = "#767676"
-"""Is read on white and on black."""
+"""Readable on white and on black."""
 
 
 def make_panels(
@@ -29,17 +29,17 @@ def make_panels(
     height: float = 3.2,
     layout: Literal["constrained", "compressed"] = "constrained",
 ) -> tuple[Figure, Array]:
-    """A figure and its axes (n_rows, n_columns), each of them `width` by `height` inches.
+    """A figure and its axes (n_rows, n_columns), of `width` by `height` inches.
 
-    The figure belongs to nobody: pyplot does not know it, and no window opens. "compressed" is the
-    layout of axes to scale.
+    pyplot does not know the figure, so that no window opens. "compressed" is the layout for axes
+    with equal scales.
     """
     figure = Figure(figsize=(width * n_columns, height * n_rows + 0.8), layout=layout)
     return figure, figure.subplots(n_rows, n_columns, squeeze=False)
 
 
 def add_title(figure: Figure, title: str, handles: list[Any]) -> None:
-    """Write a title, and below it one legend for all panels, in as many columns as fit."""
+    """Write a title and, below it, one legend for all panels in as many columns as fit."""
     letters = sum(len(handle.get_label()) for handle in handles) / max(1, len(handles))
     fitting = int(figure.get_figwidth() / (HANDLE + LETTER * letters))
     columns = max(1, min(7, len(handles), fitting))
@@ -50,28 +50,28 @@ def add_title(figure: Figure, title: str, handles: list[Any]) -> None:
 
 
 def add_note(figure: Figure, note: str) -> None:
-    """Write what a reader must know below everything else, in lines of its own."""
+    """Add lines below all panels."""
     notes = filter(None, [figure.get_supxlabel(), note])
     figure.supxlabel("\n".join(notes), fontsize=8, color=GRAY)
 
 
 def polish(ax: Axes) -> None:
-    """Take away what is not read, and guide the eye."""
+    """Remove needless spines, and draw a grid."""
     ax.spines[["top", "right"]].set_visible(False)
     ax.grid(color=GRAY, alpha=0.3, linewidth=0.6)
     ax.set_axisbelow(True)
 
 
 def check_out(path: Path) -> None:
-    """Raise ValueError unless a figure can be written to a file of this name."""
+    """Raise ValueError unless a file of this name can hold a figure."""
     check_choice(FORMATS, out=path.suffix)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure to a file that appears once it is whole, a PNG, PDF or SVG by its name.
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG, PDF or SVG, by the file's name; it appears once it is whole.
 
     Raises:
-        ValueError: If it is named otherwise.
+        ValueError: If the name has another ending.
     """
     check_out(path)
     with atomic_file(path) as file:
@@ -79,7 +79,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def count_of_runs(numbers: Collection[int]) -> str:
-    """How many runs lines are of, as text: "3 to 5 runs"."""
+    """The numbers of runs of several lines, as text: "3 to 5 runs"."""
     low, high = (limit(numbers, default=0) for limit in (min, max))
     if low < high:
         return f"{low} to {high} runs"

@@ -37,17 +37,17 @@ from curiosity_algos.experiments.measures import (
 from curiosity_algos.experiments.run import StrPath
 from curiosity_gym.validation import check_choice
 
-MEASURES: dict[str, tuple[Measure | None, str, str, float]] = {
+CURVES: dict[str, tuple[Measure | None, str, str, float]] = {
     "coverage": (coverage, "Coverage", "coverage (%)", 0.01),
     "best-return": (best_return, "Highest return so far", "highest return so far", 1.0),
     "qd-score": (qd_score, "QD score", "QD score", 1.0),
     "survival": (None, "Time to first {}", "runs without {} (%)", 0.01),
 }
-"""By name the reader, the titles of figure and axis, and the value that is 1 on it."""
+"""By name: the measure, the titles of figure and axis, and the value of 1 on the axis."""
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
-"""By name the title of the axis, and the value that is 1 on it."""
+"""By name: the title of the axis, and the value of 1 on it."""
 TITLE_WIDTH = 40
-"""Characters of a line above a panel."""
+"""Characters in a line of a panel's title."""
 NOTE = (
     "Thick: interquartile mean while all runs go on; shaded: its 95 % interval, of three runs or "
     "more; thin: each run; dotted: after the first has ended."
@@ -65,25 +65,24 @@ def compare(
     """Draw the curves of runs over time.
 
     Args:
-        folders: A folder of runs, or several, or what such are in.
-        y: "coverage", "best-return" (so far), "qd-score" (a panel for each archive, as
-            `with_archives` tells them apart, of runs that have a score) or "survival" (share of
-            runs without success yet, or where none had any without reward; see `first_of`).
+        folders: One or several folders of runs, or folders that contain such.
+        y: "coverage", "best-return" (so far), "qd-score" (of the runs with a score, a panel for
+            each archive of `with_archives`) or "survival" (share of runs without success yet, or
+            without reward if none had success; see `first_of`).
         x: "timesteps" or "seconds".
 
     Raises:
         FileNotFoundError: If a folder holds no run.
         ValueError: If `y` or `x` is another, if a run is damaged, if no run has a checkpoint with
-            an episode yet, if coverage is asked for and an environment has none, or QD scores and
-            no run has an archive.
+            an episode yet, if an environment has no coverage, or no run has a QD score.
     """
-    check_choice(tuple(MEASURES), y=y)
+    check_choice(tuple(CURVES), y=y)
     check_choice(tuple(X), x=x)
     runs = load_compared(folders)
     if not runs["has_begun"].any():
         run = runs["run"].iloc[0]
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
-    measure, title, y_label, _ = MEASURES[y]
+    measure, title, y_label, _ = CURVES[y]
     note = (NOTE if measure else SURVIVAL_NOTE) + _left_out(runs)
     runs = runs[runs["has_begun"] & ~runs["is_repeated"]]
     if y == "qd-score":
@@ -110,7 +109,7 @@ def compare(
 
 
 def _left_out(runs: pd.DataFrame) -> str:
-    """A note on the runs that no curve is of."""
+    """A note on the runs without a curve."""
     waiting = runs.loc[~runs["has_begun"], "run"]
     n_repeated = runs["is_repeated"].sum()
     note = NOT_BEGUN.format(", ".join(waiting)) if len(waiting) else ""
@@ -118,13 +117,13 @@ def _left_out(runs: pd.DataFrame) -> str:
 
 
 def _by_archive(runs: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """The runs with an archive, which is their panel instead of `env`, and a note on the others."""
-    found = with_archives(runs)
-    if found.empty:
+    """The runs with an archive, with this as their panel, and a note on the other runs."""
+    archived = with_archives(runs)
+    if archived.empty:
         raise ValueError("`runs` must have a QD score, as those of NSLC or MAPElites.")
-    others = ", ".join(sorted(set(runs["label"].drop(found.index))))
+    others = ", ".join(sorted(set(runs["label"].drop(archived.index))))
     note = ARCHIVES + (NO_ARCHIVE.format(others) if others else "")
-    return found.assign(env=found["archive"]), note
+    return archived.assign(env=archived["archive"]), note
 
 
 def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
@@ -137,7 +136,7 @@ def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
 
 
 def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
-    measure, _, _, unit = MEASURES[y]
+    measure, _, _, unit = CURVES[y]
     assert measure is not None
     lines = [
         Line(str(label), colors[str(label)], read_curves(here, measure, x))

@@ -1,4 +1,4 @@
-"""Curves of runs, drawn on axes."""
+"""Draw curves of runs on axes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from curiosity_algos.experiments.statistics import curve_interval
 
 @dataclass(frozen=True)
 class Line:
-    """Runs that are drawn as one line.
+    """Runs that make one line.
 
     Args:
         label: Name in the legend.
         color: Color of line, interval and runs.
-        curves: Timesteps or seconds of each run, and its value from then on.
+        curves: Timesteps or seconds of every run, and its value from then on.
         style: Unbroken or broken.
     """
 
@@ -33,24 +33,23 @@ class Line:
 
     @property
     def has_values(self) -> bool:
-        """Whether any run has come to more than 0."""
+        """Whether any run has a value above 0."""
         return any((values > 0.0).any() for _, values in self.curves)
 
 
 def draw_lines(
     ax: Axes, lines: Sequence[Line], *, x_unit: float = 1.0, y_unit: float = 1.0
 ) -> None:
-    """Draw the interquartile mean of each line's runs, its 95 % interval, and every run.
+    """Draw every run, and of every line the interquartile mean and its 95 % interval.
 
-    The mean begins where all of its runs have begun, and ends with the shortest. One that ends
-    before the longest run of all goes on dotted, at its last value; where there is no line, the
-    axes say so.
+    The mean begins where all of its runs have begun, and ends with the shortest. If it ends before
+    the longest run of all, a dotted line continues its last value. Axes without lines say "none".
 
     Args:
         ax: Axes.
-        lines: At least one run in each.
-        x_unit: Timesteps or seconds that are 1 on the axis.
-        y_unit: Value that is 1 on the axis.
+        lines: Lines with at least one run.
+        x_unit: Timesteps or seconds of 1 on the axis.
+        y_unit: Value of 1 on the axis.
     """
     if not lines:
         draw_nothing(ax)
@@ -77,14 +76,14 @@ def _draw_line(ax: Axes, line: Line, runs: Sequence[Points], longest: float) -> 
 
 
 def draw_nothing(ax: Axes) -> None:
-    """Say on axes that there is nothing to be drawn."""
+    """Write "none" on axes without lines."""
     ax.text(0.5, 0.5, "none", transform=ax.transAxes, ha="center", color=GRAY)
     ax.set(xticks=[], yticks=[])
     polish(ax)
 
 
 def legend_handles(lines: Sequence[Line]) -> list[Line2D]:
-    """A sample of each label, for a legend."""
+    """A sample of every label, for a legend."""
     unique = {line.label: line for line in lines}
     return [
         Line2D([], [], color=line.color, linestyle=line.style, linewidth=2.0, label=label)

@@ -1,4 +1,4 @@
-"""What figures are drawn from: what the runs of a plan have come to."""
+"""The data of figures, which come from the runs of a plan."""
 
 from __future__ import annotations
 
@@ -30,47 +30,47 @@ MEASURES: Mapping[str, Measure] = {
     "generation_return": generation_return,
     "coverage": coverage,
 }
-"""What curves are of, by name."""
+"""Measures of the paper's curves, by name."""
 
 
 def count_final_states(run: Run, env: str) -> Counts:
-    """How many episodes of a run ended in each square of a maze, by y and x."""
+    """Numbers of episodes of a run that ended in the squares of a maze, by y and x."""
     layout = gym.make(env).unwrapped.layout  # type: ignore[attr-defined]  # of a maze
     ends = run.final_states["behavior"].astype(np.float64)
     return count(ends, layout, SIDE)
 
 
 class Evidence(Protocol):
-    """What the runs of several algorithms came to on each environment."""
+    """The data of figures: results of several algorithms on several environments."""
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
-        """A curve of each run, of one of `MEASURES`; none where nothing was trained."""
+        """The curves of all runs, of one of `MEASURES`; empty if none was trained."""
 
     def final_states(self, series: Series, env: str) -> Counts:
-        """How many episodes of all runs ended in each square of a maze, by y and x."""
+        """Numbers of episodes of all runs that ended in the squares of a maze, by y and x."""
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""
 
 
 class TrainedRuns:
-    """Evidence that is read from the folders of a plan's runs.
+    """Evidence from the folders of a plan's runs.
 
     Every method raises FileNotFoundError if a run that it needs is missing, or not finished.
 
     Args:
-        plan: Whose runs have been trained.
+        plan: Plan of the trained runs.
     """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
-        """A curve of each run, of one of `MEASURES`."""
+        """The curves of all runs, of one of `MEASURES`."""
         return [MEASURES[measure](run) for run in self._runs(series, env)]
 
     def final_states(self, series: Series, env: str) -> Counts:
-        """How many episodes of all runs ended in each square of a maze, by y and x."""
+        """Numbers of episodes of all runs that ended in the squares of a maze, by y and x."""
         counts = [count_final_states(run, env) for run in self._runs(series, env)]
         total: Counts = np.sum(counts, axis=0)
         return total

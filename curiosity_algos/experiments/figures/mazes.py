@@ -1,4 +1,4 @@
-"""Mazes, the beams of a robot at their start, and the final states of episodes in them."""
+"""Draw mazes, the LIDAR beams at their start, and the final states of episodes in them."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from curiosity_gym.maze.viewer import HIT
 Counts = Int64Array
 
 SIDE = 2.0
-"""Of the squares in which final states are counted (maze units)."""
+"""Side of the squares in which final states are counted (maze units)."""
 
 
 def show_mazes(envs: Sequence[str]) -> Figure:
-    """Each maze with its start, its goal and the LIDAR beams at the start."""
+    """Draw mazes with start, goal and the LIDAR beams at the start."""
     figure, axes = make_panels(1, len(envs), height=4.0, layout="compressed")
     for ax, env in zip(axes.flat, envs, strict=True):
         maze = gym.make(env)
@@ -39,14 +39,14 @@ def show_mazes(envs: Sequence[str]) -> Figure:
 
 
 def _draw_maze(ax: Axes, maze: gym.Env[Any, Any], env: str) -> None:
-    made: Any = maze.unwrapped
-    draw_layout(ax, made.layout)
-    x, y, *_ = made.behavior_names
+    maze_env: Any = maze.unwrapped
+    draw_layout(ax, maze_env.layout)
+    x, y, *_ = maze_env.behavior_names
     ax.set(title=short_name(env), xlabel=x, ylabel=y)
 
 
 def draw_beams(ax: Axes, maze: gym.Env[Any, Any]) -> None:
-    """Draw the beams of a robot at the start, with a dot where one hits."""
+    """Draw the beams of a robot at the start, with a dot where a beam hits."""
     env: Any = maze.unwrapped
     observation, _ = maze.reset()
     beams = observation[N_BASE_FEATURES:].astype(np.float64)
@@ -60,11 +60,11 @@ def draw_beams(ax: Axes, maze: gym.Env[Any, Any]) -> None:
 
 
 def show_final_states(states: Mapping[str, Mapping[str, Counts]]) -> Figure:
-    """Final states of the episodes of runs, a row for each algorithm and a column for each maze.
+    """Draw final states of episodes; algorithms are rows, mazes are columns.
 
     Args:
-        states: How many there are in each square of side `SIDE`, by y and x, of each algorithm in
-            each environment.
+        states: Numbers of final states in squares of side `SIDE`, by y and x, by algorithm and
+            environment.
     """
     envs = list(next(iter(states.values())))
     figure, axes = make_panels(len(states), len(envs), width=3.6, height=3.2, layout="compressed")

@@ -1,4 +1,4 @@
-"""The figures of "Curiosity creates Diversity in Policy Search", drawn from runs of one's own."""
+"""Draw the figures of "Curiosity creates Diversity in Policy Search" from your own runs."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def draw(figure: int, evidence: Evidence) -> Figure:
         figure: 1 mazes, 2 return and 3 coverage on mazes, 4 final states, 5 return and 6 coverage
             on control tasks, 7 coverage by what is taken for behavior, 8 projection of rewarding
             policies.
-        evidence: What it is drawn from: `TrainedRuns` of a plan.
+        evidence: Data of the figure, such as `TrainedRuns` of a plan.
 
     Raises:
         FileNotFoundError: If a run that the figure needs is missing, or not finished.
-        ValueError: If there is no such figure, or if there are too few rewarding policies for it.
+        ValueError: If there is no such figure, or too few policies with a reward for it.
     """
     check_choice(tuple(map(str, FIGURES)), figure=str(figure))
     return FIGURES[figure](evidence)
@@ -50,10 +50,10 @@ def draw(figure: int, evidence: Evidence) -> Figure:
 
 
 def _show_curves(evidence: Evidence, figure: int, measure: str, title: str, y_label: str) -> Figure:
-    """A panel for each environment; lines that never leave 0 are named instead of drawn."""
+    """A panel for each environment, which names the lines that stay at 0 below its axis."""
     panels = series_of(figure)
     drawing, axes = make_panels(1, len(panels))
-    shown: list[Line] = []
+    legend: list[Line] = []
     for ax, (env, panel) in zip(axes.flat, panels.items(), strict=True):
         lines = [_line(evidence, series, env, measure) for series in panel]
         drawn = [line for line in lines if line.has_values]
@@ -62,10 +62,10 @@ def _show_curves(evidence: Evidence, figure: int, measure: str, title: str, y_la
         not_trained = [line.label for line in lines if not line.curves]
         notes = _note("no reward", without_reward) + _note("not trained", not_trained)
         ax.set(title=short_name(env), xlabel="\n".join(["timesteps (millions)", *notes]))
-        shown += drawn
+        legend += drawn
     axes.flat[0].set_ylabel(y_label)
-    add_title(drawing, title, legend_handles(shown))
-    add_note(drawing, NOTE.format(count_of_runs([len(line.curves) for line in shown])))
+    add_title(drawing, title, legend_handles(legend))
+    add_note(drawing, NOTE.format(count_of_runs([len(line.curves) for line in legend])))
     return drawing
 
 
@@ -111,4 +111,4 @@ FIGURES: dict[int, Callable[[Evidence], Figure]] = {
     ),
     8: _show_projection,
 }
-"""The functions that draw them, by number."""
+"""The functions that draw figures, by number."""

@@ -1,4 +1,4 @@
-"""The runs that each figure of the paper is drawn from, their budgets and their folders.
+"""The runs of the paper's figures, their budgets and their folders.
 
 "Curiosity creates Diversity in Policy Search", sections 4 to 7, whose figures are counted from 1.
 """
@@ -25,7 +25,7 @@ WITHOUT_REWARD: Mapping[str, Mapping[str, Any]] = {
     "NSES": {"phi": 0.0},
     "TD3ICM": {"extrinsic": False},
 }
-"""Keywords with which algorithms that weigh reward against exploration explore alone."""
+"""Keywords that make algorithms explore without regard to reward."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Budget:
         seeds: Seeds of the runs.
         maze: Timesteps on a maze.
         control: Timesteps on a control task.
-        td3_maze: Timesteps of TD3ICM on a maze: a step of its costs hundreds of a population's.
+        td3_maze: Timesteps of TD3ICM on a maze; its steps cost hundreds of a population's.
         td3_control: Timesteps of TD3ICM on a control task.
         env_kwargs: Keywords by environment, for shorter episodes and easier goals.
         settings: Keywords by algorithm, for cheaper training.
-        jobs: Runs at a time; None: one a processor.
-        note: What figures of these runs say below; empty where nothing is easier than in the paper.
+        jobs: Runs at a time; None: one for each processor.
+        note: Note below figures of these runs; empty if nothing is easier than in the paper.
     """
 
     seeds: tuple[int, ...]
@@ -63,14 +63,14 @@ class Budget:
 
 GENERATIONS, POPULATION = 2_000, 56
 SMOKE_GOALS = dict(zip(MAZES, (16.5, 91.5, 120.0), strict=True))
-"""Radius of the goal of each maze."""
+"""Radius of the goal, by maze."""
 SMOKE_NOTE = (
     "Budget smoke, a trial of seconds that tells nothing of the algorithms: episodes are short, "
     "and the goals of mazes\n"
     "are widened from a radius of 2 to 16.5 (Snake), 91.5 (US) and 120 (Hard)."
 )
 BUDGETS = {
-    # Goals that hardly anyone misses: every figure has something to show.
+    # Goals that hardly any policy misses, so that no figure is empty.
     "smoke": Budget(
         seeds=(0,),
         maze=3 * 56 * 100,
@@ -100,11 +100,11 @@ BUDGETS = {
 
 @dataclass(frozen=True)
 class Series:
-    """An algorithm as a figure shows it.
+    """An algorithm in a figure.
 
     Args:
         algorithm: Name of the algorithm.
-        settings: Keywords that the figure gives it, beside those of the preset.
+        settings: Keywords of the algorithm in the figure, beside those of the preset.
     """
 
     algorithm: str
@@ -118,12 +118,12 @@ class Series:
 
     @property
     def variant(self) -> str:
-        """Folder of its runs among those with the preset's settings; "" for these."""
+        """Folder of its runs; "" for runs with the preset's settings."""
         return variant_of(self.settings)
 
 
 def series_of(figure: int) -> dict[str, list[Series]]:
-    """The series of each panel of a figure, by environment."""
+    """The series of a figure's panels, by environment."""
     if figure in (2, 3):
         return {env: [Series(name) for name in COMPARED] for env in MAZES}
     if figure == 4:
@@ -140,7 +140,7 @@ def series_of(figure: int) -> dict[str, list[Series]]:
 
 
 def exploring(algorithm: str, env: str, **settings: Any) -> Series:
-    """The series whose coverage counts: in control tasks, of runs that do not look for reward."""
+    """The series for coverage, which explores control tasks without regard to reward."""
     alone = WITHOUT_REWARD.get(algorithm, {}) if env in CONTROL else {}
     return Series(algorithm, {**settings, **alone})
 
@@ -156,9 +156,9 @@ class Plan:
     """The runs of figures.
 
     Args:
-        folder: That holds them: those with the preset's settings as `curiosity sweep` lays them
-            out, others in a folder that is called like their settings (`phi=0.0`).
-        budget: Budget of each.
+        folder: Folder of the runs: those with the preset's settings as `curiosity sweep` puts them,
+            others in a folder that is named by their settings (`phi=0.0`).
+        budget: Budget of the runs.
         preset: "paper" or "tuned".
         seeds: Seeds of the runs.
     """
@@ -178,11 +178,11 @@ class Plan:
         ]
 
     def note(self, figure: int) -> str:
-        """What a figure says below of the runs that it needs, if anything."""
+        """The note below a figure, which may be empty."""
         return self.budget.note if series_of(figure) else ""
 
     def run(self, series: Series, env: str, seed: int) -> RunSpec:
-        """One of them."""
+        """The run of a series, an environment and a seed."""
         cheaper = self.budget.settings.get(series.algorithm, {})
         return RunSpec(
             series.algorithm,

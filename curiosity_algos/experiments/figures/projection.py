@@ -1,4 +1,4 @@
-"""Rewarding policies side by side: a projection of the last states of their episodes."""
+"""Project the last states of the episodes of rewarding policies, and draw them."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from curiosity_algos.experiments.reading import REWARDING, read_arrays
 from curiosity_algos.experiments.run import Run
 
 N_STATES = 300
-"""Last states of an episode, the paper's number."""
-N_POLICIES = 500
-"""Policies of a run, at most: their states are held in memory at once, 43 kB each on a maze."""
+"""Last states of an episode, as many as in the paper."""
+MOST_POLICIES = 500
+"""Most policies of a run: their states are in memory at once, 43 kB a policy on a maze."""
 TITLE = f"Rewarding policies on {{}}: the last {N_STATES} states of their episodes"
 NOTE = (
     "Principal components of rewarding policies, their number in brackets. "
@@ -38,7 +38,7 @@ class Rewarding(NamedTuple):
     """Policies of a run that succeeded.
 
     Attributes:
-        states: (n, N_STATES, O), the last of each one's episode.
+        states: (n, N_STATES, O), the last of the policies' episodes.
         returns: (n,) of those episodes.
     """
 
@@ -47,20 +47,20 @@ class Rewarding(NamedTuple):
 
 
 def replay_rewarding(run: Run) -> Rewarding:
-    """Play rewarding policies of a run again, each with the seed of its episode.
+    """Play rewarding policies of a run again, with the seeds of their episodes.
 
-    The last of the `N_STATES` is the one that the episode ended in. A shorter episode counts as if
-    it had waited at its start: the first state is repeated before the others.
+    The last of the `N_STATES` is the one at the end of the episode. A shorter episode counts as if
+    it had waited at its start: its first state is repeated.
 
     Args:
-        run: A run with a checkpoint. `N_POLICIES` are drawn where there are more.
+        run: A run with a checkpoint. `MOST_POLICIES` are drawn where there are more.
 
     Raises:
         FileNotFoundError: If there is no run.
         ValueError: If it is damaged, or its environment is not one that is known here.
     """
     stored = run.folder.read(lambda last: read_arrays(last / "rewarding.npz", REWARDING))
-    parameters, seeds = Policies(stored["parameters"], stored["episode_seed"]).draw(N_POLICIES)
+    parameters, seeds = Policies(stored["parameters"], stored["episode_seed"]).draw(MOST_POLICIES)
     returns = np.empty(len(seeds))
     with closing(make_env(run.description, trust=False)) as env:
         evaluator = make_evaluator(env, run.description["settings"]["policy_kwargs"], 1)
@@ -72,7 +72,7 @@ def replay_rewarding(run: Run) -> Rewarding:
 
 
 def last_states(rollouts: Rollouts, n: int = N_STATES) -> Float32Array:
-    """The last n states of each episode, (P, n, O); of a shorter one the first stands before."""
+    """The last n states of P episodes, (P, n, O); shorter episodes repeat their first state."""
     observations, _ = rollouts.trajectories
     times = rollouts.lengths[:, None] + np.arange(1 - n, 1)
     last: Float32Array = observations[np.arange(len(times))[:, None], np.maximum(times, 0)]
@@ -83,7 +83,7 @@ def project(states: Float32Array) -> tuple[Float64Array, Float64Array]:
     """The two principal components of states (n, T, O), n at least 3.
 
     Returns:
-        Scores (n, 2), and the share of the variance that each component holds (2,).
+        Scores (n, 2), and the components' shares of the variance (2,).
     """
     from sklearn.decomposition import PCA
 
@@ -95,11 +95,11 @@ class Projection(NamedTuple):
     """Rewarding policies of several algorithms, by the two principal components of their states.
 
     Attributes:
-        algorithms: Names, of those that found none, too.
+        algorithms: Names, also of algorithms without a rewarding policy.
         owners: (n,) index of each policy's algorithm.
         scores: (n, 2).
         returns: (n,).
-        shares: (2,) of the variance that each component holds.
+        shares: (2,) of the variance, by component.
     """
 
     algorithms: tuple[str, ...]
@@ -113,23 +113,23 @@ def project_rewarding(rewarding: Mapping[str, Sequence[Rewarding]]) -> Projectio
     """Project rewarding policies of several algorithms together.
 
     Args:
-        rewarding: Those of each algorithm's runs, by its name.
+        rewarding: Policies of the algorithms' runs, by name.
 
     Raises:
-        ValueError: If they are fewer than three in all.
+        ValueError: If there are fewer than three policies in all.
     """
-    numbers = [sum(len(each.returns) for each in runs) for runs in rewarding.values()]
+    numbers = [sum(len(run.returns) for run in runs) for runs in rewarding.values()]
     if sum(numbers) < 3:
         raise ValueError("`runs` must have 3 rewarding policies, they have fewer.")
-    pooled = [each for runs in rewarding.values() for each in runs]
-    scores, shares = project(np.concatenate([each.states for each in pooled]))
-    returns = np.concatenate([each.returns for each in pooled])
+    pooled = [run for runs in rewarding.values() for run in runs]
+    scores, shares = project(np.concatenate([run.states for run in pooled]))
+    returns = np.concatenate([run.returns for run in pooled])
     owners = np.repeat(np.arange(len(rewarding)), numbers)
     return Projection(tuple(rewarding), owners, scores, returns, shares)
 
 
 def show_projection(projection: Projection, env: str) -> Figure:
-    """Show projected policies: on the left by algorithm, on the right by return."""
+    """Draw projected policies, on the left by algorithm, on the right by return."""
     algorithms, owners, scores, returns, shares = projection
     order = np.random.default_rng(0).permutation(len(scores))  # none is hidden by what came later
     colors = color_labels(algorithms)

@@ -1,4 +1,4 @@
-"""One HTML file of many runs: tables, curves and maps, without a network."""
+"""One HTML file about many runs, with tables, curves and maps, which needs no network."""
 
 from curiosity_algos.experiments.report.page import write_report
 

@@ -45,12 +45,12 @@ PAGE = """<!DOCTYPE html>
 """
 NOTES = {
     "Runs": (
-        "A row, a line and a map are of all runs of an algorithm with the same settings, of which "
-        "a seed counts once. Settings in which runs differ are named; where runs differ in length, "
-        "the table has the shortest and the longest, and what it says is of the end of each."
+        "A row, a line and a map are of all runs of an algorithm with the same settings, where a "
+        "seed counts once. Settings in which runs differ are named. If runs differ in length, the "
+        "table has the shortest and the longest, and its numbers are of the runs' ends."
     ),
     "Intervals": (
-        "IQM is the interquartile mean over runs, the mean of their middle half. In brackets are "
+        "IQM is the interquartile mean over runs, the mean of their middle half. Brackets contain "
         "95 % intervals of a bootstrap over runs; fewer than three runs have none."
     ),
     "Curves": (
@@ -61,37 +61,34 @@ NOTES = {
     "Who is ahead of whom": (
         "The probability of improvement (Agarwal et al. 2021): the share of the pairs of a run of "
         "the first and a run of the second in which the first has the higher best return, the "
-        "higher coverage at its end, or the earlier first success or reward; ties count one half. "
-        "Runs "
-        "without a success count as later than all that had one before the shorter of the two "
-        "budgets was spent, and as late as those that had one after. The interval says what other "
-        "seeds might have given: with three or four runs it is too narrow, and of twenty pairs "
-        "that are alike about one is marked by chance. There is a row for each two with three "
-        "runs or more."
+        "higher coverage at its end, or the earlier first success or reward. Ties count one half. "
+        "A run without a success counts as later than those with one before the shorter of the two "
+        "budgets was spent, and as late as those with one after. The interval says what other "
+        "seeds might have given: with three or four runs it is too narrow, and about one of twenty "
+        "equal pairs is marked by chance. Every two algorithms with three runs or more have a row."
     ),
     "Success, or reward": (
-        "That an episode ended in, where the environment reports it. Where no run had one, a "
-        "reward takes its place: a return above 0, if there was any. Runs that had none are not "
-        "dropped: the Kaplan-Meier estimate counts them as without it for as long as they ran. The "
-        "median is missing where more than half of the runs are without it to the end."
+        "An episode may end in success, if the environment reports it. If no run had a success, a "
+        "reward takes its place: a return above 0. Runs without either are not dropped: the "
+        "Kaplan-Meier estimate counts them as without it for as long as they ran. The median is "
+        "missing if more than half of the runs are without it to the end."
     ),
     "Coverage": (
         "The share of the reachable cells in which an episode has ended. The area under its curve "
         "is the mean coverage from the first timestep of a run to its last."
     ),
     "QD score": (
-        "The sum of the returns of the elites that an archive holds, less the archive's "
+        "The sum of the returns of the elites in an archive, less the archive's "
         "<code>qd_score_offset</code> for each of them. It compares algorithms that fill the same "
-        "archive: the same cells with the same offset. So each archive has a figure of its own, "
-        "and so has each algorithm whose archive has no cells, of which the distance between "
-        "elites decides how many there are."
+        "archive: the same cells with the same offset. So each archive has a figure of its own. "
+        "So has each algorithm whose archive has no cells, as the distance between its elites "
+        "decides their number."
     ),
     "Where episodes ended": (
-        "A cell has the color of the first episode of any run that ended in it; what episodes pass "
-        "on their way does not count. Of environments that are no mazes, the first two entries of "
-        "the behavior are drawn, and what is beyond 99 % of them along either side counts where "
-        "the map ends. Hover over a cell to read its timesteps "
-        "and its place."
+        "A cell has the color of the first episode of any run that ended in it; the way there does "
+        "not count. If the environment is not a maze, the map shows the first two entries of the "
+        "behavior, and what is beyond 99 % of them along either side counts at the map's edge. "
+        "Hover over a cell to read its timesteps and its place."
     ),
 }
 KEY = (
@@ -116,16 +113,16 @@ def write_report(folders: StrPath | Iterable[StrPath], out: StrPath) -> pd.DataF
     """Write a page about all runs in folders; the same runs give the same bytes.
 
     Args:
-        folders: A folder of runs, or several, or what such are in.
-        out: HTML file of the page; its folder need not be there yet.
+        folders: One or several folders of runs, or folders that contain such.
+        out: HTML file of the page; its folder need not exist yet.
 
     Returns:
-        A row for each run that the page is about, as of `load_runs`.
+        A row for each run on the page, as of `load_runs`.
 
     Raises:
         FileNotFoundError: If there is no run in one of the folders.
-        IsADirectoryError: If there is a folder in the page's place.
-        ValueError: If `out` is not named as HTML, or a run is of another format or damaged.
+        IsADirectoryError: If `out` is a folder.
+        ValueError: If `out` does not end in .html, or a run is of another format or damaged.
         gymnasium.error.DependencyNotInstalled: If plotly is not installed.
     """
     graphs, offline = import_extra("report", "plotly.graph_objects", "plotly.offline")
@@ -133,7 +130,7 @@ def write_report(folders: StrPath | Iterable[StrPath], out: StrPath) -> pd.DataF
         raise IsADirectoryError(f"`out` must be a file, {out} is a folder.")
     check_choice((".html", ".htm"), out=Path(out).suffix.lower())
     page = _Page(load_compared(folders))
-    encoded = [f'"{name}":{graphs.Figure(each).to_json()}' for name, each in page.figures.items()]
+    encoded = [f'"{name}":{graphs.Figure(drawn).to_json()}' for name, drawn in page.figures.items()]
     text = PAGE.format(
         style=_asset("page.css"),
         counts=counts(page.begun),
@@ -160,11 +157,11 @@ def counts(runs: pd.DataFrame) -> str:
 
 
 class _Page:
-    """The parts of the page: HTML of sections, and the figures that a script draws in them."""
+    """The HTML of sections, and the figures that a script draws in them."""
 
     def __init__(self, runs: pd.DataFrame) -> None:
         self.begun = runs[runs["has_begun"] & ~runs["is_repeated"]]
-        self.figures: dict[str, pictures.Figure] = {}
+        self.figures: dict[str, pictures.PlotlyFigure] = {}
         self._colors = color_labels(sorted(set(self.begun["label"])))
         self.links, self.sections = [], []
         for i, (env, here) in enumerate(runs.groupby("env")):
@@ -182,7 +179,7 @@ class _Page:
             )
 
     def _section(self, runs: pd.DataFrame, env: str) -> str:
-        """All of an environment."""
+        """The HTML of one environment."""
         curves = pictures.draw_curves(runs, self._colors)
         about = f"Curves of {', '.join(sorted(set(runs['label'])))} over timesteps"
         return (
@@ -226,8 +223,8 @@ class _Page:
         key = KEY.format(longest, marks)
         return f'<h3>Where episodes ended</h3>{key}<div class="grid">{maps}</div>'
 
-    def _picture(self, figure: pictures.Figure, kind: str, about: str) -> str:
-        """A place for a figure, and what it shows for those who cannot see it."""
+    def _picture(self, figure: pictures.PlotlyFigure, kind: str, about: str) -> str:
+        """The HTML element of a figure, with a description for those who cannot see it."""
         name = f"figure-{len(self.figures)}"
         self.figures[name] = figure
         height = figure["layout"].get("height")
@@ -237,5 +234,5 @@ class _Page:
 
 
 def _named(why: str, runs: pd.DataFrame) -> str:
-    """A line that names runs that are left out; empty where there are none."""
+    """A line with the names of runs that are left out; empty without such."""
     return "" if runs.empty else f"<p>{why}: {', '.join(map(escape, runs['run']))}.</p>"

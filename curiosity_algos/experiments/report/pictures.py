@@ -1,4 +1,4 @@
-"""The pictures of a report, as figures of plotly: curves and maps."""
+"""The curves and maps of a report, as figures of plotly."""
 
 from __future__ import annotations
 
@@ -32,21 +32,23 @@ from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 
-Figure: TypeAlias = dict[str, Any]
-"""`data` and `layout`."""
+PlotlyFigure: TypeAlias = dict[str, Any]
+"""`data` and `layout` of a figure."""
+Properties: TypeAlias = dict[str, Any]
+"""Properties of a trace, an axis or a layout."""
 Panel: TypeAlias = tuple[str, Measure, str]
-"""The title of an axis, what is drawn along it, and the format of its ticks."""
+"""The title of an axis, its measure, and the format of its ticks."""
 
 MOST_ROWS = 200
-"""Points of the curve of a single run, evenly spaced."""
+"""Most points of a single run's curve."""
 LEGEND_LINE = 22
-"""Its height in pixels."""
+"""Height in pixels of a line in the legend."""
 N_CELLS = 50
-"""Along either side of a map: in mazes those that coverage counts."""
+"""Cells along either side of a map: in mazes those that coverage counts."""
 SCALE = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151")
-"""Viridis, without the end that is not seen on a light floor."""
+"""Viridis, without the end that is too light."""
 FLOOR, WALL, START, GOAL = "#faf9f6", "#3a4254", "#c93b37", "#1f8f5f"
-LAYOUT: Figure = {
+LAYOUT: Properties = {
     "template": "none",
     "paper_bgcolor": "rgba(0,0,0,0)",
     "plot_bgcolor": "rgba(0,0,0,0)",
@@ -55,16 +57,16 @@ LAYOUT: Figure = {
     "dragmode": False,
 }
 GRID = "rgba(136,136,136,0.35)"
-AXIS: Figure = {"automargin": True, "gridcolor": GRID, "zerolinecolor": GRID}
+AXIS: Properties = {"automargin": True, "gridcolor": GRID, "zerolinecolor": GRID}
 
 
 # -- curves ---------------------------------------------------------------------------------------
 
 
-def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
+def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> PlotlyFigure:
     """Coverage, best return and share of runs without a success or reward, one above the other.
 
-    Those that an environment does not tell are left out.
+    Coverage and share are left out if the environment does not report them.
     """
     panels: list[Panel] = [("best return so far", best_return, "~g")]
     if has_coverage(runs):
@@ -72,14 +74,14 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
     return _draw(runs, colors, panels, event=first_of(runs))
 
 
-def draw_elites(runs: pd.DataFrame, colors: dict[str, str]) -> Figure:
+def draw_elites(runs: pd.DataFrame, colors: dict[str, str]) -> PlotlyFigure:
     """QD score and number of elites of runs with one archive, one above the other."""
     return _draw(runs, colors, [("QD score", qd_score, "~g"), ("elites", n_elites, "~g")])
 
 
 def _draw(
     runs: pd.DataFrame, colors: dict[str, str], panels: list[Panel], event: str | None = None
-) -> Figure:
+) -> PlotlyFigure:
     axes = [(title, ticks) for title, _, ticks in panels]
     traces = []
     for label, here in runs.groupby("label"):
@@ -96,10 +98,10 @@ def _draw(
     return {"data": traces, "layout": _panels(axes, runs["label"].nunique())}
 
 
-def _panels(axes: list[tuple[str, str]], n_labels: int) -> Figure:
-    """One axis for x, and above it an axis for y of each title, with the format of its ticks.
+def _panels(axes: list[tuple[str, str]], n_labels: int) -> Properties:
+    """The layout of panels with one x axis, from the titles and tick formats of their y axes.
 
-    There is room for a legend with a line for each label, as on a narrow page.
+    The legend has room for a line for each label, as on a narrow page.
     """
     layout = LAYOUT | {
         "xaxis": AXIS | {"title": "timesteps", "tickformat": "~s", "anchor": f"y{len(axes)}"},
@@ -121,7 +123,7 @@ def _panels(axes: list[tuple[str, str]], n_labels: int) -> Figure:
     return layout
 
 
-def _runs(curves: list[Points], named: Figure, color: str, panel: int) -> Figure:
+def _runs(curves: list[Points], named: Properties, color: str, panel: int) -> Properties:
     """The curves of all runs as one trace, with a gap after each."""
     thinned = [(x[rows], y[rows]) for x, y in curves for rows in [evenly(len(x), MOST_ROWS)]]
     x, y = (np.concatenate([np.r_[run[axis], np.nan] for run in thinned]) for axis in (0, 1))
@@ -130,8 +132,8 @@ def _runs(curves: list[Points], named: Figure, color: str, panel: int) -> Figure
 
 
 def _band_and_mean(
-    curve: Curve, named: Figure, color: str, panel: int, shape: str = "linear"
-) -> Iterator[Figure]:
+    curve: Curve, named: Properties, color: str, panel: int, shape: str = "linear"
+) -> Iterator[Properties]:
     edge = {"line": {"width": 0, "shape": shape}, "hoverinfo": "skip", **named}
     if not np.isnan(curve.low).all():
         yield _line(curve.x, curve.low, panel, **edge)
@@ -146,14 +148,14 @@ def _faint(color: str) -> str:
     return f"rgba({red},{green},{blue},0.2)"
 
 
-def _line(x: npt.ArrayLike, y: npt.ArrayLike, panel: int = 0, **style: Any) -> Figure:
-    points = {name: np.asarray(each, dtype=np.float32) for name, each in {"x": x, "y": y}.items()}
-    drawn = {"type": "scatter", "mode": "lines", "showlegend": False, **points, **style}
-    return drawn | {"yaxis": f"y{panel + 1}"}
+def _line(x: npt.ArrayLike, y: npt.ArrayLike, panel: int = 0, **style: Any) -> Properties:
+    points = {"x": np.asarray(x, dtype=np.float32), "y": np.asarray(y, dtype=np.float32)}
+    line = {"type": "scatter", "mode": "lines", "showlegend": False, **points, **style}
+    return line | {"yaxis": f"y{panel + 1}"}
 
 
 def evenly(n: int, most: int) -> Int64Array:
-    """Indices of at most `most` of n entries, evenly spaced, the first and the last among them."""
+    """At most `most` evenly spaced indices of n entries, with the first and the last."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
 
 
@@ -167,8 +169,8 @@ class Plane:
     Attributes:
         low: (2,) its lower left corner.
         high: (2,) its upper right corner.
-        names: Of the two entries.
-        maze: The environment, where the entries are a robot's position in it.
+        names: Names of the two entries.
+        maze: The maze, if the entries are a robot's position in it.
     """
 
     low: Float64Array
@@ -177,7 +179,7 @@ class Plane:
     maze: MazeEnv | None = None
 
     def cells(self, points: Array) -> Int64Array:
-        """Flat indices (n,) of points (n, 2), row by row from below; of those outside the next."""
+        """Flat indices (n,) of the cells nearest to points (n, 2), row by row from below."""
         shares = (points - self.low) / (self.high - self.low)
         columns, rows = np.clip(shares * N_CELLS, 0, N_CELLS - 1).astype(np.int64).T
         flat: Int64Array = rows * N_CELLS + columns
@@ -185,7 +187,7 @@ class Plane:
 
 
 def plane_of(runs: pd.DataFrame) -> Plane | None:
-    """The plane of final states; None where behaviors have fewer than two entries."""
+    """The plane of final states; None if behaviors have fewer than two entries."""
     maze = _maze_of(runs["files"].iloc[0].description)
     if maze is not None:
         size = np.array([maze.layout.width, maze.layout.height])
@@ -199,29 +201,29 @@ def plane_of(runs: pd.DataFrame) -> Plane | None:
 
 
 def _names(runs: Iterable[Run]) -> tuple[str, ...]:
-    """The names of the first two entries of the behavior, by the first run that has them."""
+    """The names of the first two entries of the behavior, from the first run that has any."""
     names = (run.description.get("behavior_names") for run in runs)
     first = next((entries[:2] for entries in names if entries is not None), None)
     return entry_names(first, 2)
 
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
-    """The maze of a run; None if it is none, or none that is known here."""
+    """The maze of a run; None if its environment is another, or is not registered."""
     if not set(described.get("wrappers", {})) <= {"RepeatAction"}:
         return None
     try:
-        with closing(make_env(described, trust=False)) as made:
-            env = made.unwrapped
+        with closing(make_env(described, trust=False)) as wrapped:
+            env = wrapped.unwrapped
     except (gym.error.Error, ValueError):
         return None
     return env if isinstance(env, MazeEnv) else None
 
 
 def _ends(run: Run) -> tuple[Float64Array, Float64Array]:
-    """Final states (n, 2 or fewer) of a run, as far as they are finite, and their timesteps (n,).
+    """The finite final states (n, 2 or fewer) of a run, and their timesteps (n,).
 
     Raises:
-        ValueError: If they are missing.
+        ValueError: If final states are missing.
     """
     states = final_states(run)
     points = states["behavior"][:, :2].astype(np.float64)
@@ -229,8 +231,8 @@ def _ends(run: Run) -> tuple[Float64Array, Float64Array]:
     return points[is_finite], states["timesteps"][is_finite].astype(np.float64)
 
 
-def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
-    """Each cell in which an episode of any of the runs ended, colored by when one first did.
+def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> PlotlyFigure:
+    """The cells in which episodes ended, with the color of the first episode of any run.
 
     The last color is that of `longest` timesteps.
     """
@@ -252,7 +254,7 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> Figure:
     return {"data": [cells, *_start(plane)], "layout": _plane_layout(plane)}
 
 
-def _start(plane: Plane) -> list[Figure]:
+def _start(plane: Plane) -> list[Properties]:
     if plane.maze is None:
         return []
     marker = {"color": START, "size": 9, "line": {"color": "white", "width": 1}}
@@ -260,7 +262,7 @@ def _start(plane: Plane) -> list[Figure]:
     return [_line(x, y, mode="markers", marker=marker, hovertemplate="start<extra></extra>")]
 
 
-def _plane_layout(plane: Plane) -> Figure:
+def _plane_layout(plane: Plane) -> Properties:
     layout = LAYOUT | {"plot_bgcolor": FLOOR}
     if plane.maze is not None:
         hidden = {"visible": False, "fixedrange": True}
@@ -271,7 +273,7 @@ def _plane_layout(plane: Plane) -> Figure:
     return layout | {"xaxis": x, "yaxis": y}
 
 
-def _shapes(maze: MazeEnv) -> list[Figure]:
+def _shapes(maze: MazeEnv) -> list[Properties]:
     """Goal, walls and border."""
     layout: MazeLayout = maze.layout
     (x, y), r = layout.goal, maze.maze.goal_radius

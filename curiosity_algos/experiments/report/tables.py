@@ -1,4 +1,4 @@
-"""The tables of a report, as HTML: what runs have come to, and who is ahead of whom."""
+"""The tables of a report, as HTML: results of runs, and who is ahead of whom."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from curiosity_algos.experiments.statistics import (
 )
 
 NOTHING = "\N{EN DASH}"
-"""Stands for a number that is not known."""
+"""Text of an unknown number."""
 AHEAD, BEHIND = "\N{BLACK UP-POINTING TRIANGLE}", "\N{BLACK DOWN-POINTING TRIANGLE}"
-"""Mark a pair whose interval is above one half, and one whose interval is below."""
+"""Marks of a pair whose interval is above one half, and below."""
 MARK = '\N{NO-BREAK SPACE}<span role="img" aria-label="the {} is ahead">{}</span>'
 FIRST = "First {}"
 ABOUT = "How likely a run of one algorithm is ahead of a run of another, with 95 % intervals"
 
 
 def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
-    """A row for each label: successes or rewards of its runs, best returns and coverage."""
+    """A row for each label, with successes or rewards of its runs, best returns and coverage."""
     event = first_of(runs)
     rows = {
         f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, event)
@@ -44,7 +44,7 @@ def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
 
 
 def scrolling(rows: dict[str, dict[str, str]], about: str, kind: str = "") -> str:
-    """A table that scrolls within itself where it is wide, of rows by their names, all HTML."""
+    """A table of HTML rows by name, which scrolls within itself if it is wide."""
     table = pd.DataFrame.from_dict(rows, orient="index")
     html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
     place = f'class="scroll {kind}" role="region" tabindex="0" aria-label="{about}"'
@@ -57,12 +57,13 @@ def swatch(color: str) -> str:
 
 
 def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
-    n_found = first_timesteps(runs, event or "success").notna().sum()
+    n_reached = first_timesteps(runs, event or "success").notna().sum()
+    ends = sorted({runs["timesteps"].min(), runs["timesteps"].max()})
     median = times_to_first(runs, event).median if event else None
     return {
         "Runs": f"{len(runs)}",
-        "Timesteps of a run": _span(runs["timesteps"]),
-        f"Runs with a {event or 'success'}": f"{n_found} of {len(runs)}" if event else NOTHING,
+        "Timesteps of a run": " to ".join(f"{end:,.0f}" for end in ends),
+        f"Runs with a {event or 'success'}": f"{n_reached} of {len(runs)}" if event else NOTHING,
         f"First {event or 'success'}, median timesteps": NOTHING
         if median is None
         else f"{median:,.0f}",
@@ -70,12 +71,6 @@ def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
         "Coverage, IQM": _interval(_coverage(runs), percent),
         "Area under coverage, IQM": _interval(_areas(runs), percent),
     }
-
-
-def _span(timesteps: pd.Series) -> str:
-    """How long the runs are; of different lengths the shortest and the longest."""
-    ends = sorted({timesteps.min(), timesteps.max()})
-    return " to ".join(f"{end:,.0f}" for end in ends)
 
 
 def has_coverage(runs: pd.DataFrame) -> bool:
@@ -96,18 +91,18 @@ def _areas(runs: pd.DataFrame) -> list[float]:
 
 
 def _interval(values: npt.ArrayLike, text: Callable[[float], str]) -> str:
-    """The interquartile mean of those that are known, with its interval."""
+    """The interquartile mean of the known values, with its interval."""
     known = np.asarray(values, dtype=np.float64)
     known = known[np.isfinite(known)]
     if not len(known):
         return NOTHING
-    found = stratified_bootstrap(known, interquartile_mean)
-    bounds = "" if np.isnan(found.low) else f" {_bounds(text(found.low), text(found.high))}"
-    return text(found.estimate) + bounds
+    mean = stratified_bootstrap(known, interquartile_mean)
+    bounds = "" if np.isnan(mean.low) else f" {_bounds(text(mean.low), text(mean.high))}"
+    return text(mean.estimate) + bounds
 
 
 def _bounds(low: str, high: str) -> str:
-    """Of an interval, on one line where a page is wide."""
+    """The bounds of an interval, which a wide page shows on one line."""
     return f"<span>({low} to {high})</span>"
 
 
@@ -119,8 +114,8 @@ def percent(share: float) -> str:
 def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
     """A row for each two labels with three runs or more on an environment; "" without such two.
 
-    It is the probability of improvement of Agarwal et al. 2021; its columns are best return,
-    coverage, and first success or reward, of which the earlier is ahead.
+    Columns are the probability of improvement of Agarwal et al. 2021 in best return, coverage, and
+    first success or reward, where the earlier is ahead.
     """
     event = first_of(runs)
     first = FIRST.format(event or "success")
@@ -129,18 +124,18 @@ def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
     names = {label: f"{swatch(colors[label])}{escape(label)}" for label in known}
     budgets, rows = runs.groupby("label")["timesteps"].min(), {}
     for one, other in combinations(known, 2):
-        # Of a success after the shortest run nobody knows whether that would have been earlier.
+        # After the shortest run has ended, nobody knows which success would have been earlier.
         last = -1.0 - min(budgets[one], budgets[other])
         pair = [
-            known[each].assign(**{first: known[each][first].clip(last)}) for each in (one, other)
+            known[label].assign(**{first: known[label][first].clip(last)}) for label in (one, other)
         ]
-        cells = {title: _cell(*(each[title] for each in pair)) for title in known[one]}
+        cells = {title: _cell(pair[0][title], pair[1][title]) for title in known[one]}
         rows[f"{names[one]}<br>over {names[other]}"] = cells
     return scrolling(rows, ABOUT, kind="pairs") if rows else ""
 
 
 def _scores(runs: pd.DataFrame, event: str | None) -> pd.DataFrame:
-    """What is compared of each run, the higher the better; NaN where it is not known."""
+    """The scores of runs that are compared, the higher the better; NaN: not known."""
     return pd.DataFrame(
         {
             "Best return": runs["best_return"],
@@ -154,8 +149,8 @@ def _scores(runs: pd.DataFrame, event: str | None) -> pd.DataFrame:
 def _cell(one: pd.Series, other: pd.Series) -> str:
     if one.isna().any() or other.isna().any():
         return NOTHING
-    found = probability_of_improvement(one.to_numpy(), other.to_numpy())
-    mark = MARK.format("first", AHEAD) if found.low > 0.5 else ""
-    mark = MARK.format("second", BEHIND) if found.high < 0.5 else mark
-    text = f"{found.estimate:.2f}{mark} {_bounds(f'{found.low:.2f}', f'{found.high:.2f}')}"
+    share = probability_of_improvement(one.to_numpy(), other.to_numpy())
+    mark = MARK.format("first", AHEAD) if share.low > 0.5 else ""
+    mark = MARK.format("second", BEHIND) if share.high < 0.5 else mark
+    text = f"{share.estimate:.2f}{mark} {_bounds(f'{share.low:.2f}', f'{share.high:.2f}')}"
     return f"<strong>{text}</strong>" if mark else text

@@ -235,7 +235,7 @@ def test_what_cannot_be_filmed_is_refused(folder, tmp_path):
             {"algorithm": "RecurrentPPO"},
             "that `curiosity list` names, it is of Rec",
         ),
-        ({"vec_env": {"wrappers": {"VecNormalize": {}}}}, "it saw those of VecNormalize"),
+        ({"vec_env": {"wrappers": {"VecNormalize": {}}}}, "those of VecNormalize"),
     ]:
         RunFolder(tmp_path).begin(described | {"algorithm": "PPO"} | changes)
         with pytest.raises(ValueError, match=what):

@@ -50,11 +50,15 @@ def test_what_is_not_there_is_said():
     for algorithm, env_id, message in [
         ("curiosity_ee", ONE[1], "did you mean CuriosityES"),
         ("curiosity_es", "CuriosityMaze-Hrd-v0", "did you mean CuriosityMaze-Hard-v0"),
-        ("td3icm", ONE[1], "`pretrained` TD3ICM is there for nothing, not for CuriosityMaze-Hard"),
+        (
+            "td3icm",
+            ONE[1],
+            "`pretrained` TD3ICM has policies for no environment, not for CuriosityMaze-Hard",
+        ),
         (
             "nses",
             "CuriosityMaze-v0",
-            "`pretrained` NSES is there for CuriosityLocomotion-AntTrap-v0, ",
+            "`pretrained` NSES has policies for CuriosityLocomotion-AntTrap-v0, ",
         ),
     ]:
         with pytest.raises(ValueError, match=message):

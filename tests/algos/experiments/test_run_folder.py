@@ -11,7 +11,7 @@ import pytest
 from saved_files import no_space
 
 from curiosity_algos.experiments import run_folder
-from curiosity_algos.experiments.reading import read_rows
+from curiosity_algos.experiments.reading import read_final_states, read_rows
 from curiosity_algos.experiments.run_folder import RunFolder
 
 
@@ -78,7 +78,7 @@ class TestDescription:
         with pytest.raises(ValueError, match=r"result\.json is damaged"):
             run.result()
         with pytest.raises(ValueError, match=r"npz is damaged"):
-            run.final_states()
+            read_final_states(run.final_state_files())
 
     def test_there_must_be_one(self, run):
         with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
@@ -230,12 +230,12 @@ def final_states(first, n_entries=2):
 
 
 def test_final_states_are_in_their_order(run):
-    assert run.final_states() == {}
+    assert read_final_states(run.final_state_files()) == {}
     for first in (0, 3, 6):
         run.add_final_states(first, final_states(first))
-    assert run.final_states()["return"].tolist() == list(range(9))
+    assert read_final_states(run.final_state_files())["return"].tolist() == list(range(9))
     run.drop_after(3)
-    assert run.final_states()["return"].tolist() == [0, 1, 2]
+    assert read_final_states(run.final_state_files())["return"].tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_final_states_of_other_columns_are_damaged(run, changed):
     run.add_final_states(0, final_states(0))
     run.add_final_states(3, final_states(3) | changed)
     with pytest.raises(ValueError, match=r"0000000003\.npz is damaged"):
-        run.final_states()
+        read_final_states(run.final_state_files())
 
 
 class TestOddFolders:
@@ -269,7 +269,7 @@ class TestOddFolders:
         ("name", "read"),
         [
             ("checkpoints/10/result.json", lambda run: run.result()),
-            ("final_states/0000000000.npz", lambda run: run.final_states()),
+            ("final_states/0000000000.npz", lambda run: read_final_states(run.final_state_files())),
             ("progress.csv", lambda run: read_rows(run.progress)),
         ],
     )
@@ -283,7 +283,7 @@ class TestOddFolders:
     @pytest.mark.parametrize(
         ("name", "read"),
         [
-            ("final_states", lambda run: run.final_states()),
+            ("final_states", lambda run: read_final_states(run.final_state_files())),
             ("checkpoints", lambda run: run.result()),
             ("checkpoints/20", lambda run: run.result()),
         ],

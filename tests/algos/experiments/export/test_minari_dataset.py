@@ -350,7 +350,7 @@ class TestRefused:
     def test_no_such_policies(self, run, refused):
         refused("^`policies` must be one of elites, rewarding, sample", run, ID, policies="best")
         refused("^`n_policies` must be", run, ID, n_policies=0)
-        refused("^`policies` must be some that the run keeps, it has no rewarding", run, ID)
+        refused("^`policies` must be a kind that the run has, it has no rewarding", run, ID)
         refused("^`policies` must be rewarding or sample", run, ID, policies="elites")
 
     @pytest.mark.filterwarnings("ignore:run.json cannot say")

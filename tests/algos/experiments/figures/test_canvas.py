@@ -11,7 +11,7 @@ from curiosity_algos.experiments.figures.canvas import (
     check_out,
     count_of_runs,
     make_panels,
-    save,
+    save_figure,
     short_name,
 )
 
@@ -51,7 +51,7 @@ def test_a_legend_is_no_wider_than_its_figure(n):
 def test_a_file_is_of_the_kind_that_its_name_says(tmp_path):
     figure, _ = make_panels(1, 1)
     for kind, begins in {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}.items():
-        save(figure, tmp_path / kind / f"a.{kind}")
+        save_figure(figure, tmp_path / kind / f"a.{kind}")
         (written,) = (tmp_path / kind).iterdir()
         assert written.read_bytes().startswith(begins)
     assert Image.open(tmp_path / "png" / "a.png").size[0] > 400
@@ -59,7 +59,7 @@ def test_a_file_is_of_the_kind_that_its_name_says(tmp_path):
 
 def test_other_files_are_refused(tmp_path):
     figure, _ = make_panels(1, 1)
-    for refuse in (check_out, lambda path: save(figure, path)):
+    for refuse in (check_out, lambda path: save_figure(figure, path)):
         with pytest.raises(ValueError, match=r"`out` must be one of \.png, \.pdf, \.svg"):
             refuse(tmp_path / "a.jpg")
     assert not any(tmp_path.iterdir())

@@ -45,7 +45,7 @@ def test_policies_that_are_played_again_do_what_they_did(run):
 
 
 def test_of_many_policies_some_are_played(run, monkeypatch):
-    monkeypatch.setattr(projection, "N_POLICIES", 5)
+    monkeypatch.setattr(projection, "MOST_POLICIES", 5)
     monkeypatch.setattr(evaluator, "BATCH", 2)
     some = replay_rewarding(Run(run))
     assert len(some.returns) == 5

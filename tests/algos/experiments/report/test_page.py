@@ -12,6 +12,7 @@ from gymnasium.error import DependencyNotInstalled
 from html_tables import first_table
 
 from curiosity_algos.experiments.report import write_report
+from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 pytestmark = pytest.mark.extra("report")
@@ -246,7 +247,7 @@ def lengthen(run, n):
     rng = np.random.default_rng(n)
     before, end = run.result()["n_episodes"], run.result()["timesteps"] + 1000 * n
     timesteps = end - 1000 * np.arange(n)[::-1]
-    kept = {k: np.resize(v, n) for k, v in run.final_states().items() if k != "behavior"}
+    kept = {k: np.resize(v, n) for k, v in Run(run.path).final_states.items() if k != "behavior"}
     places = rng.uniform(0.0, 200.0, (n, 4))
     changed = {"timesteps": timesteps, "generation": np.arange(n), "behavior": places}
     run.add_final_states(before, kept | changed)

@@ -29,20 +29,19 @@ def enjoy(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="GIF or MP4 to write. Without it, the episode is shown in a window, or where "
-            "there is no screen written to best_policy.gif in the run's folder (with "
-            "--pretrained, here)."
+            help="GIF or MP4 to write. Without it, a window shows the episode. Without a screen, "
+            "too, it is written to best_policy.gif in the run's folder (with --pretrained, here)."
         ),
     ] = None,
     no_render: Annotated[
-        bool, typer.Option("--no-render", help="Show nothing, and print the return.")
+        bool, typer.Option("--no-render", help="Print the return, and draw nothing.")
     ] = False,
     stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
     seed: Annotated[
         int | None,
         typer.Option(
-            help="Seed of the environment. Without it, that of the policy's best episode, or 0 "
-            "where it is not known."
+            help="Seed of the environment. Without it, that of the policy's best episode, or 0 if "
+            "that is not known."
         ),
     ] = None,
     trust: Trust = False,
@@ -66,23 +65,17 @@ def enjoy(
     elif out is None and has_screen():
         typer.echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:
-        if not has_screen():
-            _draw_without_screen()
+        for name in ("EGL", "OSMesa"):  # MuJoCo draws by these without a screen
+            if not has_screen() and ctypes.util.find_library(name):
+                os.environ.setdefault("MUJOCO_GL", name.lower())
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
         total = film.film(source, path, stride=stride, seed=seed, trust=trust)
         typer.echo(f"Return {total:.3f}: {path}")
 
 
-def _draw_without_screen() -> None:
-    """Let MuJoCo draw by a library that needs no screen, unless one is chosen: not all look."""
-    for name in ("EGL", "OSMesa"):
-        if ctypes.util.find_library(name):
-            os.environ.setdefault("MUJOCO_GL", name.lower())
-
-
 def has_screen() -> bool:
-    """Whether a window can be seen: not with a driver that draws nowhere, nor without a display."""
+    """Whether windows are visible: SDL's driver draws on a screen, and there is a display."""
     if os.environ.get("SDL_VIDEODRIVER") in ("dummy", "offscreen"):
         return False
     needs_display = sys.platform not in ("darwin", "win32")

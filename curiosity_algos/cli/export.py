@@ -27,8 +27,7 @@ def export(
     n_policies: Annotated[
         int | None,
         typer.Option(
-            help="Number of policies whose episodes are written, at most. Of more, a sample is "
-            "drawn.",
+            help="Most policies whose episodes are written. If there are more, a sample is drawn.",
             show_default="1000",
         ),
     ] = None,
@@ -47,13 +46,13 @@ def export(
     check_choice(("minari", "onnx"), to=to)
     if trust:
         find_own_modules()
-    given: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
-    given = {name: value for name, value in given.items() if value is not None}
+    options: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
+    options = {name: value for name, value in options.items() if value is not None}
     if to == "onnx":
-        for name in given:
-            raise ValueError(f"`{name}` must be left out with --to onnx, of the best policy alone.")
+        for name in options:
+            raise ValueError(f"`{name}` must be left out with --to onnx, for the best policy only.")
         export_onnx(run, out, trust=trust)
         typer.echo(out)
         return
-    dataset = export_minari(run, out, **given, trust=trust)
+    dataset = export_minari(run, out, **options, trust=trust)
     typer.echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")

@@ -1,4 +1,4 @@
-"""Options that several commands share, and what is read from them."""
+"""Options that several commands share, and the parsing of their values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def completion(known: Iterable[str]) -> Callable[[str], list[str]]:
-    """Completes a name, or the last of several with commas between them; imports nothing slow."""
+    """Complete a name, or the last of several with commas between them; import nothing slow."""
 
     def complete(incomplete: str) -> list[str]:
         before, comma, last = incomplete.rpartition(",")
@@ -41,7 +41,7 @@ PRESET = completion(PRESETS)
 
 def _pairs(name: str, more: str = "") -> Any:
     """An option of names and their values."""
-    text = f"{name} and its value. Give the option once for each{more}."
+    text = f"{name} and its value. Repeat the option for others{more}."
     return typer.Option(metavar="NAME:VALUE", help=text)
 
 
@@ -55,14 +55,14 @@ Timesteps = Annotated[
 LogFolder = Annotated[
     Path,
     typer.Option(
-        "--log-folder", "-f", help="Folder for the runs, each in FOLDER/algorithm/env/seed."
+        "--log-folder", "-f", help="Folder for the runs, which go to FOLDER/algorithm/env/seed."
     ),
 ]
 EnvKeywords = Annotated[list[str] | None, _pairs("A keyword of the environment")]
 Keywords = Annotated[list[str] | None, _pairs("A setting of the algorithm")]
 Alternatives = Annotated[
     list[str] | None,
-    _pairs("A setting of the algorithm", "; where one has several values, all are tried"),
+    _pairs("A setting of the algorithm", "; of several values of one setting, all are tried"),
 ]
 BonusKeywords = Annotated[
     list[str] | None,
@@ -79,7 +79,7 @@ Device = Annotated[
     str | None, typer.Option(help="Device that neural networks are on: auto, cpu or cuda.")
 ]
 Trust = Annotated[
-    bool, typer.Option("--trust", help="Also run code that the run's folder names or holds.")
+    bool, typer.Option("--trust", help="Also run code that the run's folder names or contains.")
 ]
 NEnvs = Annotated[
     int,
@@ -90,7 +90,7 @@ NEnvs = Annotated[
 ]
 RepeatAction = Annotated[
     int,
-    typer.Option(help="Steps for which each action is held. Timesteps then count actions."),
+    typer.Option(help="Steps for which an action is repeated. Timesteps then count actions."),
 ]
 Wrappers = Annotated[
     list[str] | None,
@@ -98,7 +98,7 @@ Wrappers = Annotated[
         "--wrapper",
         metavar="CLASS[:NAME=VALUE...]",
         help="Wrapper of the environment, such as minigrid.wrappers.FlatObsWrapper, and its "
-        "keywords. Give the option once for each, from the inside out.",
+        "keywords. Repeat the option for others, from the inside out.",
     ),
 ]
 Interval = Annotated[float, typer.Option(help="Seconds between two checkpoints of a run.")]
@@ -119,23 +119,23 @@ def make_runs(
 ) -> list[RunSpec]:
     """A run of each algorithm, bonus, environment, seed and setting.
 
-    `settings` are those that have an option of their own, None where it is not given: they count
-    more than `hyperparams`. What is `common` all runs have.
+    `settings` have an option of their own, and are None without it. They override `hyperparams`.
+    All runs have the `common` fields.
     """
     if wrappers or any(":" in env for env in envs):
         find_own_modules()
     from curiosity_algos.experiments.sweep import grid
 
-    given = {name: value for name, value in settings.items() if value is not None}
-    found = alternatives("hyperparams", hyperparams)
-    swept = {n: values for n, values in found.items() if len(values) > 1 and n not in given}
-    plain = {name: values[0] for name, values in found.items() if name not in swept}
+    values = alternatives("hyperparams", hyperparams)
+    values |= {name: [value] for name, value in settings.items() if value is not None}
+    swept = {name: several for name, several in values.items() if len(several) > 1}
+    fixed = {name: only[0] for name, only in values.items() if name not in swept}
     return grid(
         algos,
         envs,
         seeds,
         swept,
-        settings=plain | given,
+        settings=fixed,
         bonuses=[None if name.lower() == "none" else name for name in bonuses],
         env_kwargs=keywords("env-kwargs", env_kwargs),
         bonus_kwargs=keywords("bonus-kwargs", bonus_kwargs),
@@ -151,7 +151,7 @@ def find_own_modules() -> None:
 
 
 def check_all(runs: Sequence[RunSpec]) -> None:
-    """Check that runs can begin, of each algorithm, bonus and environment the highest seed's."""
+    """Check that one run of each algorithm, bonus and environment can begin, with its last seed."""
     in_order = sorted(runs, key=lambda run: run.seed)
     kinds = {(run.variant, run.algorithm, run.bonus, run.env): run for run in in_order}
     for run in kinds.values():
@@ -160,36 +160,36 @@ def check_all(runs: Sequence[RunSpec]) -> None:
 
 def _wrapping(text: str) -> Wrapping:
     """`module:Class` and the keywords of MODULE.CLASS:NAME=VALUE; MODULE:CLASS is the same."""
-    path, *given = text.split(":")
-    if given and "=" not in given[0]:
-        path = f"{path}.{given.pop(0)}"
+    path, *assignments = text.split(":")
+    if assignments and "=" not in assignments[0]:
+        path = f"{path}.{assignments.pop(0)}"
     module, _, name = path.rpartition(".")
-    pairs = [pair.partition("=") for pair in given]
+    pairs = [assignment.partition("=") for assignment in assignments]
     if not (module and name and all(key.isidentifier() and sign for key, sign, _ in pairs)):
         raise ValueError(f"--wrapper must be MODULE.CLASS or MODULE.CLASS:NAME=VALUE, got {text}.")
     return f"{module}:{name}", {key: _value(value) for key, _, value in pairs}
 
 
 def keywords(option: str, pairs: list[str] | None) -> dict[str, Any]:
-    """Keywords of `NAME:VALUE`, each of one value."""
-    found = alternatives(option, pairs)
-    for name, values in found.items():
-        if len(values) > 1:
-            raise ValueError(f"--{option} must give {name} one value, got {values}.")
-    return {name: value for name, (value,) in found.items()}
+    """Keywords of `NAME:VALUE`, with one value for a name."""
+    values = alternatives(option, pairs)
+    for name, several in values.items():
+        if len(several) > 1:
+            raise ValueError(f"--{option} must give {name} one value, got {several}.")
+    return {name: value for name, (value,) in values.items()}
 
 
 def alternatives(option: str, pairs: list[str] | None) -> dict[str, list[Any]]:
-    """The different values of each keyword of `NAME:VALUE`, as Python writes them, or text."""
-    found: dict[str, list[Any]] = {}
+    """The different values of the keywords of `NAME:VALUE`: literals of Python, or text."""
+    alternatives: dict[str, list[Any]] = {}
     for pair in pairs or []:
         name, colon, text = pair.partition(":")
         if not colon or not name.isidentifier():
             raise ValueError(f"--{option} must be NAME:VALUE, got {pair}.")
-        value, values = _value(text), found.setdefault(name, [])
-        # True is 1, and another value.
-        values += [] if repr(value) in map(repr, values) else [value]
-    return found
+        value, values = _value(text), alternatives.setdefault(name, [])
+        if repr(value) not in map(repr, values):  # True equals 1, and is another value
+            values.append(value)
+    return alternatives
 
 
 def _value(text: str) -> Any:
@@ -200,20 +200,20 @@ def _value(text: str) -> Any:
 
 
 def names(option: str, text: str) -> list[str]:
-    """Names of a text with commas."""
-    found = [name.strip() for name in text.split(",")]
-    if not all(found):
+    """The names in a text with commas."""
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
         raise ValueError(f"--{option} must be names with commas between them, got {text!r}.")
-    return found
+    return names
 
 
 def numbers(option: str, text: str) -> list[int]:
-    """Whole numbers of a text with commas; `0-4` stands for all from 0 to 4."""
-    found: list[int] = []
+    """The whole numbers in a text with commas; `0-4` stands for all from 0 to 4."""
+    numbers: list[int] = []
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         ends = [first, last] if dash else [first, first]
         if not all(end.isdecimal() for end in ends) or int(ends[0]) > int(ends[1]):
             raise ValueError(f"--{option} must be whole numbers such as 0,1,2 or 0-4, got {text}.")
-        found += range(int(ends[0]), int(ends[1]) + 1)
-    return found
+        numbers += range(int(ends[0]), int(ends[1]) + 1)
+    return numbers

@@ -9,19 +9,21 @@ import typer
 
 
 def plot(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or folders that hold such.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Folders of runs, or folders that contain such.")
+    ],
     y: Annotated[
         str,
         typer.Option(
             *("--y", "-y", "--y-axis"),
-            help="What is drawn: coverage, best-return, qd-score, which is the sum of the elites' "
-            "returns, or survival, which is the share of runs without a success yet, or where none "
-            "had one without a reward.",
+            help="Measure: coverage, best-return, qd-score (the sum of the elites' returns), or "
+            "survival (the share of runs without a success yet, or if no run had one, without a "
+            "reward).",
         ),
     ] = "coverage",
     x: Annotated[
         str,
-        typer.Option("--x", "-x", "--x-axis", help="What it is drawn over: timesteps or seconds."),
+        typer.Option("--x", "-x", "--x-axis", help="Horizontal axis: timesteps or seconds."),
     ] = "timesteps",
     out: Annotated[Path, typer.Option(help="PNG, PDF or SVG to write.")] = Path("plot.png"),
 ) -> None:

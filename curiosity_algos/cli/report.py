@@ -9,7 +9,9 @@ import typer
 
 
 def report(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or folders that hold such.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Folders of runs, or folders that contain such.")
+    ],
     out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
 ) -> None:
     """Compare runs by tables, curves and maps in one HTML file.

@@ -48,14 +48,14 @@ def reproduce(
     jobs: Annotated[
         int | None,
         typer.Option(
-            help="Runs to train at a time. Without it, one for each processor, and with smoke, one."
+            help="Runs to train at a time. Without it, one for each processor; with smoke, one."
         ),
     ] = None,
     interval: options.Interval = 60.0,
 ) -> None:
-    """Train what figures of the paper need, and draw them.
+    """Train the runs of the paper's figures, and draw them.
 
-    Runs that are finished are left alone, and figures share their runs.
+    Finished runs are not trained again, and figures share their runs.
 
     Example: curiosity reproduce 2 --budget short --out reward.pdf
     """

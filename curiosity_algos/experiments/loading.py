@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -71,16 +70,16 @@ def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
 
 def tabulate(runs: list[Run]) -> pd.DataFrame:
     """The table of `load_runs`."""
-    table = pd.json_normalize([_row(run) for run in runs])
+    rows = []
+    for run in runs:
+        fields = run.description | run.result
+        columns = {name: value for name, value in fields.items() if name not in FOR_PROGRAMS}
+        rows.append({"run": str(run), **columns})
+    table = pd.json_normalize(rows)
     firsts = {"first_reward_timesteps", "first_success_timesteps"}
     for name in {*firsts, "best_return"} & set(table.columns):
         table[name] = table[name].astype(float)  # None: NaN
     return table
-
-
-def _row(run: Run) -> dict[str, Any]:
-    fields = run.description | run.result
-    return {"run": str(run)} | {k: v for k, v in fields.items() if k not in FOR_PROGRAMS}
 
 
 def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:

@@ -9,7 +9,7 @@ INSTALL = .venv/bin/python -m pip install --disable-pip-version-check -c constra
 COMPILE = .venv/bin/python -m compileall -qq -j 0 .venv/lib || true
 
 .DEFAULT_GOAL := help
-.PHONY: help demo check test shuffle gpu fuzz lint docs bench clean
+.PHONY: help demo check test nightly shuffle gpu fuzz lint docs bench clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
@@ -20,10 +20,13 @@ demo: .venv/.demo  ## train on a maze and write the figures to runs/demo
 check: lint  ## before a commit: lint, and the tests that are fast
 	$(PYTEST) --fast
 
-test: .venv/.installed  ## run all tests
+test: .venv/.installed  ## run the tests
 	$(PYTEST)
 
-shuffle: .venv/.installed  ## run all tests in an order that SEED draws (make shuffle SEED=2)
+nightly: fuzz  ## fuzz, and run the tests that are slow and rarely break
+	$(PYTEST) --nightly
+
+shuffle: .venv/.installed  ## run the tests in an order that SEED draws (make shuffle SEED=2)
 	$(PYTEST) --shuffle $(SEED)
 
 gpu: .venv/.installed  ## run the tests that need a GPU
@@ -35,7 +38,8 @@ fuzz: .venv/.installed  ## run the property tests on examples drawn anew
 lint: .venv/.installed  ## check style, types and dependencies
 	.venv/bin/ruff check && .venv/bin/ruff format --check && .venv/bin/mypy --strict curiosity_gym curiosity_algos && .venv/bin/deptry .
 
-docs: .venv/.installed  ## build the documentation in docs/_build/html
+docs: .venv/.installed  ## run examples and snippets, and build the documentation in docs/_build/html
+	$(PYTEST) --pages tests/test_examples.py
 	.venv/bin/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 bench: .venv/.bench  ## measure speed side by side with peers

@@ -71,6 +71,11 @@ SLOW = [
     "test_rl_zoo3.py",
 ]
 """Files and folders that start processes, compile emitters, or train: not in `make check`."""
+APART = {
+    "nightly": "run the tests that are slow and rarely break, and no others",
+    "pages": "run the snippets of the pages and the examples, and nothing else",
+}
+"""Marks of tests that run where an option of the same name asks for them, and what that does."""
 
 MODULES = {
     "control": "dm_control",
@@ -110,8 +115,15 @@ def extras_of(item):
     }
 
 
+def marks_apart(item):
+    """The marks that keep a test out of `make test`."""
+    return {mark.name for mark in item.iter_markers()} & set(APART)
+
+
 def pytest_addoption(parser):
-    """Add the options that tests run in another order, and that only fast ones do."""
+    """Add the options that tests run in another order, and that only some of them do."""
+    for name, text in APART.items():
+        parser.addoption(f"--{name}", action="store_true", help=text)
     parser.addoption("--fast", action="store_true", help="leave out what SLOW lists")
     parser.addoption("--gpu", action="store_true", help="let the tests see the GPU")
     parser.addoption("--shuffle", metavar="SEED", help="run the tests in the order that SEED draws")
@@ -136,7 +148,10 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Skip the tests of extras that are not installed, and put all in order."""
+    """Leave out what runs elsewhere, skip what lacks its extras, and put all in order."""
+    asked = {name for name in APART if config.getoption(name)}
+    config.hook.pytest_deselected(items=[item for item in items if marks_apart(item) != asked])
+    items[:] = [item for item in items if marks_apart(item) == asked]
     missing = {extra for extra, name in MODULES.items() if importlib.util.find_spec(name) is None}
     for item in items:
         for extra in sorted(extras_of(item) & missing):

@@ -9,6 +9,8 @@ pytest.importorskip("gymnasium", minversion="1.3")
 
 from benchmarks import bonuses, results
 
+pytestmark = pytest.mark.nightly
+
 
 def train(name, folder, *, bonus="apt"):
     """The runs of a name that have a bonus, on US, for 2,000 steps."""

@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pandas as pd
+import pytest
 
 from benchmarks import minigrid, tables
 
@@ -24,6 +25,7 @@ class Tiles(gym.Env):
         return self.observation_space.sample(), float(is_last), False, is_last, {}
 
 
+@pytest.mark.nightly
 def test_runs_are_kept_with_the_returns_so_far(tmp_path, monkeypatch):
     monkeypatch.setattr(minigrid, "FRAMES", {"MiniGrid-DoorKey-8x8-v0": 2048})
     monkeypatch.setattr(minigrid, "EVERY", 512)

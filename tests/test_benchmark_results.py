@@ -105,6 +105,7 @@ def test_the_comparison_counts_pairs_of_runs():
     ]
 
 
+@pytest.mark.nightly
 def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
     small = {"algos": ("NSES", "MAPElites"), "envs": ("CuriosityMaze-US-v0",), "timesteps": 3e5}
     monkeypatch.setitem(learning.SWEEPS, "mazes", small)
@@ -124,6 +125,7 @@ def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
     )
 
 
+@pytest.mark.nightly
 def test_kept_goals_are_counted_for_each_run(tmp_path, monkeypatch):
     """Of a goal as large as the maze, to which each policy comes, and of one that none comes to."""
     run = replace(bonuses.KEPT, settings={"n_steps": 8}, env_kwargs={"horizon": 100})
@@ -136,6 +138,7 @@ def test_kept_goals_are_counted_for_each_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.extra("control")
+@pytest.mark.nightly
 def test_unseen_starts_are_counted_for_each_run(tmp_path, monkeypatch):
     env, starts = "CuriosityControl-BallInCup-v0", 12
     small = {"algos": ("CanonicalES",), "envs": (env,), "timesteps": 1}
@@ -207,6 +210,7 @@ def test_what_robots_find_is_said_with_how_it_holds():
         assert tables.robots() in (tables.ROOT / page).read_text()
 
 
+@pytest.mark.nightly
 def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
     layout, origin = resolve_layout("us"), (1.0, 2.0)
     worlds = dict.fromkeys(learning.MAZES[:2], ("a robot", layout, origin))
@@ -226,6 +230,7 @@ def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
 
 
 @pytest.mark.extra("locomotion")
+@pytest.mark.nightly
 def test_the_whereabouts_are_all_ends_of_all_runs(tmp_path):
     env = gym.make(learning.WORLDS[0], horizon=5)
     for seed in (0, 1):
@@ -241,6 +246,7 @@ def test_the_whereabouts_are_all_ends_of_all_runs(tmp_path):
     assert (figures.IMAGES / "whereabouts.png").is_file()
 
 
+@pytest.mark.nightly
 def test_figures_are_drawn_from_the_data(tmp_path, monkeypatch):
     monkeypatch.setattr(statistics, "N_RESAMPLES", 100)  # how wide intervals are is tested there
     figures.main(tmp_path)

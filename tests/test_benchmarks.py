@@ -93,6 +93,7 @@ def medians(printed):
         ["gpu"],
     ],
 )
+@pytest.mark.nightly
 def test_sections_print_figures(names, capsys):
     run.main(only=",".join(names), quick=True)
     printed = capsys.readouterr().out
@@ -108,6 +109,7 @@ def test_sections_print_figures(names, capsys):
 
 
 @pytest.mark.extra("control", "ray")
+@pytest.mark.nightly
 def test_the_cluster_is_left_when_it_is_measured(monkeypatch):
     ray = pytest.importorskip("ray")
 
@@ -130,6 +132,7 @@ def test_an_unknown_section_is_refused():
 
 
 @pytest.mark.extra("control")
+@pytest.mark.nightly
 def test_bare_physics_replays_the_evaluation():
     import mujoco
 
@@ -151,6 +154,7 @@ def test_bare_physics_replays_the_evaluation():
 
 
 @pytest.mark.extra("control", "locomotion")
+@pytest.mark.nightly
 def test_baselines_count_successes(tmp_path):
     baselines.main(quick=True, out=tmp_path)
     for file, rows in baselines.FILES.items():
@@ -161,6 +165,7 @@ def test_baselines_count_successes(tmp_path):
 
 
 @pytest.mark.extra("locomotion")
+@pytest.mark.nightly
 def test_open_loop_counts_goals_and_not_falls():
     near = MazeLayout("near", 30.0, 30.0, (15.0, 15.0), (17.15, 15.0), [])
     env = gym.make("CuriosityLocomotion-AntTrap-v0", world=near, horizon=40)
@@ -192,6 +197,7 @@ def cells_in(counter):
 
 
 @pytest.mark.extra("locomotion")
+@pytest.mark.nightly
 def test_every_step_of_a_population_is_counted():
     env = gym.make(roaming.ANT, env_kwargs=roaming.ENV_KWARGS)
     evaluator = make_evaluator(env)
@@ -242,6 +248,7 @@ def test_a_table_gives_shares_of_the_roof_where_there_is_one():
     ]
 
 
+@pytest.mark.nightly
 def test_products_are_those_that_torch_counts():
     model = CuriosityES("CuriosityMaze-US-v0", seed=0)
     model.learn(1)
@@ -280,6 +287,7 @@ def test_numbers_keep_three_digits_without_exponents(value):
 
 
 class TestGallery:
+    @pytest.mark.nightly
     def test_films_what_was_found(self, tmp_path, monkeypatch, capsys):
         search = gallery.Search("CuriosityMaze-Snake-v0", 1.0)
         monkeypatch.setattr(gallery, "FOUND", {"snake": search})
@@ -290,6 +298,7 @@ class TestGallery:
             assert image.height == gallery.HEIGHT
 
     @pytest.mark.extra("locomotion")
+    @pytest.mark.nightly
     def test_knows_plans_that_come_to_the_goal(self, monkeypatch):
         monkeypatch.setattr(LocomotionEnv, "render", lambda env: np.zeros((4, 4, 3), np.uint8))
         for env_id in gallery.PLANNED.values():
@@ -314,6 +323,7 @@ class TestPoliciesAndPortraits:
         "env_kwargs": ["horizon:50", "goal_radius:300.0"],
     }
 
+    @pytest.mark.nightly
     def test_policies_are_trained_and_written(self, tmp_path, monkeypatch, capsys):
         names = ["NSES", "NSES", "NSES, learned"]  # whose settings are others
         rows = {"algorithm": names, "env": "CuriosityMaze-Hard-v0", "seed": [5, 7, 9]}

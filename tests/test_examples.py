@@ -1,4 +1,4 @@
-"""Every example and every Python snippet of the README and the documentation runs."""
+"""Every example and every Python snippet of the documentation runs, in `make docs`."""
 
 import re
 
@@ -30,11 +30,13 @@ def test_every_example_is_here():
     assert names == {*ARGUMENTS, *elsewhere, "train_curiosity_es.py"}
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("name", sorted(ARGUMENTS))
 def test_example(name, tmp_path):
     assert run_script(ROOT / "examples" / name, tmp_path, ARGUMENTS[name]).strip()
 
 
+@pytest.mark.pages
 def test_training_example_writes_its_report(tmp_path):
     arguments = ["--env", "CuriosityMaze-US-v0", "--timesteps", "2e5", "--out", "report"]
     printed = run_script(ROOT / "examples" / "train_curiosity_es.py", tmp_path, arguments)
@@ -45,6 +47,7 @@ def test_training_example_writes_its_report(tmp_path):
     assert re.search(r"Coverage: \d+\.\d% of the reachable cells", printed)
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize(
     "program", [pytest.param("\n".join(snippets(p)), id=p.name) for p in PAGES if snippets(p)]
 )

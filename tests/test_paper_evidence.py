@@ -23,6 +23,7 @@ from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import sweep
 
+pytestmark = pytest.mark.nightly
 US = MAZES[1]
 
 

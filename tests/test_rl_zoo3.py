@@ -19,6 +19,7 @@ import curiosity_algos
 from curiosity_algos import CuriosityES, MAPElites
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 
+pytestmark = pytest.mark.nightly
 EXAMPLES = ROOT / "examples"
 SCRIPT = EXAMPLES / "rl_zoo3_train.py"
 CONF_FILE = ["--conf-file", str(EXAMPLES / "rl_zoo3.yml")]

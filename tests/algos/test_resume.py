@@ -14,9 +14,19 @@ from logs import read_log
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import NSES, CuriosityES, MAPElites
+from curiosity_algos import (
+    AURORA,
+    CMAME,
+    NSES,
+    NSLC,
+    CanonicalES,
+    CuriosityES,
+    CuriosityMAPElites,
+    MAPElites,
+)
 from curiosity_algos.state.file import read
 
+OTHERS = [AURORA, CMAME, CanonicalES, CuriosityMAPElites, MAPElites, NSES, NSLC]
 ROOT = pathlib.Path(__file__).parents[2]
 
 KILLER = """
@@ -240,6 +250,13 @@ def test_ctrl_c_leaves_a_model_that_resumes(
         assert_same_run(model, uninterrupted)
 
 
+@pytest.mark.parametrize(
+    "algorithm",
+    [
+        CuriosityES,
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in OTHERS),
+    ],
+)
 def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
     algorithm,
     kill_ten_times,

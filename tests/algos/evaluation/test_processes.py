@@ -174,7 +174,9 @@ class TestFaults:
         assert_same_rollouts(apart.evaluate(parameters, 1), alone.evaluate(parameters, 1))
 
     @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="asks Linux for processes")
-    @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+    @pytest.mark.parametrize(
+        "end", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)]
+    )
     def test_processes_end_with_a_script_that_has_no_guard(self, tmp_path, end):
         script = tmp_path / "script.py"
         script.write_text(

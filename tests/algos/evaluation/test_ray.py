@@ -201,7 +201,11 @@ ENVIRONMENTS = {
 
 @pytest.mark.parametrize(
     ("algorithm", "changes"),
-    [(CuriosityES, {}), (CuriosityES, {"n_states": None, "bonus": "icm"}), (AURORA, {})],
+    [
+        pytest.param(CuriosityES, {}, marks=pytest.mark.nightly),
+        (CuriosityES, {"n_states": None, "bonus": "icm"}),
+        pytest.param(AURORA, {}, marks=pytest.mark.nightly),
+    ],
 )
 def test_a_search_is_that_of_one_process(
     make_there, algorithm, changes, make_model, make_easy_maze, assert_same_run
@@ -237,7 +241,7 @@ def test_so_are_those_of_any_environment(kind, cluster, monkeypatch):
     assert_equal(there.evaluate(population, 0), here.evaluate(population, 0))
 
 
-@pytest.mark.parametrize("first", ["ray", "auto"])
+@pytest.mark.parametrize("first", ["ray", pytest.param("auto", marks=pytest.mark.nightly)])
 def test_a_search_goes_on_across_backends(
     one_each, cluster, first, make_model, make_easy_maze, assert_same_run, tmp_path
 ):
@@ -380,6 +384,7 @@ def test_two_workers_are_killed(tmp_path, nodes, eventful, here):
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.nightly
 def test_a_node_goes_and_another_comes(nodes, cluster, tmp_path, eventful, here):
     def wait_for_it():
         (tmp_path / "now").touch()
@@ -403,6 +408,7 @@ def test_a_node_goes_and_another_comes(nodes, cluster, tmp_path, eventful, here)
     cluster.remove_node(cluster.worker_nodes.copy().pop())
 
 
+@pytest.mark.nightly
 def test_ray_was_begun_anew(make_there, cluster, here, assert_same_rollouts):
     there = make_there()
     population = make_population(here)

@@ -28,15 +28,18 @@ def batches(make_actions, kind, n_actions, n_episodes):
     return np.stack(episodes, axis=1)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["ball_in_cup", "finger"])
 def test_independent_random_actions_do_not_solve_it(name, make_actions):
     assert solved_episodes(name, make_actions, "uniform") <= 1
 
 
+@pytest.mark.nightly
 def test_held_bang_bang_actions_catch_the_ball_in_most_episodes(make_actions):
     assert 45 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 75
 
 
+@pytest.mark.nightly
 def test_random_actions_solve_the_stacker_at_its_default_threshold_alone(make_actions):
     """The falling arm kicks the box, which tumbles over the target in one episode of ten."""
     n_episodes = 50  # each takes .15 s

@@ -87,7 +87,9 @@ def assert_same(ours, theirs):
     np.testing.assert_array_equal(ours, theirs)
 
 
-@pytest.mark.parametrize("kind", ["default", "others", "endless"])
+@pytest.mark.parametrize(
+    "kind", ["default", "others", pytest.param("endless", marks=pytest.mark.nightly)]
+)
 @pytest.mark.parametrize("env_id", TASKS)
 def test_equals_gymnasium_over_a_thousand_steps(env_id, kind):
     options = options_of(env_id, kind)

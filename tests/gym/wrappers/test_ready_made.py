@@ -271,6 +271,7 @@ class TestMazes:
                 env.reset()
         assert not env.unwrapped.env.unwrapped.data.warning.number.any()
 
+    @pytest.mark.nightly
     def test_an_ant_that_plans_ahead_finds_its_way(self):
         env = gym.make(ANT_MAZE)
         base = env.unwrapped.env.unwrapped
@@ -362,6 +363,7 @@ class TestControl:
             assert is_success
             assert t < 500
 
+    @pytest.mark.nightly
     def test_the_acrobot_swings_up_if_it_takes_longer_than_the_original_allows(self):
         env = gym.make(ACROBOT, horizon=3000)
         physics = env.unwrapped.env.unwrapped.physics

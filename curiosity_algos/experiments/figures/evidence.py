@@ -72,8 +72,7 @@ class TrainedRuns:
     def final_states(self, series: Series, env: str) -> Counts:
         """Numbers of episodes of all runs that ended in the squares of a maze, by y and x."""
         counts = [count_final_states(run, env) for run in self._runs(series, env)]
-        total: Counts = np.sum(counts, axis=0)
-        return total
+        return np.asarray(np.sum(counts, axis=0))
 
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""

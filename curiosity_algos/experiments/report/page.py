@@ -181,16 +181,14 @@ class _Page:
     def _section(self, runs: pd.DataFrame, env: str) -> str:
         """The HTML of one environment."""
         curves = pictures.draw_curves(runs, self._colors)
+        table = pairs(runs, self._colors)
+        ahead = f"<h3>Who is ahead of whom</h3>{PAIRS_KEY}{table}" if table else ""
         about = f"Curves of {', '.join(sorted(set(runs['label'])))} over timesteps"
         return (
-            f"{summary(runs, self._colors)}{self._pairs(runs)}<h3>Curves</h3>"
+            f"{summary(runs, self._colors)}{ahead}<h3>Curves</h3>"
             f"{self._picture(curves, 'curves', about)}{self._elites(runs)}"
             f"{self._maps(runs, env)}"
         )
-
-    def _pairs(self, runs: pd.DataFrame) -> str:
-        table = pairs(runs, self._colors)
-        return f"<h3>Who is ahead of whom</h3>{PAIRS_KEY}{table}" if table else ""
 
     def _elites(self, runs: pd.DataFrame) -> str:
         """A figure for each archive: QD scores of different ones are not comparable."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -197,14 +197,9 @@ def plane_of(runs: pd.DataFrame) -> Plane | None:
         return None
     # One final state far away would leave all others in a corner.
     low, high = np.percentile(np.concatenate(points), [0.5, 99.5], axis=0)
-    return Plane(low, np.where(high > low, high, low + 1.0), _names(runs["files"]))
-
-
-def _names(runs: Iterable[Run]) -> tuple[str, ...]:
-    """The names of the first two entries of the behavior, from the first run that has any."""
-    names = (run.description.get("behavior_names") for run in runs)
-    first = next((entries[:2] for entries in names if entries is not None), None)
-    return entry_names(first, 2)
+    described = (run.description.get("behavior_names") for run in runs["files"])
+    names = next((entries[:2] for entries in described if entries is not None), None)
+    return Plane(low, np.where(high > low, high, low + 1.0), entry_names(names, 2))
 
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:

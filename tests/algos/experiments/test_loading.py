@@ -28,11 +28,13 @@ def test_runs_are_rows(folder):
     assert runs["coverage.all"].between(0, 1).all()
 
 
-def test_folders_may_be_one_or_several(folder):
+def test_folders_may_be_one_or_several(folder, monkeypatch):
     one, both = folder / "CanonicalES", [folder / "CanonicalES", folder / "MAPElites"]
     assert len(load_runs(str(one))) == len(load_runs(one)) == 2
     assert load_runs(both)["run"].tolist() == load_runs(folder)["run"].tolist()
     assert load_progress([one, folder]).equals(load_progress(folder))  # none of them twice
+    monkeypatch.chdir(folder)
+    assert len(load_runs([one, one.name])) == 2
 
 
 def test_links_are_followed_and_none_in_a_circle(folder, tmp_path_factory):

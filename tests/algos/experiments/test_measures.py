@@ -65,11 +65,6 @@ def test_runs_are_named_by_the_settings_that_tell_them_apart(copied):
     assert labels.tolist() == ["MAPElites, preset paper", "MAPElites, preset none"]
 
 
-def test_a_run_that_is_found_twice_counts_once(copied, monkeypatch):
-    monkeypatch.chdir(copied[0].parent)
-    assert len(load_compared([*copied, copied[0].parent, copied[0].name])) == 2
-
-
 def test_a_seed_counts_once(copied):
     assert not load_compared(copied)["is_repeated"].any()
     change(copied[1], seed=0)

@@ -183,7 +183,10 @@ class TestMachineCodeOnDisk:
     # Numba keeps machine code of a .zip, and none of other archives.
     @pytest.mark.parametrize(
         ("name", "imported"),
-        [("packages.zip", "curiosity_algos"), ("packages.whl", "curiosity_gym")],
+        [
+            ("packages.zip", "curiosity_algos"),
+            pytest.param("packages.whl", "curiosity_gym", marks=pytest.mark.nightly),
+        ],
     )
     def test_works_from_an_archive(self, name, imported, tmp_path):
         archive = tmp_path / name

@@ -146,22 +146,24 @@ def test_behaviors_that_are_no_numbers_in_some_step_are_errors(bad):
         env.step(0)
 
 
-@pytest.mark.parametrize("high", [0.0, [1.0, 0.0]])
-def test_spaces_without_extent_are_errors(high):
-    space = spaces.Box(0.0, np.full(2, high), dtype=np.float64)
-    with pytest.raises(ValueError, match="`behavior_space` must have every `low` below its `high`"):
-        make_cart_pole(behavior_space=space)
+EXTENT = "`behavior_space` must have every `low` below its `high`"
 
 
-def test_spaces_that_are_no_vector_are_errors():
-    for space in [None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,)]:
-        with pytest.raises(ValueError, match="`behavior_space`"):
-            make_cart_pole(behavior_space=space)
-
-
-def test_a_behavior_is_a_function():
-    with pytest.raises(ValueError, match="`behavior`"):
-        make_cart_pole(behavior=[0.0, 0.0])
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"behavior": [0.0, 0.0]}, "`behavior`"),
+        ({"behavior_space": spaces.Box(0.0, np.zeros(2), dtype=np.float64)}, EXTENT),
+        ({"behavior_space": spaces.Box(0.0, np.array([1.0, 0.0]), dtype=np.float64)}, EXTENT),
+        *(
+            ({"behavior_space": space}, "`behavior_space`")
+            for space in (None, spaces.Discrete(3), spaces.Box(0, 1, (2, 2)), (2,))
+        ),
+    ],
+)
+def test_errors_name_the_argument(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        make_cart_pole(**wrong)
 
 
 @pytest.mark.filterwarnings(

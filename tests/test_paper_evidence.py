@@ -3,6 +3,7 @@
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium as gym
 import matplotlib as mpl
@@ -96,16 +97,15 @@ def test_what_differs_besides_stays_a_variant():
     assert paper._with_setting(runs, "", set()).equals(runs)
 
 
-def test_between_two_times_the_mean_of_generations_counts(monkeypatch, tmp_path):
+def test_between_two_times_the_mean_of_generations_counts(monkeypatch):
     steps = np.arange(0.0, 1001.0)
     spike = np.zeros(1001)
     spike[503] = 0.7
     both = dict.fromkeys(["generation_return", "best_return"], lambda run: (steps, spike))
     monkeypatch.setattr(paper, "MEASURES", both)
-    monkeypatch.setattr(paper, "load_progress", lambda run: pd.DataFrame({paper.BONUS: spike}))
     hundreds = steps[100::100]
     monkeypatch.setattr(paper, "logged", lambda run, column: (hundreds, 1.0 - hundreds / 1e3))
-    table = paper._curves(tmp_path)
+    table = paper._curves(SimpleNamespace(progress=[paper.BONUS]))
     assert len(table) == paper.N_POINTS
     assert table["generation_return"].max() == pytest.approx(0.07)  # of ten generations
     assert table["timesteps"][table["generation_return"].argmax()] == 510
@@ -219,7 +219,7 @@ def test_the_committed_data_draws_every_figure(tmp_path, monkeypatch):
             assert committed[name].std() > 10
     monkeypatch.setattr(statistics, "N_RESAMPLES", 100)  # how wide intervals are is tested there
     monkeypatch.delitem(paper.THEMES, "_dark")
-    monkeypatch.setattr(paper, "save", save_a_sketch)
+    monkeypatch.setattr(paper, "save_figure", save_a_sketch)
     paper.draw(out=tmp_path)
     drawn = pictures(tmp_path)
     assert {*drawn} == names[""]

@@ -276,7 +276,7 @@ def test_a_process_that_plays_a_maze_imports_no_pytorch(make_there, tmp_path):
     """What CuriosityES asks of it, in a process that is not of Ray but does what Ray's do."""
     there = make_there()
     model = CuriosityES("CuriosityMaze-US-v0", population_size=6)
-    summarizers = ray.cloudpickle.dumps(model._summarizers()(POPULATION))
+    summarizers = ray.cloudpickle.dumps(model._summarizers(POPULATION))
     generation = Generation(there._packed, make_population(there), 0, summarizers)
     file = tmp_path / "generation"
     file.write_bytes(ray.cloudpickle.dumps(generation))

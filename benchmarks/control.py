@@ -131,7 +131,9 @@ def async_task(make: Callable[[], gym.Env[Any, Any]], actions: npt.NDArray[Any])
     """
 
     def rate() -> float:
-        with closing(gym.vector.AsyncVectorEnv([make] * actions.shape[1])) as envs:
+        makers = [make] * actions.shape[1]
+        # A plain fork may inherit a lock of MuJoCo's that another thread holds.
+        with closing(gym.vector.AsyncVectorEnv(makers, context="forkserver")) as envs:
             envs.reset(seed=0)
             envs.step(actions[0])
             return actions[..., 0].size / seconds(lambda: [envs.step(each) for each in actions])

@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import (
 )
 
 from curiosity_algos.state.check import check_like
+from curiosity_algos.state.tree import encode
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
@@ -102,7 +103,13 @@ def _episodes(venv: VecEnv) -> State | list[State] | None:
         except ResetNeeded:
             return None
     states: list[Any] = venv.env_method("episode_state") if _are_recorded(venv) else [None]
-    return None if any(state is None for state in states) else states
+    if any(state is None for state in states):
+        return None
+    try:
+        encode(states, {})
+    except ValueError:  # options of a reset may be anything
+        return None
+    return states
 
 
 def _are_recorded(venv: VecEnv) -> bool:

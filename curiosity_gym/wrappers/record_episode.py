@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
+import copy
 from collections.abc import Mapping
 from typing import Any
+from zlib import crc32
 
 import gymnasium as gym
 import numpy as np
@@ -40,7 +40,7 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         self._start: Any = None
         self._options: dict[str, Any] | None = None
         self._actions: list[Any] = []
-        self._observation: Any = None
+        self._digest = 0
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # Gymnasium's own is one, too
@@ -51,29 +51,32 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; see the wrapped environment."""
-        self._start = _generator(self).state if seed is None else int(seed)
+        generator = _generator(self)
+        self._start = getattr(generator, "state", None) if seed is None else int(seed)
         self._options, self._actions = options, []
-        self._observation, info = self.env.reset(seed=seed, options=options)
-        return self._observation, info
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._digest = crc32(_bytes(observation))
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take one step; see the wrapped environment."""
         if len(self._actions) <= LONGEST:
-            self._actions.append(np.array(action))
-        self._observation, *outcome = self.env.step(action)
-        return self._observation, *outcome
+            self._actions.append(copy.deepcopy(action))
+        observation, reward, *ends, info = self.env.step(action)
+        self._digest = crc32(_bytes((observation, reward)), self._digest)
+        return observation, reward, *ends, info
 
     def episode_state(self) -> dict[str, Any] | None:
         """The start and the actions of the open episode, as plain values and an array.
 
-        None before the first reset, after more than 100,000 steps, and where actions are no
-        numbers.
+        None before the first reset, after more than 100,000 steps, and where actions are no arrays
+        or the environment has no generator of numpy's.
         """
-        actions = np.array(self._actions)
-        if self._start is None or len(actions) > LONGEST or actions.dtype.kind not in "iufb":
+        if self._start is None or len(self._actions) > LONGEST or self.action_space.shape is None:
             return None
-        start = {"start": self._start, "options": self._options, "actions": actions}
-        return {**start, "observation": self._digest()}
+        shape = (len(self._actions), *self.action_space.shape)
+        start = {"start": self._start, "options": self._options}
+        return {**start, "actions": np.array(self._actions).reshape(shape), "digest": self._digest}
 
     def load_episode_state(self, state: Mapping[str, Any]) -> bool:
         """Go on with the episode that `episode_state` gave, in this environment.
@@ -82,37 +85,45 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
             state: Of an environment that was made as this one.
 
         Returns:
-            Whether the last observation is the same. If it is not, the environment draws from
-            elsewhere than `np_random`, or was made otherwise.
+            Whether observations and rewards are the same. If they are not, the environment draws
+            from elsewhere than `np_random`, remembers other episodes, or was made otherwise.
 
         Raises:
             ValueError: If `episode_state` gives no such state.
         """
         _check(state)
-        seed, actions = state["start"], state["actions"]
-        if len(actions) and actions.shape[1:] != self.action_space.shape:
+        seed = state["start"]
+        if state["actions"].shape[1:] != self.action_space.shape:
             return False
         if isinstance(seed, dict):
-            if seed.get("bit_generator") != _generator(self).state["bit_generator"]:
+            generator = _generator(self)
+            own = getattr(generator, "state", {})
+            if seed.get("bit_generator") != own.get("bit_generator"):
                 return False
-            _load_generator(_generator(self), seed)
+            _load_generator(generator, seed)
             seed = None
         self.reset(seed=seed, options=state["options"])
-        for action in actions:
+        for action in state["actions"]:
             _, _, terminated, truncated, _ = self.step(action[()])
             if terminated or truncated:
                 return False
-        return bool(self._digest() == state["observation"])
+        return bool(self._digest == state["digest"])
 
-    def _digest(self) -> str:
-        """A digest of the last observation, whatever the space."""
-        text = json.dumps(self.observation_space.to_jsonable([self._observation]))
-        return hashlib.sha256(text.encode()).hexdigest()
+
+def _bytes(value: Any) -> bytes:
+    """The bytes of an observation, whatever its space."""
+    if isinstance(value, Mapping):
+        return b"".join(_bytes(value[key]) for key in sorted(value, key=str))
+    if isinstance(value, tuple | list):
+        return b"".join(_bytes(entry) for entry in value)
+    array = np.asarray(value)
+    return repr(value).encode() if array.dtype.hasobject else array.tobytes()
 
 
 def _check(state: Mapping[str, Any]) -> None:
-    kinds = {"start": int | dict, "options": dict | None, "actions": np.ndarray, "observation": str}
-    if state.keys() != kinds.keys() or not all(isinstance(state[k], kinds[k]) for k in kinds):
+    kinds = {"start": int | dict, "options": dict | None, "actions": np.ndarray, "digest": int}
+    is_like = state.keys() == kinds.keys() and all(isinstance(state[k], kinds[k]) for k in kinds)
+    if not is_like or (isinstance(state["start"], int) and state["start"] < 0):
         raise ValueError(f"`state` must have {', '.join(kinds)}, as episode_state() gives them.")
 
 
@@ -124,8 +135,8 @@ def _load_generator(generator: Any, state: dict[str, Any]) -> None:
 
 
 def _generator(env: gym.Env[Any, Any]) -> Any:
-    """What holds the state of the generator that an environment draws from."""
+    """What holds the state of the generator that an environment draws from; None: not numpy's."""
     random: Any = env.unwrapped.np_random
     # shimmy gives dm_control's, which is of numpy's older kind.
     is_old = isinstance(random, np.random.RandomState)
-    return random._bit_generator if is_old else random.bit_generator
+    return random._bit_generator if is_old else getattr(random, "bit_generator", None)

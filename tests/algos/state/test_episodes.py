@@ -103,6 +103,13 @@ def test_there_is_no_state_rather_than_half_of_it(make):
     assert not load_episode_states(venv, None)
 
 
+def test_options_that_no_file_can_hold_are_no_state():
+    venv = DummyVecEnv([lambda: RecordEpisode(gym.make("Pendulum-v1"))])
+    venv.set_options({"x_init": 1.0, "goals": {1}})
+    venv.reset()
+    assert episode_states(venv) is None
+
+
 def test_environments_that_are_stepped_at_once_have_no_state_before_they_begin():
     assert episode_states(make_batched()) is None
 

@@ -1,3 +1,5 @@
+import random
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -110,7 +112,49 @@ def test_an_environment_that_cannot_go_on_says_so(other):
     assert not RecordEpisode(other()).load_episode_state(env.episode_state())
 
 
-@pytest.mark.parametrize("start", [None, {"bit_generator": "PCG64", "state": {"state": "a"}}])
+def test_what_is_remembered_from_other_episodes_is_missed():
+    """Of rewards alone, too: observations are the same here."""
+    one, other = (
+        RecordEpisode(gym.wrappers.NormalizeReward(gym.make("CartPole-v1"))) for _ in range(2)
+    )
+    one.reset(seed=0)
+    play(one, 50, seed=0)
+    one.step(0)
+    assert not other.load_episode_state(one.episode_state())
+
+
+class Odd(gym.Env):
+    """Observes lists, and draws from Python's generator."""
+
+    observation_space = gym.spaces.Box(-1.0, 1.0, (2,))
+    action_space = gym.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        self.np_random = random.Random(seed)
+        return [0.0, self.np_random.random()], {}
+
+    def step(self, action):
+        return [0.5, self.np_random.random()], 1.0, False, False, {}
+
+
+class OddActions(Odd):
+    action_space = gym.spaces.Tuple((gym.spaces.Discrete(2), gym.spaces.Box(-1.0, 1.0, (2,))))
+
+
+def test_odd_environments_are_recorded_as_far_as_that_can_be():
+    one, other = (RecordEpisode(Odd()) for _ in range(2))
+    one.reset(seed=0)
+    one.step(1)
+    assert other.load_episode_state(one.episode_state())
+    one.reset()  # from where no generator of numpy's says
+    assert one.episode_state() is None
+    env = RecordEpisode(OddActions())
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    assert env.episode_state() is None
+
+
+@pytest.mark.parametrize("start", [None, -1, {"bit_generator": "PCG64", "state": {"state": "a"}}])
 def test_what_is_no_state_is_refused(start):
     env = RecordEpisode(gym.make("CartPole-v1"))
     env.reset(seed=0)

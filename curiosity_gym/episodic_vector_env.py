@@ -279,7 +279,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         `np_random` and the generators of the spaces are not part of it: nothing is drawn from them.
 
         Returns:
-            New arrays by name: `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,)
+            New arrays by their names. `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,)
             bool, which envs have ended and not begun anew; `observations`, the last, (num_envs, O);
             `physics`, (num_envs, S) float64. And `generators`, a list: the state of each env's, if
             starts are random.

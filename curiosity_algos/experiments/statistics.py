@@ -31,7 +31,7 @@ Statistic: TypeAlias = Callable[[list[Float64Array]], Any]
 
 N_RESAMPLES = 5000
 LEAST_RUNS = 3
-"""Fewer runs have no interval: a bootstrap of two gives just the two."""
+"""Fewer runs have no interval, as a bootstrap of two gives just the two."""
 N_POINTS = 200
 """Points of the mean of curves without a `grid`."""
 BATCH = 100  # resamples in memory at once; another number would change the draws

@@ -279,10 +279,10 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         `np_random` and the generators of the spaces are not part of it: nothing is drawn from them.
 
         Returns:
-            New arrays by their names. `steps`, (num_envs,) int64, the steps taken; `ended`, (num_envs,)
-            bool, which envs have ended and not begun anew; `observations`, the last, (num_envs, O);
-            `physics`, (num_envs, S) float64. And `generators`, a list: the state of each env's, if
-            starts are random.
+            New arrays by their names. `steps`, (num_envs,) int64, the steps taken; `ended`,
+            (num_envs,) bool, which envs have ended and not begun anew; `observations`, the last,
+            (num_envs, O); `physics`, (num_envs, S) float64. And `generators`, a list of the state
+            of each env's generator, if starts are random.
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.

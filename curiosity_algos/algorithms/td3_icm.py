@@ -28,6 +28,7 @@ from curiosity_algos.evaluation.flat_spaces import is_range
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
+from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_keywords, check_not_negative
 
 NET_ARCH = [32, 32]
@@ -37,7 +38,7 @@ BONUS_LEARNING_RATE = 6e-6
 """A faster module outruns the policy, and nothing is left to be curious of (4.4)."""
 
 
-class TD3ICM(TD3):
+class TD3ICM(HasSettings, TD3):
     """Trains a deterministic policy on `reward + weight * bonus`, after each whole episode.
 
     This is Stable-Baselines3's TD3 with a `BonusReplayBuffer`, and the paper's settings. The buffer
@@ -74,6 +75,7 @@ class TD3ICM(TD3):
             or the bonus does not fit the environment's spaces.
     """
 
+    _settled = frozenset({"bonus", "bonus_kwargs", "weight", "extrinsic", "n_updates"})
     replay_buffer: BonusReplayBuffer
     preset: str | None = None
 
@@ -167,6 +169,20 @@ class TD3ICM(TD3):
         model.preset = preset
         return model
 
+    @classmethod
+    def load(cls, path: Any, *args: Any, **kwargs: Any) -> Self:
+        """Load a model as SB3 does; what the replay buffer keeps is as it was saved.
+
+        Raises:
+            ValueError: If a keyword is one of those.
+        """
+        for name in sorted(cls._settled & kwargs.keys()):
+            raise ValueError(f"`{name}` must stay as it was saved: {_way_on(name)}.")
+        return super().load(path, *args, **kwargs)
+
+    def _way_on(self, name: str) -> str:
+        return _way_on(name)
+
     @property
     def coverage(self) -> float | None:
         """Share of the reachable cells in which episodes ended; None where there are no cells."""
@@ -202,6 +218,11 @@ class TD3ICM(TD3):
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "exploration"]
+
+
+def _way_on(name: str) -> str:
+    is_of_bonus = name in ("bonus", "bonus_kwargs")
+    return "make a new model" if is_of_bonus else f"set `model.replay_buffer.{name}`"
 
 
 def _check_spaces(observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:

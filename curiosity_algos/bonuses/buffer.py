@@ -113,10 +113,15 @@ class TransitionBuffer:
         if any(len(state[name]) != n for name in self._columns):
             raise ValueError("`buffer` must be of as many rows in each column.")
         rows, place = th.arange(n), state["next"]
+        if not 0 <= place <= n:
+            raise ValueError(f"`buffer.next` must be from 0 to {n}, got {place}.")
         if n != self.capacity:
             rows = rows.roll(-place)[-self.capacity :]
             place = len(rows)
-        self._generator.set_state(state["generator"].cpu())
+        try:
+            self._generator.set_state(state["generator"].cpu())
+        except RuntimeError as error:
+            raise ValueError("`buffer.generator` must be the state of a generator.") from error
         for name, column in self._columns.items():
             column[: len(rows)] = state[name][rows]
         self.size, self._next = len(rows), place % self.capacity

@@ -73,6 +73,11 @@ class RecentSteps:
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError where it is other environments'."""
         check_like(state, self.state_dict(), "recent")
+        lengths = state["lengths"]
+        if not 0 <= state["next"] < self.horizon or np.any(
+            lengths != lengths.clip(0, self.horizon)
+        ):
+            raise ValueError(f"`recent` must have numbers of steps from 0 to {self.horizon}.")
         load_generator_state(self._rng, state["rng"])
         self._next = state["next"]
         for name in ARRAYS:

@@ -30,8 +30,11 @@ def generator_state(generator: np.random.Generator) -> str:
 
 
 def load_generator_state(generator: np.random.Generator, state: str) -> None:
-    """Bring a generator of the same kind to a state that `generator_state` gave."""
-    generator.bit_generator.state = json.loads(state)
+    """Bring a generator to a state that `generator_state` gave; ValueError if none of its kind."""
+    try:
+        generator.bit_generator.state = json.loads(state)
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise ValueError("`rng` must be the state of such a generator.") from error
 
 
 def integer_seed(seed: np.random.SeedSequence) -> int:

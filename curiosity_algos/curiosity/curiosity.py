@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
@@ -14,9 +15,15 @@ from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.networks import check_gradients, single_torch_thread
 from curiosity_algos.curiosity.scale import BonusScale, check_discount
-from curiosity_algos.state.check import check_like
+from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
-from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative
+from curiosity_gym.validation import (
+    LARGEST_COUNT,
+    check_at_least_one,
+    check_bool,
+    check_not_negative,
+    check_whole,
+)
 
 
 def check_interval(train_interval: int | None) -> None:
@@ -64,6 +71,8 @@ class Curiosity(HasSettings):
         "train_interval": check_interval,
         **dict.fromkeys(("n_updates", "batch_size"), check_at_least_one),
     }
+    SETTINGS: ClassVar = (*_checks, "gamma")
+    """What may be set at any time."""
     train_interval: int | None
 
     def __init__(
@@ -117,7 +126,13 @@ class Curiosity(HasSettings):
     @property
     def settings(self) -> dict[str, Any]:
         """What may be set at any time, as it is now."""
-        return {name: getattr(self, name) for name in (*self._checks, "gamma")}
+        return {name: getattr(self, name) for name in self.SETTINGS}
+
+    def load_settings(self, settings: Any) -> None:
+        """Set all that `settings` gave; ValueError, maybe after some, if one is out of range."""
+        check_keys(settings, self.settings, "settings")
+        for name, value in settings.items():
+            setattr(self, name, value)
 
     @property
     def horizon(self) -> int:
@@ -193,9 +208,15 @@ class Curiosity(HasSettings):
             ValueError: If it is of a bonus that was made otherwise; nothing has changed then.
         """
         own = self.state_dict()
+        check_keys(state, own, "curiosity")
         # A bonus checks its own state, and who has not trained has no metrics.
-        checked_elsewhere = own.keys() & state.keys() & {"bonus", "metrics"}
-        check_like({**state, **{name: own[name] for name in checked_elsewhere}}, own, "curiosity")
+        check_like(
+            {**state, "bonus": None},
+            {**own, "bonus": None, "metrics": _any_numbers(state["metrics"])},
+            "curiosity",
+        )
+        for name in ("n_untrained", "n_trainings"):
+            check_whole(0, LARGEST_COUNT, **{name: state[name]})
         try:
             self.bonus.load_state_dict(state["bonus"])
         except Exception as error:  # a bonus of the user's own may raise any
@@ -205,6 +226,10 @@ class Curiosity(HasSettings):
             self.scale.load_state_dict(state["scale"])
         self.n_untrained, self.n_trainings = state["n_untrained"], state["n_trainings"]
         self.metrics = dict(state["metrics"])
+
+
+def _any_numbers(metrics: Any) -> dict[str, float]:
+    return dict.fromkeys(metrics if isinstance(metrics, Mapping) else (), math.nan)
 
 
 class OfCuriosity:

@@ -39,6 +39,7 @@ from curiosity_algos.experiments.run_envs import (
     make_single,
     open_envs,
 )
+from curiosity_algos.state.settings import python_number
 from curiosity_gym.validation import check_at_least_one
 
 LONGEST_NAME = 255
@@ -234,6 +235,7 @@ class RunSpec:
 
 def _literal(name: str, value: Any, but: str = "\0") -> str:
     """The text of a value, which the command makes the same value of."""
+    value = str(value) if isinstance(value, Path) else python_number(value)
     text = repr(value)
     with suppress(SyntaxError, ValueError):
         if but not in text and ast.literal_eval(text) == value:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from typing import Any, Self
 
 import numpy as np
@@ -32,13 +33,15 @@ from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.state import file
-from curiosity_algos.state.check import check_like
+from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.episodes import episode_states, load_episode_states, record_episodes
 from curiosity_algos.state.settings import HasSettings, python_number
 from curiosity_algos.state.spaces import decode_space, encode_space
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 KIND = "BonusVecEnvWrapper"
+OWN = ("bonus_kwargs", "observation_key", "buffer_size")
+"""Settings that the curiosity does not keep."""
 
 
 class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
@@ -171,8 +174,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     @property
     def settings(self) -> dict[str, Any]:
         """Keywords of the constructor as they are now, of the bonus its name, or None."""
-        own = ("bonus_kwargs", "observation_key", "buffer_size")
-        kept = {name: getattr(self, name) for name in own}
+        kept = {name: getattr(self, name) for name in OWN}
         return {"bonus": self._name, **kept, **self.curiosity.settings}
 
     # -- stepping -------------------------------------------------------------------------------
@@ -299,7 +301,11 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
             raise
 
     def _load(self, state: Mapping[str, Any]) -> None:
+        parts = ("curiosity", "buffer", "recent", "episodes", "observations")
+        check_keys(state, parts, "wrapper")
         check_like(state["observations"], self._observations[:0], "observations")
+        if len(state["observations"]) not in (0, self.num_envs):
+            raise ValueError(f"`observations` must be of {self.num_envs} environments, or none.")
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])
         if self._episodes is not None:
@@ -351,10 +357,14 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         _check_venv(venv)
         device = torch_device(device)
         settings, state = file.read(path, KIND)
+        with _content_of(path):
+            settings = _checked(settings, state)
         _check_made_for(settings["made_for"], venv)
         keywords = _with_bonus(settings["keywords"], bonus)
-        wrapper = cls(venv, **keywords, device=device)
-        wrapper.load_state_dict(state["wrapper"])
+        # An object of the user's may raise errors of its own.
+        with _content_of(path) if bonus is None else nullcontext():
+            wrapper = cls(venv, **keywords, device=device)
+            wrapper.load_state_dict(state["wrapper"])
         # Not yet, as a model's own reset would take another start then.
         wrapper._must_reset = not load_episode_states(venv, state["episodes"])
         return wrapper
@@ -371,13 +381,33 @@ def _encoded_spaces(venv: VecEnv) -> list[Any]:
     return [encode_space(space) for space in (venv.observation_space, venv.action_space)]
 
 
+@contextmanager
+def _content_of(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say which file is to blame for an error that its content leads to."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        why = f": {error}" if isinstance(error, ValueError) else "."
+        raise ValueError(f"`path` must be a saved {KIND}, {path} is damaged{why}") from error
+
+
+def _checked(settings: Mapping[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a file, the spaces decoded."""
+    check_keys(settings, ("made_for", "keywords"), "settings")
+    check_keys(settings["made_for"], ("n_envs", "spaces"), "made_for")
+    check_keys(settings["keywords"], ("bonus", *OWN, *Curiosity.SETTINGS), "keywords")
+    check_keys(state, ("wrapper", "episodes"))
+    if state["episodes"] is not None:
+        check_keys(state["episodes"], ("episodes", "counts"), "episodes")
+    made_for = settings["made_for"]
+    spaces = [decode_space(space) for space in made_for["spaces"]]
+    return {**settings, "made_for": {**made_for, "spaces": spaces}}
+
+
 def _check_made_for(made_for: Mapping[str, Any], venv: VecEnv) -> None:
     """Raise ValueError unless a wrapper that was saved can have this `venv`."""
-    spaces_there, spaces_here = (
-        [decode_space(space) for space in each]
-        for each in (made_for["spaces"], _encoded_spaces(venv))
-    )
-    if made_for["n_envs"] != venv.num_envs or spaces_there != spaces_here:
+    spaces_here = [decode_space(space) for space in _encoded_spaces(venv)]
+    if made_for["n_envs"] != venv.num_envs or made_for["spaces"] != spaces_here:
         raise ValueError(
             f"`venv` must have {made_for['n_envs']} environments with the spaces that were saved, "
             f"got {venv.num_envs} with {venv.observation_space} and {venv.action_space}. For "

@@ -1,6 +1,9 @@
-"""Arguments of a replay buffer with a bonus, checked before anything is made of them."""
+"""Arguments and files of a replay buffer with a bonus, checked before anything changes."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -24,3 +27,15 @@ def seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSe
     check_seed(seed)
     # The global generator is what SB3's algorithms seed.
     return np.random.SeedSequence(np.random.randint(2**31) if seed is None else seed)  # noqa: NPY002
+
+
+def check_rows(transitions: Mapping[str, Any], buffer_size: int) -> None:
+    """Raise ValueError unless columns are as long as `pos` and `full` say, or empty."""
+    columns = {name: part for name, part in transitions.items() if name not in ("pos", "full")}
+    parts = [part.values() if isinstance(part, dict) else [part] for part in columns.values()]
+    lengths, pos = {len(part) for each in parts for part in each}, transitions["pos"]
+    # The row after the newest is stored, too, which may be where that leads.
+    expected = {buffer_size if transitions["full"] else pos + 1}
+    is_empty = lengths == {0} and not (pos or transitions["full"])
+    if not (0 <= pos < buffer_size and (is_empty or lengths == expected)):
+        raise ValueError(f"`transitions.pos` and `full` must fit the rows, got {pos}.")

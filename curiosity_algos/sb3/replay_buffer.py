@@ -27,9 +27,9 @@ from curiosity_algos.common.randomness import generator_state, load_generator_st
 from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.observations import ObservationRows, check_sb3_takes
-from curiosity_algos.sb3.replay_arguments import check_size, seed_sequence
+from curiosity_algos.sb3.replay_arguments import check_rows, check_size, seed_sequence
 from curiosity_algos.state import file
-from curiosity_algos.state.check import check_like
+from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
 
 KIND = "BonusReplayBuffer"
@@ -401,10 +401,13 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
             ValueError: If it is another's; nothing has changed then.
         """
         own = {**self._stored(0), "pos": 0, "full": False}
-        check_like(state["transitions"], own, "transitions")
+        check_keys(state, ("curiosity", "rng", "transitions"))
+        columns, rng = dict(state["transitions"]), np.random.default_rng(0)
+        check_like(columns, own, "transitions")
+        check_rows(columns, self.buffer_size)
+        load_generator_state(rng, state["rng"])
         self.curiosity.load_state_dict(state["curiosity"])
-        load_generator_state(self._rng, state["rng"])
-        columns = dict(state["transitions"])
+        self._rng = rng
         self.pos, self.full = columns.pop("pos"), columns.pop("full")
         for name, column in columns.items():
             self._rows.load(getattr(self, name), column)
@@ -435,16 +438,12 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
                 this buffer is then as it was.
         """
         settings, state = file.read(path, KIND)
-        if settings["made"] != self._made:
-            raise ValueError(
-                f"`path` must be saved of a buffer with {self._made}, {path} is of "
-                f"{settings['made']}."
-            )
+        what, before = "`path` must be saved of a buffer with", self.settings
+        if (made := settings.get("made")) != self._made:
+            raise ValueError(f"{what} {self._made}, {path} is of {made}.")
         try:
+            self.curiosity.load_settings(settings.get("now"))
             self.load_state_dict(state)
-        except ValueError as error:
-            raise ValueError(
-                f"`path` must be saved of a buffer with the same spaces, {path} is not: {error}"
-            ) from error
-        for name, value in settings["now"].items():
-            setattr(self, name, value)
+        except Exception as error:  # a damaged file fails in more ways than can be named
+            self.curiosity.load_settings(before)
+            raise ValueError(f"{what} the same spaces, {path} is not: {error}") from error

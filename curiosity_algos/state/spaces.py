@@ -62,8 +62,15 @@ def _encode(space: Space | None) -> Any:
 
 
 def decode_space(tree: Any) -> Space | None:
-    """The space that `encode_space` was called with, or None where it gave that."""
-    return None if tree is None else _decode(tree)
+    """The space that `encode_space` was called with, or None where it gave that.
+
+    Raises:
+        ValueError: If it gave no such tree.
+    """
+    try:
+        return None if tree is None else _decode(tree)
+    except Exception as error:  # gymnasium asserts, too
+        raise ValueError(f"A space must be as it was saved, got {tree!r:.60}.") from error
 
 
 def _decode(tree: Any) -> Space:

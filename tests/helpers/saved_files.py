@@ -4,6 +4,8 @@ import errno
 import io
 import os
 import zipfile
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 
@@ -24,6 +26,15 @@ def rewrite(path, change, compression=zipfile.ZIP_STORED):
     with zipfile.ZipFile(path, "w", compression) as archive:
         for name, content in change(members).items():
             archive.writestr(name, content)
+
+
+def with_entry(path, kind, entry, value):
+    """Change one entry of a file, such as "state.rng"."""
+    settings, state = read(path, kind)
+    tree = {"settings": settings, "state": state}
+    *outer, last = (int(key) if key.isdigit() else key for key in entry.split("."))
+    reduce(getitem, outer, tree)[last] = value
+    save(path, kind, **tree)
 
 
 def npy_header(shape):

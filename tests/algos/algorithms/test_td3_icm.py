@@ -244,6 +244,18 @@ class TestFiles:
         assert loaded.learn(1, reset_num_timesteps=False).num_timesteps == 2100
         assert TD3.load(tmp_path / "model").num_timesteps == 100
 
+    def test_what_the_buffer_keeps_is_set_there(self, tmp_path):
+        model = TD3ICM(HARD, buffer_size=10)
+        model.save(tmp_path / "model")
+        ways_on = dict.fromkeys(("bonus", "bonus_kwargs"), "make a new model")
+        for name in ("weight", "extrinsic", "n_updates"):
+            ways_on[name] = f"set `model.replay_buffer.{name}`"
+        for name, way_on in ways_on.items():
+            with pytest.raises(ValueError, match=f"^`{name}` must stay .*: {way_on}.$"):
+                TD3ICM.load(tmp_path / "model", **{name: 1})
+            with pytest.raises(ValueError, match=f"^`{name}` must stay .*: {way_on}.$"):
+                setattr(model, name, 1)
+
     def test_a_preset_stays(self, tmp_path):
         assert TD3ICM(HARD, buffer_size=10).preset is None
         TD3ICM.from_preset("paper", HARD, buffer_size=10).save(tmp_path / "model")

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from tracked import Tracked
 
@@ -135,6 +136,12 @@ def test_environments_are_closed(algorithm, tracked, tmp_path):
         train(replace(run, env_kwargs={"fails": "step"}), tmp_path / "failed")
     with pytest.raises(ValueError, match="nonsense"):
         replace(run, settings={"nonsense": 1}).make()
+
+
+def test_words_say_numbers_of_numpy_and_paths(tmp_path):
+    settings = {"sigma": np.float64(0.1), "file": tmp_path}
+    words = RunSpec("nses", US, 0, 1, settings=settings).words("")
+    assert {"sigma:0.1", f"file:{str(tmp_path)!r}"} < set(words)
 
 
 def test_what_is_right_passes():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
+from saved_files import with_entry
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3, HerReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
@@ -627,6 +628,51 @@ class TestFiles:
             path.write_bytes(damaged)
             with pytest.raises(ValueError, match="`path` must be a saved BonusVecEnvWrapper"):
                 BonusVecEnvWrapper.load(path, make_venv())
+
+
+@pytest.mark.parametrize("bonus", ["rnd", None])
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        ("settings", {}),
+        ("settings.made_for", 3),
+        ("settings.made_for.spaces", 3),
+        ("settings.made_for.spaces.0", {"Nothing": ()}),
+        ("settings.made_for.spaces.0", {"Box": (0, 1)}),
+        ("settings.made_for.spaces.0", {"Discrete": (-1, 0)}),
+        ("settings.keywords", 3),
+        ("settings.keywords.bonus_kwargs", 3),
+        ("settings.keywords.n_steps", 3),
+        ("settings.keywords.observation_key", [3]),
+        ("settings.keywords.weight", -1),
+        ("state", {}),
+        ("state.episodes", 3),
+        ("state.wrapper", {}),
+        ("state.wrapper.observations", 3),
+        ("state.wrapper.recent.next", 10**12),
+        ("state.wrapper.recent.rng", "x"),
+        ("state.wrapper.recent.rng", '{"bit_generator": "PCG64"}'),
+        ("state.wrapper.buffer.next", -1),
+        ("state.wrapper.buffer.next", 10**12),
+        ("state.wrapper.buffer.generator", th.zeros(5056, dtype=th.uint8)),
+        ("state.wrapper.curiosity", 3),
+        ("state.wrapper.curiosity.metrics", 3),
+        ("state.wrapper.curiosity.metrics", {"loss": "x"}),
+        ("state.wrapper.curiosity.n_untrained", 10**12),
+        ("state.wrapper.curiosity.n_untrained", -1),
+        ("state.wrapper.curiosity.n_trainings", -1),
+    ],
+)
+def test_a_damaged_file_is_refused_in_one_sentence(bonus, entry, value, tmp_path):
+    """With a bonus of the user's the part says it, as that may have errors of its own."""
+    path = tmp_path / "bonus.npz"
+    wrapper = wrap(bonus=bonus or Recorder())
+    play(wrapper, 3)
+    wrapper.save(path)
+    with_entry(path, "BonusVecEnvWrapper", entry, value)
+    with pytest.raises(ValueError, match=r"^`.*\.$") as raised:
+        BonusVecEnvWrapper.load(path, make_venv(), bonus=None if bonus else Recorder())
+    assert bonus is None or f"{path} is damaged" in str(raised.value)
 
 
 def test_where_episodes_end_is_no_news_for_ever():

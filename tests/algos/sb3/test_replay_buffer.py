@@ -9,6 +9,7 @@ import sb3_contrib
 import stable_baselines3
 import torch as th
 from gymnasium import spaces
+from saved_files import with_entry
 from stable_baselines3.common.buffers import DictReplayBuffer, ReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
@@ -761,6 +762,37 @@ def test_a_file_of_a_bonus_with_other_keywords_changes_nothing(tmp_path):
     with pytest.raises(ValueError, match=r"'power': 3.0, .* is of .*'power': 1.0,"):
         twin.restore(tmp_path / "buffer.npz")
     assert twin.size() == 0
+
+
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        ("settings.made", {}),
+        ("settings.now", {"sample": "x"}),
+        ("settings.now.weight", -1),
+        ("settings.now.gamma", "x"),
+        ("state.curiosity", 3),
+        ("state.curiosity.n_untrained", -1),
+        ("state.rng", "x"),
+        ("state.rng", '{"bit_generator": "PCG64"}'),
+        ("state.transitions", None),
+        ("state.transitions.pos", -7),
+        ("state.transitions.pos", 10**9),
+        ("state.transitions.pos", 7),
+        ("state.transitions.full", True),
+    ],
+)
+def test_a_damaged_file_changes_nothing(entry, value, tmp_path):
+    buffer, twin = (make_buffer(64, bonus="rnd", train_interval=8, seed=i) for i in range(2))
+    walk(buffer, 40)
+    walk(twin, 9)
+    buffer.weight = 0.5
+    buffer.save(tmp_path / "buffer.npz")
+    with_entry(tmp_path / "buffer.npz", "BonusReplayBuffer", entry, value)
+    before = copy.deepcopy((twin.state_dict(), twin.settings))
+    with pytest.raises(ValueError, match=r"^`path` must be saved of a buffer with .*buffer\.npz"):
+        twin.restore(tmp_path / "buffer.npz")
+    assert str((twin.state_dict(), twin.settings)) == str(before)
 
 
 def test_the_log_has_its_losses(tmp_path):

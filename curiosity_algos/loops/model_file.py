@@ -52,7 +52,7 @@ class Settings:
     @property
     def values(self) -> dict[str, Any]:
         """All that a file holds, by argument."""
-        return self.attributes | self.keywords
+        return self.keywords | self.attributes
 
 
 def model_path(path: StateFile, *, is_read: bool = True) -> StateFile:
@@ -159,8 +159,10 @@ def make_model(
             raise ValueError(
                 f"`{name}` must be left as it was saved, {saved}: make a new {cls.__name__}."
             )
-    rest = settings.attributes.keys() - overrides.keys() - {"policy"}
-    vars(model).update({cls._attributes.get(k, k): settings.attributes[k] for k in rest})
+    # A constructor of the user's may have made other values of its keywords.
+    rest = settings.values.keys() - overrides.keys() - {"policy"}
+    in_force = {cls._attributes.get(name, name): settings.values[name] for name in rest}
+    vars(model).update({k: v for k, v in in_force.items() if k in vars(model) or k == "preset"})
     _see_saved(model, settings)
     model._setup_model()
     for name, kind in model._kinds().items():

@@ -60,6 +60,7 @@ _BESIDE_PARTS = {"best", "progress", "recent"}
 """Names of states that are of no part."""
 _EPISODE = ({"r": np.inf, "l": 0, "t": np.inf}, False)
 """Like what Stable-Baselines3 keeps of recent episodes: a Monitor's record, and the success."""
+NEEDS = "`load` makes a model with `device`, and keywords of its bases."
 BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
 """Names of parts that do not say where a search stands."""
 
@@ -101,6 +102,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.__signature__ = whole_signature(cls, PopulationModel)
+        if not {"env", "device"} <= cls.__signature__.parameters.keys():
+            raise TypeError(f"{cls.__name__}.__init__ must take **kwargs and pass them on: {NEEDS}")
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         """Remember what the constructor is called with, which `load` calls it with again."""
@@ -323,7 +326,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
 
     def _checked(self, state: Any) -> Float32Array:
         """The parameters in the state of a policy, shape (n_parameters,), finite."""
-        flat, n_parameters = state.get("flat"), self.policy.mlp.n_parameters
+        flat: Any = state.get("flat") if isinstance(state, Mapping) else None
+        n_parameters = self.policy.mlp.n_parameters
         if np.shape(flat) != (n_parameters,):  # None has a shape, ()
             raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")
         checked = th.as_tensor(flat).cpu().numpy().astype(np.float32)  # a copy

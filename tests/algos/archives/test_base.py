@@ -346,7 +346,7 @@ class TestStates:
             ("`best_slot` must be", lambda s: s.update(best_slot=999)),
             ("`best_slot` must be", lambda s: s.update(best_slot="first")),
             ("`objective_sum` must be", lambda s: s.update(objective_sum=np.nan)),
-            ("Expecting value", lambda s: s.update(rng="text")),
+            ("`rng` must be the state", lambda s: s.update(rng="text")),
         ],
     )
     def test_those_of_no_archive_leave_all_as_it_was(self, match, spoil, assert_same):

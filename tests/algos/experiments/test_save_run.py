@@ -136,7 +136,7 @@ def test_a_rewarding_policy_keeps_no_generation_in_memory(make_model, make_easy_
     model = make_model(MAPElites, make_easy_maze())
     save = SaveRun(folder, n_rewarding=7)
     model.learn(3_000, save)
-    kept = [each["parameters"] for each in save._rewarding._kept]
+    kept = [policy["parameters"] for policy in save._rewarding._policies]
     assert len(kept) == 7
     assert all(each.base is None for each in kept)
 

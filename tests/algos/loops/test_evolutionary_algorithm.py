@@ -437,7 +437,7 @@ class TestParameters:
 
     def test_a_policy_has_all_of_its_parameters(self, make_model, make_maze, assert_same_run):
         model, untouched = (make_model(CanonicalES, make_maze()) for _ in range(2))
-        for policy in ({}, {"flat": th.zeros(3)}, {"vector": th.zeros(3)}):
+        for policy in (3, {}, {"flat": th.zeros(3)}, {"vector": th.zeros(3)}):
             for parameters in ({"policy": policy}, model.get_parameters() | {"policy": policy}):
                 with pytest.raises(ValueError, match=r"`policy` must have `flat`, its \d+ param"):
                     model.set_parameters(parameters, exact_match=False)

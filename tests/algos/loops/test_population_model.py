@@ -283,7 +283,31 @@ class Remembering(CanonicalES):
         return super()._tell(rollouts)
 
 
+class Wide(CanonicalES):
+    """Transforms a setting."""
+
+    def __init__(self, env, policy="MlpPolicy", *, sigma=0.1, **kwargs):
+        super().__init__(env, policy, sigma=2 * sigma, **kwargs)
+
+
 class TestAClassOfOnesOwn:
+    def test_a_setting_that_it_transforms_is_transformed_once(self, make_easy_maze, path):
+        model = Wide(make_easy_maze(), sigma=0.2)
+        model.save(path)
+        loaded = Wide.load(path, env=make_easy_maze())
+        assert loaded.sigma == loaded._search.sigma == 0.4
+        loaded.sigma = 0.3
+        loaded.save(path)
+        assert Wide.load(path).sigma == 0.3
+        assert Wide.load(path, sigma=0.25).sigma == 0.5
+
+    def test_one_that_could_not_be_loaded_is_refused_at_once(self):
+        with pytest.raises(TypeError, match=r"Fixed.__init__ must take \*\*kwargs and pass"):
+
+            class Fixed(CanonicalES):
+                def __init__(self, env, scale=0.1):
+                    super().__init__(env, sigma=scale)
+
     def test_it_goes_on(self, make_easy_maze, path, assert_resumes):
         model = Remembering(make_easy_maze(), pace=4, seed=0).learn(500)
         loaded = assert_resumes(model, make_easy_maze())

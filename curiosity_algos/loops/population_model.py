@@ -60,7 +60,6 @@ _BESIDE_PARTS = {"best", "progress", "recent"}
 """Names of states that are of no part."""
 _EPISODE = ({"r": np.inf, "l": 0, "t": np.inf}, False)
 """Like what Stable-Baselines3 keeps of recent episodes: a Monitor's record, and the success."""
-NEEDS = "`load` makes a model with `device`, and keywords of its bases."
 BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
 """Names of parts that do not say where a search stands."""
 
@@ -103,7 +102,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         super().__init_subclass__(**kwargs)
         cls.__signature__ = whole_signature(cls, PopulationModel)
         if not {"env", "device"} <= cls.__signature__.parameters.keys():
-            raise TypeError(f"{cls.__name__}.__init__ must take **kwargs and pass them on: {NEEDS}")
+            raise TypeError(f"{cls.__name__}.__init__ must take **kwargs and pass them on.")
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         """Remember what the constructor is called with, which `load` calls it with again."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
-from typing import Any
 
 _PASSED_ON = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
@@ -23,19 +21,6 @@ def whole_signature(cls: type, base: type) -> inspect.Signature:
         if not any(p.kind is p.VAR_KEYWORD for p in own):
             break
     return inspect.Signature(sorted(parameters.values(), key=lambda p: p.kind))
-
-
-def merged(preset: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of a preset, and what counts more: of a dictionary each entry does."""
-    settings = dict(preset)
-    if "bonus" in overrides and overrides["bonus"] != settings.get("bonus"):
-        settings.pop("bonus_kwargs", None)  # they are of another bonus
-    entries = {
-        name: settings[name] | value
-        for name, value in overrides.items()
-        if isinstance(value, dict) and isinstance(settings.get(name), dict)
-    }
-    return settings | dict(overrides) | entries
 
 
 def name_in_presets(cls: type) -> str:

@@ -24,7 +24,7 @@ from stable_baselines3.common.utils import get_system_info
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.common.presets import load_preset
+from curiosity_algos.common.presets import preset_settings
 from curiosity_algos.common.randomness import reseed
 from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.evaluation.base import Evaluator
@@ -34,7 +34,7 @@ from curiosity_algos.evaluation.episodes import Firsts
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.best_policy import BestPolicy
-from curiosity_algos.loops.keywords import merged, name_in_presets, whole_signature
+from curiosity_algos.loops.keywords import name_in_presets, whole_signature
 from curiosity_algos.loops.model_file import (
     NO_SETTINGS,
     OF_DAMAGE,
@@ -133,8 +133,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             ValueError: If there is no such preset, or it has no settings of the algorithm for the
                 environment.
         """
-        settings = load_preset(preset, name_in_presets(cls), env_id(env))
-        model = cls(env, **merged(settings, overrides))
+        settings = preset_settings(preset, name_in_presets(cls), env_id(env), overrides)
+        model = cls(env, **settings)
         vars(model)["preset"] = preset
         return model
 

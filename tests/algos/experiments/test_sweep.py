@@ -58,7 +58,7 @@ class Object:
     "run",
     [
         RunSpec("NSES", "a-v0", 0, 1, settings={"evaluator": Object()}),
-        RunSpec("NSES", "a-v0", 0, 1, {"limit": np.float64(0.5)}),
+        RunSpec("NSES", "a-v0", 0, 1, {"limit": np.zeros(2)}),
         RunSpec("NSES", "a-v0", 0, 1, wrappers=[("a:B", {"name": "c:d"})]),
     ],
 )

@@ -177,11 +177,13 @@ class TD3ICM(HasSettings, TD3):
             ValueError: If a keyword is one of those.
         """
         for name in sorted(cls._settled & kwargs.keys()):
-            raise ValueError(f"`{name}` must stay as it was saved: {_way_on(name)}.")
+            raise ValueError(f"`{name}` must stay as it was saved: {cls._way_on(name)}.")
         return super().load(path, *args, **kwargs)
 
-    def _way_on(self, name: str) -> str:
-        return _way_on(name)
+    @staticmethod
+    def _way_on(name: str) -> str:
+        is_of_bonus = name in ("bonus", "bonus_kwargs")
+        return "make a new model" if is_of_bonus else f"set `model.replay_buffer.{name}`"
 
     @property
     def coverage(self) -> float | None:
@@ -218,11 +220,6 @@ class TD3ICM(HasSettings, TD3):
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "exploration"]
-
-
-def _way_on(name: str) -> str:
-    is_of_bonus = name in ("bonus", "bonus_kwargs")
-    return "make a new model" if is_of_bonus else f"set `model.replay_buffer.{name}`"
 
 
 def _check_spaces(observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:

@@ -2,6 +2,7 @@
 
 import errno
 import io
+import json
 import os
 import zipfile
 from functools import reduce
@@ -9,7 +10,7 @@ from operator import getitem
 
 import numpy as np
 
-from curiosity_algos.state.file import read, save
+from curiosity_algos.state.file import ABOUT, read, save
 
 
 def through_a_file(state):
@@ -26,6 +27,17 @@ def rewrite(path, change, compression=zipfile.ZIP_STORED):
     with zipfile.ZipFile(path, "w", compression) as archive:
         for name, content in change(members).items():
             archive.writestr(name, content)
+
+
+def with_about(change):
+    """What lets `rewrite` change the JSON of a file of settings and state."""
+
+    def rewritten(members):
+        about = json.loads(members[ABOUT])
+        change(about)
+        return members | {ABOUT: json.dumps(about)}
+
+    return rewritten
 
 
 def with_entry(path, kind, entry, value):

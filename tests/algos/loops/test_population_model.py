@@ -1,7 +1,6 @@
 """A model in a file: made again with its settings, and brought to its state."""
 
 import io
-import json
 import warnings
 import zipfile
 from inspect import signature
@@ -9,7 +8,7 @@ from inspect import signature
 import gymnasium as gym
 import numpy as np
 import pytest
-from saved_files import no_space, rewrite
+from saved_files import no_space, rewrite, with_about
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -18,7 +17,7 @@ from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops import evolutionary_algorithm
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state import file as state_file
-from curiosity_algos.state.file import ABOUT, read, save
+from curiosity_algos.state.file import read, save
 from tests.algos.conftest import SETTINGS
 
 
@@ -36,15 +35,6 @@ def saved(make_model, make_easy_maze, path):
     model = make_model(CuriosityES, make_easy_maze()).learn(600)
     model.save(path)
     return model
-
-
-def with_about(change):
-    def rewritten(members):
-        about = json.loads(members[ABOUT])
-        change(about)
-        return members | {ABOUT: json.dumps(about)}
-
-    return rewritten
 
 
 class TestEvaluator:

@@ -10,7 +10,7 @@ import zipfile
 import numpy as np
 import pytest
 import torch as th
-from saved_files import npy_header, rewrite
+from saved_files import npy_header, rewrite, with_about
 
 from curiosity_algos.state.file import ABOUT, read, save
 
@@ -131,15 +131,6 @@ def test_a_file_that_is_missing_or_of_another_kind(path, tmp_path):
 
 def with_member(name, content):
     return lambda members: members | {name: content}
-
-
-def with_about(change):
-    def rewritten(members):
-        about = json.loads(members[ABOUT])
-        change(about)
-        return members | {ABOUT: json.dumps(about)}
-
-    return rewritten
 
 
 FLAT = "policy/flat.npy"

@@ -72,6 +72,7 @@ class Motivation:
 
     def make(self, **settings):
         settings = {"n_states": None, "n_transitions": 5, "buffer_size": 60} | SMALL | settings
+        settings |= {"n_threads": 1}  # the caller's own, which alone `heavy_threads` watches
         return CuriosityMotivation(OBSERVATIONS, ACTIONS, **settings)
 
     def collect(self, host, seed, scale=1.0):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
@@ -105,7 +105,7 @@ def _task(evaluator: Evaluator, workload: Workload) -> Task:
     summarizers = _summarizers(workload.env_id, workload.n)
 
     def play() -> None:
-        evaluator.evaluate_and_summarize(parameters, 0, summarizers)
+        evaluator.play(parameters, 0, summarizers)
 
     for _ in range(3):  # compiles, and starts the workers
         play()
@@ -124,8 +124,8 @@ def _seconds_of_a_shard(plan: Plan) -> float:
     n = plan.size(SHARDS, 4)
     evaluator = RayEvaluator(Nothing, n_workers=1, num_cpus=0.1, shard_size=1)
     parameters = np.zeros((n, 1), dtype=np.float32)
-    evaluator.evaluate_and_summarize(parameters, 0, {})
-    return seconds(lambda: evaluator.evaluate_and_summarize(parameters, 0, {})) / n
+    evaluator.play(parameters, 0, {})
+    return seconds(lambda: evaluator.play(parameters, 0, {})) / n
 
 
 class Nothing(Evaluator):
@@ -149,9 +149,10 @@ def _bytes(n: int) -> Table:
     parameters = random_policies(evaluator, n)
     whole = evaluator.evaluate(parameters, 0)
     summarizers = _summarizers(MAZE, n)
+    read = evaluator.play(parameters, 0, summarizers)
     contents = {
         "trajectories and all": whole,
-        "what CuriosityES reads": whole.summarize(summarizers, slice(0, n)),
+        "what CuriosityES reads": replace(read, observations=None, actions=None),
         "what novelty search reads": whole.without_trajectories(),
         "parameters": parameters,
         "what is to be read": summarizers,

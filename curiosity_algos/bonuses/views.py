@@ -34,27 +34,25 @@ class View:
 
     Raises:
         ValueError: If the key is none of the space, or it cannot become vectors, see
-            `FlatObservations`, the entries of a Dict or Tuple are more than `MAX_ENTRIES` numbers,
-            or more than `MAX_COUNTED` values are counted.
+            `FlatObservations`, of at most `MAX_ENTRIES` numbers for a Dict or Tuple, else
+            `MAX_COUNTED`.
     """
 
     def __init__(self, space: spaces.Space[Any], key: str | None = None) -> None:
         self._key = key
         if key is not None:
-            space = _entry(space, key)
+            if not isinstance(space, spaces.Dict):
+                raise ValueError(f"`observation_key` must be None where observations are {space}.")
+            check_choice(tuple(space), observation_key=key)
+            space = space[key]
         warn_of_what_is_left_out(space)
         self._flat = FlatObservations(space) if _becomes_flat(space) else None
-        has_entries = isinstance(space, spaces.Dict | spaces.Tuple)
-        if self._flat is not None and has_entries and self._flat.size > MAX_ENTRIES:
+        most = MAX_ENTRIES if isinstance(space, spaces.Dict | spaces.Tuple) else MAX_COUNTED
+        if self._flat is not None and self._flat.size > most:
             raise ValueError(
-                "`observation_key` must name an entry that the bonus sees where all are more than "
-                f"{MAX_ENTRIES} numbers, they are {self._flat.size}."
-            )
-        if self._flat is not None and self._flat.size > MAX_COUNTED:
-            raise ValueError(
-                f"`env` must give observations of at most {MAX_COUNTED} numbers, {space} becomes "
-                f"{self._flat.size}, one for each value: give what the value stands for instead "
-                "(gymnasium.wrappers.TransformObservation)."
+                f"`env` must give observations of at most {most} numbers, {space} becomes "
+                f"{self._flat.size}: let `observation_key` name the entry that the bonus sees, or "
+                "give what a value stands for (gymnasium.wrappers.TransformObservation)."
             )
         self.space = space if self._flat is None else self._flat.space
 
@@ -67,13 +65,6 @@ class View:
         """What is seen of a single observation."""
         entry = observation if self._key is None else observation[self._key]
         return np.asarray(entry) if self._flat is None else self._flat.one(entry)
-
-
-def _entry(space: spaces.Space[Any], key: str) -> spaces.Space[Any]:
-    if not isinstance(space, spaces.Dict):
-        raise ValueError(f"`observation_key` must be None where observations are {space}.")
-    check_choice(tuple(space), observation_key=key)
-    return space[key]
 
 
 def _becomes_flat(space: spaces.Space[Any]) -> bool:

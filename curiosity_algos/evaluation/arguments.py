@@ -10,8 +10,7 @@ from numbers import Real
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import VecEnv
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
 from curiosity_algos.common.networks import torch_device
@@ -52,9 +51,7 @@ def use_python_numbers(algorithm: BaseAlgorithm) -> None:
         vars(algorithm)[name] = python_number(vars(algorithm)[name])
 
 
-def check_learning(
-    env: VecEnv | None, total_timesteps: object, log_interval: object, callback: object = None
-) -> None:
+def check_learning(env: VecEnv | None, total_timesteps: object, log_interval: object) -> None:
     """Raise ValueError unless `learn` can begin with these arguments."""
     if log_interval is not None:
         check_at_least_one(log_interval=log_interval)
@@ -62,28 +59,5 @@ def check_learning(
         raise ValueError(
             f"`total_timesteps` must be finite and at least 0, got {total_timesteps!r}."
         )
-    if not _is_callback(callback):
-        raise ValueError(
-            f"`callback` must be None, a callback, a list of them or a function, got {callback!r}."
-        )
     if env is None:
         raise ValueError("`env` must be set before learning: call set_env(env).")
-
-
-def check_no_options(env: VecEnv | None) -> None:
-    """Raise ValueError if the next reset of an environment has options: no episode gets them."""
-    while isinstance(env, VecEnvWrapper):
-        env = env.venv
-    if any(getattr(env, "_options", ())):
-        raise ValueError(
-            "`set_options` does not reach the episodes of a population, which begin with a seed "
-            "alone: make the environment with keywords, or in a wrapper, that do the same."
-        )
-
-
-def _is_callback(callback: object) -> bool:
-    """Whether Stable-Baselines3 takes it: callbacks are objects, not their classes."""
-    if isinstance(callback, list):
-        return all(isinstance(part, BaseCallback) for part in callback)
-    is_function = callable(callback) and not isinstance(callback, type)
-    return callback is None or isinstance(callback, BaseCallback) or is_function

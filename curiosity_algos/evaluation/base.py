@@ -8,15 +8,40 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.rollouts import (
-    Rollouts,
-    Summarizer,
-    concatenate,
-)
-from curiosity_algos.evaluation.tasks import KnownTask
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, concatenate
+from curiosity_gym.maze.dynamics import same_maze
+
+
+@dataclass(frozen=True)
+class KnownTask:
+    """A maze, a control task or a robot that compiled evaluators can play without its env.
+
+    Attributes:
+        task: The maze or task.
+        simulate: Makes simulations of a task; None: it is a maze.
+        grid: The coverage grid of a maze.
+        horizon: T of the reward `1 - t / T`; None: rewards are the task's own.
+        max_steps: Steps after which an episode ends.
+    """
+
+    task: Any
+    simulate: Any
+    grid: Any
+    horizon: int | None
+    max_steps: int
+
+    def is_same(self, other: KnownTask | None) -> bool:
+        """Whether policies meet the same task."""
+        if other is None or self.simulate is not other.simulate:
+            return False
+        if (self.horizon, self.max_steps) != (other.horizon, other.max_steps):
+            return False
+        is_maze = self.simulate is None
+        return same_maze(self.task, other.task) if is_maze else bool(self.task == other.task)
 
 
 class Evaluator(ABC):
@@ -52,35 +77,34 @@ class Evaluator(ABC):
         """
 
     def play(
-        self, parameters: Float32Array, seed: int, summarizers: Mapping[str, Summarizer] | None
-    ) -> Rollouts:
-        """Play one episode of each policy (P, n_parameters).
-
-        Several blocks give summaries alone, and no trajectories, unless `summarizers` is None.
-        """
-        is_large = self.block_size is not None and len(parameters) > self.block_size
-        if is_large and summarizers is not None:
-            return self.evaluate_and_summarize(parameters, seed, summarizers)
-        whole = self.evaluate(parameters, seed)
-        summary = whole.summarize(summarizers or {}, slice(0, len(whole)))
-        return replace(whole, summaries=summary.summaries)
-
-    def evaluate_and_summarize(
         self,
         parameters: Float32Array,
         seed: int | None,
-        summarizers: Mapping[str, Summarizer],
+        summarizers: Mapping[str, Summarizer] | None,
         first: int = 0,
     ) -> Rollouts:
-        """Play policies in blocks, and keep summaries in place of trajectories.
+        """Play one episode of each policy, in blocks if only summaries are read.
 
-        The policies (P, n_parameters) are part of a population, from its policy `first` on.
+        Args:
+            parameters: (P, n_parameters), of a population's individuals from `first` on.
+            seed: See `evaluate`.
+            summarizers: What is read of trajectories; None: all of them.
+            first: The first individual.
+
+        Returns:
+            The episodes. One block keeps its trajectories, several have summaries alone.
         """
+        if summarizers is None:
+            return self.evaluate(parameters, seed)
         n = len(parameters)
         size = self.block_size or n
         parts = []
         for begin in range(0, n, size):
             rollouts = self.evaluate(parameters[begin : begin + size], seed)
-            end = begin + len(rollouts)
-            parts.append(rollouts.summarize(summarizers, slice(first + begin, first + end)))
+            place = first + begin
+            individuals = slice(place, place + len(rollouts))
+            summaries = {name: read(rollouts, individuals) for name, read in summarizers.items()}
+            if n > size:
+                rollouts = rollouts.without_trajectories()
+            parts.append(replace(rollouts, summaries=summaries))
         return concatenate(parts)

@@ -56,16 +56,15 @@ class SingleEnvBatch:
         self.n = len(envs)
         for monitor in (monitor for env in envs for monitor in monitors(env)):
             monitor.allow_early_resets = True  # an episode may have to stop early
-        self._seen, space = seen, seen.space
-        self._shape = space.shape
+        self._seen = seen
         # Of the space's type, whatever the env returns, as in SB3's and Gymnasium's own batches.
-        self._observations = np.zeros((self.n, *space.shape), dtype=space.dtype)
+        self._observations = np.zeros((self.n, seen.size), dtype=seen.space.dtype)
 
     def reset(self, seed: int | None) -> Array:
         """Begin n episodes, all with the same seed; the first observations, (n, O)."""
         for i, env in enumerate(self.envs):
             observation, _ = env.reset(seed=seed)
-            self._keep(i, observation)
+            self._observations[i] = self._seen.one(observation)
         return self._observations.copy()
 
     def step(self, actions: Actions, active: Mask) -> Step:
@@ -75,8 +74,8 @@ class SingleEnvBatch:
         infos, behaviors = {}, []
         for i in np.flatnonzero(active).tolist():
             observation, reward, terminated, truncated, info = self.envs[i].step(actions[i])
-            self._keep(i, observation)
-            rewards[i] = reward if isinstance(reward, float) else _as_number(reward)
+            self._observations[i] = self._seen.one(observation)
+            rewards[i] = reward
             at_end[i], ended[i] = terminated, terminated or truncated
             if ended[i]:
                 check_info(info)
@@ -84,29 +83,6 @@ class SingleEnvBatch:
             elif isinstance(info, dict) and "behavior" in info:
                 behaviors.append(info["behavior"])
         return Step(self._observations.copy(), rewards, ended, at_end, infos, behaviors)
-
-    def _keep(self, i: int, observation: Any) -> None:
-        observation = self._seen.one(observation)
-        if observation.shape != self._shape:
-            raise wrong_shape(observation.shape, self._shape)  # numpy would repeat it
-        self._observations[i] = observation
-
-
-def wrong_shape(shape: tuple[int, ...], expected: tuple[int, ...]) -> ValueError:
-    """The error of an observation that is not of its space's shape."""
-    return ValueError(
-        f"`env` must give observations of shape {expected}, as its space is, it gave one of "
-        f"shape {shape}."
-    )
-
-
-def _as_number(reward: Any) -> float:
-    try:
-        return float(reward + 0.0)  # of text `float` alone would make a number
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"`env` must give rewards that are numbers, it gave {reward!r:.60}."
-        ) from error
 
 
 class GymnasiumBatch:
@@ -133,7 +109,7 @@ class GymnasiumBatch:
         going = np.asarray(infos.get("_behavior", False)) & active & ~ended
         behaviors = [infos["behavior"][i] for i in np.flatnonzero(going).tolist()]
         if self._mode == AutoresetMode.SAME_STEP and ended.any():
-            final = _each(final_observations(infos), self.n)
+            final = _each(infos["final_obs"], self.n)
             for i in np.flatnonzero(ended).tolist():
                 observations[i] = self._seen.one(final[i])
             infos = infos.get("final_info", {})
@@ -175,16 +151,6 @@ class Sb3Batch:
 
 Batch = SingleEnvBatch | GymnasiumBatch | Sb3Batch
 """n episodes side by side."""
-
-
-def final_observations(infos: Mapping[str, Any]) -> Any:
-    """The last observations of ended episodes, in infos of a VectorEnv that reset them."""
-    if "final_obs" not in infos:
-        raise ValueError(
-            "`env` must give the last observations of episodes as `final_obs` in its infos, as "
-            "Gymnasium's VectorEnvs do that reset in the same step."
-        )
-    return infos["final_obs"]
 
 
 def check_last_observations(infos: Iterable[Mapping[str, Any]]) -> None:

@@ -73,8 +73,7 @@ class VisitedCells:
         """
         if self._grid is None or behaviors.shape[1] <= max(self._grid.dimensions):
             return
-        is_full = len(self._waiting) == BLOCK
-        if is_full or (self._waiting and self._waiting[0].shape[1] != behaviors.shape[1]):
+        if len(self._waiting) == BLOCK:
             self._look_up()
         self._waiting.append(behaviors)
 
@@ -89,7 +88,8 @@ class VisitedCells:
         self._cells.update(cells)
 
     def _look_up(self) -> None:
-        if self._grid is not None and self._waiting:
+        if self._waiting:
+            assert self._grid is not None
             rows = np.concatenate(self._waiting)
             finite = rows[np.isfinite(rows).all(axis=1)]
             self._cells.update(self._grid.cells(finite).tolist())

@@ -5,23 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.environments import (
-    EnvObject,
-    FactoryVecEnv,
-    GymnasiumView,
-    describe,
-)
+from curiosity_algos.evaluation.environments import EnvObject, describe
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs, make_evaluator
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.transparent import as_played, known_task
-from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.validation import check_choice
-
-OTHERS = (
-    "others are made by the same id or function. Pass a VecEnv of as many as shall play, such as "
-    "make_vec_env(env, n_envs=16), or give `set_env` one of other settings"
-)
-"""What to do where an evaluator plays environments that the user cannot reach."""
 
 
 def choose_evaluator(
@@ -47,18 +35,6 @@ def choose_evaluator(
             f"policy's {wanted} parameters, got {choice!r} of {own}."
         )
     return choice
-
-
-def why_unreached(choice: Evaluator | str, chosen: Evaluator, env: EnvObject) -> str:
-    """What to do where `set_attr` of `env` does not reach all that plays; "": it does."""
-    if not isinstance(choice, str):
-        may_play = not isinstance(env, FactoryVecEnv | GymnasiumView)
-        return "" if may_play else "they are those of `evaluator`"
-    if isinstance(env, GymnasiumView):
-        return "change those of the VectorEnv, which is its `vector_env`"
-    local = chosen.local or chosen
-    makes_others = isinstance(local, VectorEvaluator) and local.make_another is not None
-    return OTHERS if makes_others else ""
 
 
 def follow_env(

@@ -33,18 +33,6 @@ class Coverage:
         shares = ", ".join(f"{name} {share:.1%}" for name, share in self.shares.items())
         return f"<{type(self).__name__}: {shares or 'nothing is counted'}>"
 
-    def check(self, visited: Int64Array | None) -> None:
-        """Raise ValueError unless an evaluator's visited cells are those of the grid."""
-        if self.grid is None or visited is None or np.size(visited) == 0:
-            return
-        cells, n_cells = np.asarray(visited), math.prod(self.grid.shape)
-        is_list = cells.ndim == 1 and np.issubdtype(cells.dtype, np.integer)
-        if not is_list or cells.min() < 0 or cells.max() >= n_cells:
-            raise ValueError(
-                "`evaluator` must give as `visited` the indices of cells, whole numbers below "
-                f"{n_cells}, or None."
-            )
-
     def add(self, behaviors: Float64Array, visited: Int64Array | None = None) -> None:
         """Count episodes.
 

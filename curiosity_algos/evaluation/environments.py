@@ -33,38 +33,52 @@ MakeEnv = Callable[[], gym.Env[Any, Any]]
 """`make()`: a new environment each time."""
 
 
-class Opened:
-    """Environments and processes that are closed together, once."""
-
-    def __init__(self) -> None:
-        self.parts: list[Any] = []
-
-    def close(self) -> None:
-        """Close them all, even if one of them raises."""
-        with ExitStack() as stack:
-            while self.parts:
-                stack.callback(self.parts.pop().close)
-
-
 class FactoryVecEnv(SingleVecEnv):
-    """An environment that an id or a function made, and how to make more of its kind.
+    """An environment that an id or a function made, and others of its kind beside it.
+
+    Those are closed with it, or when nobody has it any more.
 
     Attributes:
         make: Makes another.
-        opened: What evaluators have made; the evaluator and this close it.
+        processes: Play others, and are closed with it.
     """
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
-        self.opened: weakref.WeakSet[Opened] = weakref.WeakSet()
+        self.processes: list[Any] = []
+        self._beside: list[gym.Env[Any, Any]] = []
+        weakref.finalize(self, _close_all, self._beside)
         super().__init__(env)
+
+    def side_by_side(self, n: int) -> list[gym.Env[Any, Any]]:
+        """This environment, and others until there are n.
+
+        Raises:
+            ValueError: If `make` gives an environment again.
+        """
+        while len(envs := [self.played, *self._beside]) < n:
+            env = self.make()
+            if any(env.unwrapped is other.unwrapped for other in envs):
+                raise ValueError(
+                    "`env` must be a function that makes a new environment each time, it gave one "
+                    "again."
+                )
+            self._beside.append(env)
+        return envs[:n]
 
     def close(self) -> None:
         """Close the environment, and all that was made beside it."""
         with ExitStack() as stack:
             stack.callback(super().close)
-            for own in self.opened:
-                stack.callback(own.close)
+            stack.callback(_close_all, self._beside)
+            stack.callback(_close_all, self.processes)
+
+
+def _close_all(parts: list[Any]) -> None:
+    """Close them all, even if one of them raises."""
+    with ExitStack() as stack:
+        while parts:
+            stack.callback(parts.pop().close)
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:
@@ -93,6 +107,8 @@ class GymnasiumView(SingleVecEnv):
 
     Populations play in the VectorEnv itself, `vector_env`; both are closed together.
     """
+
+    others_play = True
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
         self.vector_env = vector_env
@@ -151,24 +167,12 @@ def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
 
 def step_limit(env: EnvObject) -> int | None:
     """Most steps of an environment's episodes; None where unknown."""
-    limits = [limit for limit in _limits(env) if isinstance(limit, int | np.integer)]
-    return max(map(int, limits), default=None)
-
-
-def _limits(env: EnvObject) -> list[Any]:
-    """The limits that an environment and its single environments have."""
     # A worker process would die of a spec that cannot be pickled.
     limits = [getattr(getattr(env, "spec", None), "max_episode_steps", None)]
     # Of a TimeLimit, and of sparse environments.
     for name in ("_max_episode_steps", "horizon"):
         limits += env_attributes(env, name)
-    return limits + [limit for single in _single_envs(env) for limit in _limits(single)]
-
-
-def _single_envs(env: Any) -> list[Any]:
-    """The environments of a vector environment, if they are in this process."""
-    is_vector = isinstance(env, VectorEnv | VecEnv)
-    return list(getattr(env.unwrapped, "envs", [])) if is_vector else []
+    return max((int(n) for n in limits if isinstance(n, int | np.integer)), default=None)
 
 
 def env_attributes(env: EnvObject, name: str) -> list[Any]:
@@ -199,9 +203,13 @@ def _has_attr(env: VecEnv, name: str) -> bool:
 
 def env_attribute(env: EnvObject, name: str) -> Any:
     """The attribute of the first single env, whatever wraps it; None unless all have it."""
-    if isinstance(env, VecEnv):  # which may have a process for each
-        return env.get_attr(name, indices=0)[0] if _has_attr(env, name) else None
     return next(iter(env_attributes(env, name)), None)
+
+
+def _single_envs(env: Any) -> list[Any]:
+    """The environments of a vector environment, if they are in this process."""
+    is_vector = isinstance(env, VectorEnv | VecEnv)
+    return list(getattr(env.unwrapped, "envs", [])) if is_vector else []
 
 
 def env_id(env: Any) -> str | None:

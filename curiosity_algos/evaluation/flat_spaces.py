@@ -1,4 +1,4 @@
-"""Makes vectors of values of any space, for policies and bonuses, as `gymnasium.spaces.flatten`.
+"""Flattens values of any space to vectors for policies and bonuses, as `gymnasium.spaces.flatten`.
 
 Vectors stay as they are. Numbers keep their unit: images are not scaled.
 """
@@ -12,7 +12,6 @@ from typing import Any, TypeGuard
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import concatenate, create_empty_array
 
 from curiosity_algos.common.arrays import Array, Float32Array, Int64Array
 
@@ -20,7 +19,7 @@ ActionArray = Float32Array | Int64Array
 Space = spaces.Space[Any]
 
 ENTRIES = spaces.Box, spaces.Discrete, spaces.MultiBinary, spaces.MultiDiscrete
-"""Spaces that become numbers; a Dict or a Tuple may hold several of them."""
+"""Spaces that become numbers; a Dict or a Tuple may have several of them."""
 OF_NO_SIZE = spaces.Graph, spaces.OneOf, spaces.Sequence
 """Spaces whose values differ in size."""
 MAX_ENTRIES = 4096
@@ -42,10 +41,8 @@ def is_range(space: spaces.Box[Any]) -> bool:
 def numeric(space: Space) -> Space:
     """The space without the entries of Dicts that are no numbers, such as a text.
 
-    The space itself, if there are none.
+    Dicts are sorted by name: equal ones may come in another order.
     """
-    if not any(_is_no_number(entry) for _, entry in _leaves(space)):
-        return space
     if isinstance(space, spaces.Tuple):
         return spaces.Tuple([numeric(entry) for entry in space.spaces])
     if not isinstance(space, spaces.Dict):
@@ -55,7 +52,7 @@ def numeric(space: Space) -> Space:
 
 
 def warn_of_what_is_left_out(space: Space) -> None:
-    """Warn, once, of the entries that `numeric` leaves out of a space, if there are any."""
+    """Warn of the entries that `numeric` leaves out of a space, if there are any."""
     kept = {name for name, _ in _leaves(numeric(space))}
     left = [f"{name!r}, {entry}" for name, entry in _leaves(space) if name not in kept]
     if left:
@@ -65,6 +62,16 @@ def warn_of_what_is_left_out(space: Space) -> None:
             "or to leave it out without this warning (gymnasium.wrappers.FilterObservation).",
             stacklevel=2,
         )
+
+
+def stack(space: Space, observations: Any) -> Any:
+    """Observations of a space as vector environments stack them."""
+    if isinstance(space, spaces.Dict):
+        columns = {name: [observation[name] for observation in observations] for name in space}
+        return {name: stack(space[name], column) for name, column in columns.items()}
+    if isinstance(space, spaces.Tuple):
+        return tuple(map(stack, space.spaces, zip(*observations, strict=True)))
+    return np.array(observations, dtype=space.dtype)
 
 
 class FlatObservations:
@@ -84,14 +91,15 @@ class FlatObservations:
     """
 
     def __init__(self, space: Space) -> None:
-        own = numeric(space)
+        self._own = own = numeric(space)
         for name, entry in _leaves(own):
-            _check_entry(space, name, entry)
-        self._own = _sorted(own)
-        self.size = spaces.flatdim(self._own)
+            if not isinstance(entry, ENTRIES):
+                which = f"its entry {name!r}" if name else "it"
+                raise ValueError(_refused(space, f"{which} is a {type(entry).__name__}"))
+        self.size = spaces.flatdim(own)
         if self.size == 0:
-            raise ValueError(_refused(space, "it must have at least one entry of numbers."))
-        self._is_vector = is_vector(space)
+            raise ValueError(_refused(space, "it has no numbers"))
+        self._is_vector = is_vector(own)
 
     @cached_property
     def space(self) -> spaces.Box[Any]:
@@ -100,56 +108,30 @@ class FlatObservations:
         return flat  # type: ignore[no-any-return]
 
     def one(self, observation: Any) -> Array:
-        """The vector (O,) of one observation.
-
-        Raises:
-            ValueError: If it is not of the space.
-        """
-        if self._is_vector:
-            return np.asarray(observation)
-        try:
-            if all(_fits(entry, value) for entry, value in _entries(self._own, observation)):
-                return np.asarray(spaces.flatten(self._own, observation))
-        except (IndexError, KeyError, TypeError, ValueError):
-            pass  # what follows says more
-        raise self._wrong(observation)
-
-    def _wrong(self, observed: Any) -> ValueError:
-        return ValueError(
-            f"`env` must give observations of its space {self._own}, got {observed!r:.60}."
-        )
+        """The vector (O,) of one observation; raises ValueError if it has another shape."""
+        flat: Any = observation if self._is_vector else spaces.flatten(self._own, observation)
+        vector = np.asarray(flat)
+        if vector.shape != (self.size,):
+            raise _wrong(self._own, observation)
+        return vector
 
     def many(self, observations: Any) -> Array:
         """The vectors (n, O) of n observations of a vector environment of either API."""
-        if self._is_vector:
-            return np.array(observations)
-        try:
-            return _rows(self._own, observations)
-        except (IndexError, KeyError, TypeError, ValueError):
-            raise self._wrong(observations) from None
+        return _rows(self._own, observations)
 
     def own(self, vectors: Array) -> Any:
         """The observations of vectors (n, O), stacked as vector environments stack them."""
-        if is_vector(self._own):
+        if self._is_vector:
             return vectors
-        items = [spaces.unflatten(self._own, vector) for vector in vectors]
-        empty: Any = create_empty_array(self._own, n=len(items))
-        return concatenate(self._own, items, empty)
+        return stack(self._own, [spaces.unflatten(self._own, vector) for vector in vectors])
 
     def is_batch(self, observation: Any) -> bool:
-        """Whether there are several observations, and not one; ValueError if there are neither."""
-        try:
-            entry, value = next(_entries(self._own, observation))
-        except (KeyError, TypeError, IndexError) as error:
-            raise ValueError(
-                f"`observation` must be of the space {self._own}, got {observation!r:.60}."
-            ) from error
-        # It brings PyTorch with it, which workers that play a maze do without.
-        from stable_baselines3.common.utils import is_vectorized_observation
-
-        if isinstance(entry, spaces.MultiDiscrete | spaces.MultiBinary):
-            return np.ndim(value) > len(entry.shape)  # of which SB3 knows one dimension alone
-        return is_vectorized_observation(np.asarray(value), entry)
+        """Whether there are several observations, and not one."""
+        space, value = self._own, observation
+        while isinstance(space, spaces.Dict | spaces.Tuple):
+            name, space = _entries(space)[0]
+            value = value[name]
+        return np.ndim(value) > len(space.shape or ())
 
     def columns(self, name: str) -> slice:
         """Where in the vectors an entry of a Dict is."""
@@ -170,6 +152,7 @@ class FlatActions:
 
     Attributes:
         space: The space of what a bonus sees: Discrete, or a Box (A,).
+        has_scores: Whether outputs are scores of choices, and not the numbers of a Box.
 
     Raises:
         ValueError: If the space is another, or empty.
@@ -184,19 +167,15 @@ class FlatActions:
                 "MultiBinary or a Box, of at least one entry."
             )
         self._own = space
-        flat: Any
+        self.has_scores = not isinstance(space, spaces.Box)
+        flat: Any = space
         if isinstance(space, spaces.Discrete):
-            self._is_plain = space.start == 0
-            flat = space if self._is_plain else spaces.Discrete(int(space.n))
-        else:
-            self._is_plain = is_vector(space) and space.dtype == np.float32
-            flat = space if is_vector(space) else spaces.flatten_space(space)
+            flat = space if space.start == 0 else spaces.Discrete(int(space.n))
+        elif not is_vector(space):
+            flat = spaces.flatten_space(space)
+        is_number = isinstance(space, spaces.Discrete) or space.dtype == np.float32
+        self._is_same = flat is space and is_number
         self.space = flat
-
-    @property
-    def has_scores(self) -> bool:
-        """Whether outputs are scores of choices, and not the numbers of a Box."""
-        return not isinstance(self._own, spaces.Box)
 
     def choose(self, outputs: Float32Array) -> ActionArray:
         """Actions for a bonus, (n, A) float32 or (n,) int64, of outputs (n, n_outputs).
@@ -217,7 +196,7 @@ class FlatActions:
 
     def taken(self, actions: ActionArray) -> Array:
         """Actions (n, ...) for the environment, of actions for a bonus."""
-        if self._is_plain:
+        if self._is_same:
             return actions
         taken: Array
         if isinstance(self._own, spaces.Discrete):
@@ -233,12 +212,10 @@ class FlatActions:
         if isinstance(self._own, spaces.Discrete):
             indices: Int64Array = np.asarray(actions, dtype=np.int64) - self._own.start
             return indices
-        if self._is_plain:
-            return np.array(actions, dtype=np.float32)
-        return np.array([spaces.flatten(self._own, action) for action in actions], np.float32)
+        return np.ascontiguousarray(_rows(self._own, actions), np.float32)
 
 
-def _named_entries(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str | int, Space]]:
+def _entries(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str | int, Space]]:
     """The entries of a Dict or Tuple by their keys."""
     if isinstance(space, spaces.Dict):
         return list(space.spaces.items())
@@ -250,7 +227,7 @@ def _leaves(space: Space, name: str = "") -> Iterator[tuple[str, Space]]:
     if not isinstance(space, spaces.Dict | spaces.Tuple):
         yield name, space
         return
-    for key, entry in _named_entries(space):
+    for key, entry in _entries(space):
         yield from _leaves(entry, f"{name}.{key}" if name else str(key))
 
 
@@ -258,65 +235,34 @@ def _is_no_number(space: Space) -> bool:
     return not isinstance(space, (*ENTRIES, *OF_NO_SIZE, spaces.Dict, spaces.Tuple))
 
 
-def _sorted(space: Space) -> Space:
-    """The space, its Dicts sorted by name: equal ones may come in another order."""
-    if isinstance(space, spaces.Dict):  # Gymnasium sorts a plain dictionary
-        return spaces.Dict({name: _sorted(entry) for name, entry in space.spaces.items()})
-    if isinstance(space, spaces.Tuple):
-        return spaces.Tuple([_sorted(entry) for entry in space.spaces])
-    return space
-
-
-def _entries(space: Space, observation: Any) -> Iterator[tuple[Space, Any]]:
-    """The spaces of the entries that hold no others, and the observation's value in each."""
-    if not isinstance(space, spaces.Dict | spaces.Tuple):
-        yield space, observation
-        return
-    for name, entry in _named_entries(space):
-        yield from _entries(entry, observation[name])
-
-
-def _fits(entry: Space, value: Any) -> bool:
-    """Whether a value is of a space, but that it may exceed the bounds of a Box."""
-    if isinstance(entry, spaces.Discrete | spaces.MultiDiscrete):
-        return bool(entry.contains(value))
-    return bool(np.shape(value) == entry.shape)
-
-
 def _rows(space: Space, values: Any) -> Array:
     """What Gymnasium's `flatten` makes of each of n observations, (n, O)."""
     if isinstance(space, spaces.Dict | spaces.Tuple):
-        entries = [_rows(entry, values[name]) for name, entry in _named_entries(space)]
-        return np.concatenate(entries, axis=1)
+        return np.concatenate([_rows(entry, values[name]) for name, entry in _entries(space)], 1)
     values = np.asarray(values)
-    n, size = len(values), spaces.flatdim(space)
+    n = len(values)
     if values.shape[1:] != space.shape:
-        raise ValueError
+        raise _wrong(space, values)
     if isinstance(space, spaces.Box | spaces.MultiBinary):
-        numbers: Array = values.astype(space.dtype).reshape(n, size)
+        numbers: Array = values.astype(space.dtype).reshape(n, -1)
         return numbers
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     n_choices = np.ravel(space.n if isinstance(space, spaces.Discrete) else space.nvec)
     chosen = values.reshape(n, len(n_choices)) - np.ravel(space.start)
     if (chosen < 0).any() or (chosen >= n_choices).any():
-        raise ValueError
-    rows = np.zeros((n, size), dtype=space.dtype)
+        raise _wrong(space, values)
+    rows = np.zeros((n, n_choices.sum()), dtype=space.dtype)
     rows[np.arange(n)[:, None], chosen + np.cumsum(n_choices) - n_choices] = 1
     return rows
 
 
-def _check_entry(space: Space, name: str, entry: Space) -> None:
-    if isinstance(entry, ENTRIES):
-        return
-    if entry is space:
-        known = (
-            "it must be Box, Discrete, MultiBinary or MultiDiscrete, or a Dict or Tuple of such."
-        )
-        raise ValueError(_refused(space, known))
-    how = "leave it out with gymnasium.wrappers.FilterObservation"
-    kind = type(entry).__name__
-    raise ValueError(_refused(space, f"its entry {name!r} is a {kind}, no vector: {how}."))
+def _wrong(space: Space, value: Any) -> ValueError:
+    return ValueError(f"`env` must give, and take, values of its space {space}, got {value!r:.60}.")
 
 
 def _refused(space: Space, why: str) -> str:
-    return f"The observation space {space} is not supported: {why}"
+    return (
+        f"The observation space {space} is not supported: {why}. It must be Box, Discrete, "
+        "MultiBinary or MultiDiscrete, or a Dict or Tuple of such (leave other entries out with "
+        "gymnasium.wrappers.FilterObservation)."
+    )

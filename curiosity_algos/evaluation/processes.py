@@ -37,37 +37,29 @@ class Processes:
             ) from error
         self._n = n
         self._pool: Any = None
-        self._owner = os.getpid()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the processes: a copy would take their pipes, and starts its own."""
-        return {name: each for name, each in vars(self).items() if name != "_end"} | {"_pool": None}
 
     def play(self, parameters: Float32Array, seed: int) -> Rollouts:
         """One episode of each policy (P, n_parameters); raises what the environment raised."""
         from loky.process_executor import BrokenProcessPool
 
         try:
-            return concatenate([each.result() for each in self._submit(parameters, seed)])
+            return concatenate([shard.result() for shard in self._submit(parameters, seed)])
         except BrokenProcessPool as error:
-            self._shut_down(kill_workers=True)
+            self.close(kill_workers=True)
             raise RuntimeError(f"`env` has ended a process that played it ({error}).") from error
         except BaseException:  # of the environment, or Ctrl-C: the others would go on
-            self._shut_down(kill_workers=True)
+            self.close(kill_workers=True)
             raise
 
-    def close(self) -> None:
+    def close(self, *, kill_workers: bool = False) -> None:
         """Let the processes close what they play, and end; new episodes would start new ones."""
-        self._shut_down(kill_workers=False)
-
-    def _shut_down(self, *, kill_workers: bool) -> None:
         if self._pool is not None:
             self._end.detach()
             self._pool.shutdown(kill_workers=kill_workers)
             self._pool = None
 
     def _submit(self, parameters: Float32Array, seed: int) -> list[Future[Rollouts]]:
-        if self._pool is None or os.getpid() != self._owner:  # a fork has none of its threads
+        if self._pool is None:
             self._start()
         size = math.ceil(len(parameters) / (SHARDS_PER_PROCESS * self._n))
         shards = [parameters[i : i + size] for i in range(0, len(parameters), size)]
@@ -76,9 +68,8 @@ class Processes:
     def _start(self) -> None:
         from loky import ProcessPoolExecutor  # not before it is asked for: a script may never do
 
-        self._owner = os.getpid()
         self._pool = ProcessPoolExecutor(
-            self._n, initializer=_begin, initargs=(self._packed, self._owner), env=SINGLE_THREADED
+            self._n, initializer=_begin, initargs=(self._packed, os.getpid()), env=SINGLE_THREADED
         )
         # Any thread may collect garbage, with any lock in its hands: it must not wait for another.
         end = self._pool.shutdown

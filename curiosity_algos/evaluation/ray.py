@@ -62,7 +62,6 @@ class RayEvaluator(Evaluator):
         gymnasium.error.DependencyNotInstalled: If Ray is not there (extra `ray`).
     """
 
-    block_size = 0  # trajectories stay where they were played
     local: Evaluator
 
     def __init__(
@@ -77,19 +76,15 @@ class RayEvaluator(Evaluator):
         timeout: float | None = None,
         address: str | None = None,
     ) -> None:
-        for name, value in {"n_workers": n_workers, "shard_size": shard_size}.items():
-            if value is not None:
-                check_at_least_one(**{name: value})
+        counts = {"n_workers": n_workers, "shard_size": shard_size}
+        check_at_least_one(**{name: n for name, n in counts.items() if n is not None})
         check_positive(num_cpus=num_cpus, **({} if timeout is None else {"timeout": timeout}))
         self._needs: dict[str, Any] = {"num_cpus": num_cpus, "resources": dict(resources or {})}
         self._task()  # raises what Ray says of them
         opened = open_env(env)
-        if isinstance(opened, Evaluator):
-            self.local = opened
-            self._packed = _pickled(env, "env")
-        else:
-            self.local = make_evaluator(opened, policy_kwargs, max(1, int(num_cpus)))
-            self._packed = _packed(self.local)
+        is_own = isinstance(opened, Evaluator)
+        self.local = opened if is_own else make_evaluator(opened, policy_kwargs, int(num_cpus) or 1)
+        self._packed = _pickled(env if is_own else _maker(self.local), "env")
         self.n_parameters = self.local.n_parameters
         self.n_workers = n_workers
         self.num_cpus = num_cpus
@@ -106,19 +101,19 @@ class RayEvaluator(Evaluator):
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), with its trajectory."""
-        return self.evaluate_and_summarize(parameters, seed, None)
+        return self.play(parameters, seed, None)
 
-    def evaluate_and_summarize(
+    def play(
         self,
         parameters: Float32Array,
         seed: int | None,
         summarizers: Mapping[str, Summarizer] | None,
         first: int = 0,
     ) -> Rollouts:
-        """One episode of each policy (P, n_parameters), and what is read of its trajectory.
+        """One episode of each policy; with `summarizers` trajectories stay where they are played.
 
-        Without `summarizers` trajectories are returned whole. Raises RuntimeError if Ray gives up,
-        or nothing has ended for the seconds of `timeout`.
+        Raises:
+            RuntimeError: If Ray gives up, or nothing has ended for the seconds of `timeout`.
         """
         parameters = check_parameters(parameters, self.n_parameters)
         pickled = None if summarizers is None else _pickled(summarizers, "bonus")
@@ -160,24 +155,23 @@ class RayEvaluator(Evaluator):
         """Rollouts of all shards, in whatever order they come."""
         task, workers = self._task(), set()
         parts: dict[int, Rollouts] = {}
-        waiting, at_once = deque(shards), self.n_workers or len(shards)
+        at_once, waiting = self.n_workers or len(shards), deque(shards)
         running: dict[Any, slice] = {}
         try:
             while waiting or running:
                 while waiting and len(running) < at_once:
-                    shard = waiting.popleft()
-                    running[task.remote(generation, shard)] = shard
-                ended = self._next_ended(running)
+                    running[task.remote(generation, waiting[0])] = waiting.popleft()
+                ended = self._next_ended(list(running))
                 worker, parts[running.pop(ended).start] = _result(ended)
                 workers.add(worker)
         finally:
-            for each in running:  # after an error, or Ctrl-C
-                ray.cancel(each)
+            for shard in running:  # after an error, or Ctrl-C
+                ray.cancel(shard)
         self.n_live = len(workers)
         return concatenate([parts[begin] for begin in sorted(parts)])
 
-    def _next_ended(self, running: Mapping[Any, slice]) -> Any:
-        ended, _ = ray.wait(list(running), timeout=self.timeout)
+    def _next_ended(self, running: list[Any]) -> Any:
+        ended, _ = ray.wait(running, timeout=self.timeout)
         if not ended:
             raise RuntimeError(
                 f"Ray has ended no shard of a generation for {self.timeout:g} seconds: machines "
@@ -195,13 +189,13 @@ def _result(ended: Any) -> tuple[str, Rollouts]:
     return result
 
 
-def _packed(evaluator: Evaluator) -> bytes:
-    """A pickled function that makes a worker's evaluator: one anew, or a copy."""
-    if isinstance(evaluator, VectorEvaluator):
-        if evaluator.make_another is None:
-            raise ValueError(f"{_UNSENT['env']} (one environment cannot be two).")
-        return _pickled(evaluator.make_another, "env")
-    return _pickled(lambda: evaluator, "env")  # a description, such as that of a maze
+def _maker(evaluator: Evaluator) -> MakeEvaluator:
+    """A function that makes a worker's evaluator: one anew, or a copy."""
+    if not isinstance(evaluator, VectorEvaluator):
+        return lambda: evaluator  # a description, such as that of a maze
+    if evaluator.make_another is None:
+        raise ValueError(f"{_UNSENT['env']} (one environment cannot be two).")
+    return evaluator.make_another
 
 
 _UNSENT = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import platform
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -38,16 +38,11 @@ def play_shard(generation: Generation, shard: slice) -> tuple[str, Rollouts]:
     """
     evaluator = _evaluator(generation.make_evaluator)
     parameters = np.array(generation.parameters[shard])
-    return f"{platform.node()} {os.getpid()}", _play(evaluator, generation, parameters, shard.start)
-
-
-def _play(
-    evaluator: Evaluator, generation: Generation, parameters: Float32Array, first: int
-) -> Rollouts:
-    if generation.summarizers is None:
-        return evaluator.evaluate(parameters, generation.seed)
-    summarizers = pickle.loads(generation.summarizers)
-    return evaluator.evaluate_and_summarize(parameters, generation.seed, summarizers, first)
+    summarizers = None if generation.summarizers is None else pickle.loads(generation.summarizers)
+    rollouts = evaluator.play(parameters, generation.seed, summarizers, shard.start)
+    if summarizers is not None:
+        rollouts = replace(rollouts, observations=None, actions=None)
+    return f"{platform.node()} {os.getpid()}", rollouts
 
 
 @lru_cache(N_KEPT)

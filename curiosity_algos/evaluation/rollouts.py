@@ -52,11 +52,9 @@ def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
     except (TypeError, ValueError):  # text, or shapes that differ
         array = np.empty(0)
     if array.ndim != 2:
-        shapes = [_shape(behavior) for behavior in behaviors]
-        is_odd = [shape is None or len(shape) != 1 or shape != shapes[0] for shape in shapes]
         raise ValueError(
             '`env` must end every episode with an info["behavior"] of numbers, of the same shape '
-            f"(B,), or none, got {behaviors[is_odd.index(True)]!r:.60}."
+            f"(B,), or none, got {list(behaviors)!r:.60}."
         )
     return array
 
@@ -76,14 +74,6 @@ def check_finite(behaviors: Float64Array) -> None:
     """Raise ValueError unless the behaviors at the ends of episodes are finite."""
     if not np.isfinite(behaviors).all():
         raise ValueError("`env` must give finite behaviors, an episode's was not.")
-
-
-def _shape(behavior: Any) -> tuple[int, ...] | None:
-    """The shape of numbers; None if it has none."""
-    try:
-        return np.asarray(behavior, dtype=np.float64).shape
-    except (TypeError, ValueError):  # text, or rows of unequal length
-        return None
 
 
 @dataclass(frozen=True, repr=False)
@@ -152,19 +142,10 @@ class Rollouts:
         return self.observations, self.actions
 
     def summary(self, name: str, make_summarizers: MakeSummarizers) -> Summary:
-        """The summary of a name, made now if it was not made where the trajectories were played.
-
-        Raises:
-            ValueError: If there is neither such a summary nor trajectories.
-        """
+        """The summary of a name, made now if it was not made where the trajectories were played."""
         if name in self.summaries:
             return self.summaries[name]
         return make_summarizers(len(self))[name](self, slice(0, len(self)))
-
-    def summarize(self, summarizers: Mapping[str, Summarizer], individuals: slice) -> Rollouts:
-        """The same rollouts, of some individuals, with summaries instead of trajectories."""
-        summaries = {name: read(self, individuals) for name, read in summarizers.items()}
-        return replace(self.without_trajectories(), summaries=summaries)
 
     def without_trajectories(self) -> Rollouts:
         """The same rollouts without observations, actions and summaries."""
@@ -172,20 +153,19 @@ class Rollouts:
 
     def infos(self, seconds: float) -> list[dict[str, Any]]:
         """The info of the last step of each episode, as a Monitor gives it at that time."""
-        infos = [
+        rows = zip(
+            *(self.returns, self.lengths, self.success, self.final_observations, self.behaviors),
+            strict=True,
+        )
+        return [
             {
                 "episode": {"r": round(float(gained), 6), "l": int(n), "t": round(seconds, 6)},
                 "is_success": bool(success),
                 "terminal_observation": final,
+                **({"behavior": behavior} if len(behavior) else {}),
             }
-            for gained, n, success, final in zip(
-                self.returns, self.lengths, self.success, self.final_observations, strict=True
-            )
+            for gained, n, success, final, behavior in rows
         ]
-        if self.behaviors.shape[1]:
-            for info, behavior in zip(infos, self.behaviors, strict=True):
-                info["behavior"] = behavior
-        return infos
 
     @property
     def timesteps(self) -> int:
@@ -205,11 +185,8 @@ def concatenate(parts: Sequence[Rollouts]) -> Rollouts:
     longest = max(part.lengths.max() for part in parts)
     visited = [part.visited for part in parts if part.visited is not None]
     names = ("returns", "lengths", "success", "terminated", "final_observations")
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in names
-    }
     return Rollouts(
-        **joined,
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
         behaviors=as_behaviors([behavior for part in parts for behavior in part.behaviors]),
         observations=_join_trajectories([part.observations for part in parts], longest + 1),
         actions=_join_trajectories([part.actions for part in parts], longest),

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.base import Evaluator
+from curiosity_algos.evaluation.base import Evaluator, KnownTask
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.mlp import Mlp, forward_each, scratch
 from curiosity_algos.evaluation.rollouts import (
@@ -19,7 +19,6 @@ from curiosity_algos.evaluation.rollouts import (
     concatenate,
     sparse_returns,
 )
-from curiosity_algos.evaluation.tasks import KnownTask
 
 MAX_SIMULATIONS = 256
 """Throughput is flat from 56 on, and a simulation takes half a megabyte."""

@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
@@ -15,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 from curiosity_algos.evaluation.flat_spaces import (
     FlatObservations,
     numeric,
+    stack,
     warn_of_what_is_left_out,
 )
 
@@ -29,13 +29,13 @@ class SingleVecEnv(DummyVecEnv):
 
     Attributes:
         played: The environment without the Monitor that this class adds.
-        unreached: What to do instead of `set_attr`, where other environments play; "": none do.
+        others_play: Whether environments play that `set_attr` and `env_method` do not reach.
 
     Raises:
         ValueError: If its observations cannot become vectors, see `FlatObservations`.
     """
 
-    unreached = ""
+    others_play = False
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         self.played = env
@@ -53,39 +53,29 @@ class SingleVecEnv(DummyVecEnv):
         """Set an attribute where the environment or its wrappers have it.
 
         Raises:
-            AttributeError: If they have none of that name.
             ValueError: If other environments play.
         """
-        self._check_plays("set_attr")
+        self._check_plays_alone("set_attr")
         for env in self._get_target_envs(indices):
-            if not env.has_wrapper_attr(attr_name):
-                raise AttributeError(f"`env` has no attribute {attr_name!r} to set.")
             env.set_wrapper_attr(attr_name, value)
 
     def env_method(
         self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
     ) -> list[Any]:
         """Call a method of the environment; raises ValueError if other environments play."""
-        self._check_plays("env_method")
+        self._check_plays_alone("env_method")
         return super().env_method(method_name, *args, indices=indices, **kwargs)
 
-    def _check_plays(self, method: str) -> None:
-        if self.unreached:
+    def _check_plays_alone(self, method: str) -> None:
+        if self.others_play:
             raise ValueError(
-                f"`{method}` does not reach all environments that play: {self.unreached}."
+                f"`{method}` does not reach all environments that play: pass a VecEnv of as many "
+                "as shall play, such as make_vec_env(env, n_envs=16), or change those of a "
+                "VectorEnv itself."
             )
 
     def _save_obs(self, env_idx: int, obs: Any) -> None:
-        self._stacked = _as_batch(self.observation_space, obs)
+        self._stacked = stack(self.observation_space, [obs])
 
     def _obs_from_buf(self) -> Any:
         return self._stacked
-
-
-def _as_batch(space: spaces.Space[Any], observation: Any) -> Any:
-    """One observation as vector environments give one of each environment."""
-    if isinstance(space, spaces.Dict):
-        return {key: _as_batch(entry, observation[key]) for key, entry in space.items()}
-    if isinstance(space, spaces.Tuple):
-        return tuple(map(_as_batch, space.spaces, observation))
-    return np.array([observation], dtype=space.dtype)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 import gymnasium as gym
@@ -12,9 +11,9 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
+from curiosity_algos.evaluation.base import KnownTask
 from curiosity_algos.evaluation.environments import env_attributes, monitors
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
-from curiosity_algos.evaluation.tasks import KnownTask
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.vector_env import ControlVectorEnv
@@ -86,38 +85,25 @@ def check_constant(env: Any) -> None:
         )
 
 
-def warn_of_empty_files(env: Any, *, is_compiled: bool) -> None:
-    """Warn if a user's Monitor or VecMonitor has a file, and is not stepped."""
-    if any(recorder.results_writer is not None for recorder in _bypassed(env, is_compiled)):
-        warnings.warn(
-            "`env` is in a Monitor or VecMonitor with a file that gets no rows: policies are "
-            "played below it. Record the run with SaveRun instead, or read the `infos` of a "
-            "callback.",
-            stacklevel=2,
-        )
+def warn_of_empty_files(env: Any) -> None:
+    """Warn if a Monitor of an environment that plays without a step has a file."""
+    for one in [env] if isinstance(env, gym.Env) else getattr(env, "envs", []):
+        if any(monitor.results_writer is not None for monitor in monitors(one)):
+            warnings.warn(
+                "`env` is in a Monitor with a file that gets no rows: policies are played below "
+                "it. Record the run with SaveRun instead, or read the `infos` of a callback.",
+                stacklevel=2,
+            )
+            return
 
 
-def _bypassed(env: Any, is_compiled: bool) -> Iterator[VecMonitor | Monitor]:
-    """The Monitors and VecMonitors that an evaluator does not step."""
-    while isinstance(env, VecMonitor):
-        yield env
-        env = env.venv
-    envs = [env] if isinstance(env, gym.Env) else getattr(env, "envs", [])
-    for one in envs if is_compiled else []:
-        yield from monitors(one)
-
-
-def bare(env: Any) -> Any:
-    """The env within wrappers that change nothing, or the first wrapper that changes something."""
-    return list(_layers(env))[-1]
-
-
-def _layers(env: Any) -> Iterator[Any]:
-    """The outer wrappers that change nothing, and then what `bare` finds in them."""
-    yield env
+def layers(env: Any) -> list[Any]:
+    """The outer wrappers that change nothing, and then the first env or wrapper that does."""
+    found = [env]
     while isinstance(env, gym.Wrapper) and type(env) in _TRANSPARENT:
         env = env.env
-        yield env
+        found.append(env)
+    return found
 
 
 def known_task(env: Any) -> KnownTask | None:
@@ -126,18 +112,16 @@ def known_task(env: Any) -> KnownTask | None:
     Subclasses, and an assignment such as `env.reset_model = mine`, may change steps and rewards.
 
     Raises:
-        ValueError: If a wrapper has an attribute that the task alone reads, or the horizon is no
-            whole number.
+        ValueError: If the horizon is no whole number.
     """
-    *around, inner = _layers(env)
+    inner = layers(env)[-1]
     make_task = task_class(inner)
-    names = {name for layer in (*around, inner) for name in vars(layer)}
+    names = {name for layer in layers(env) for name in vars(layer)}
     is_changed = any(callable(getattr(type(inner), name, None)) for name in names)
     is_changed |= env.observation_space is not inner.observation_space
     is_changed |= env.action_space is not inner.action_space
     if is_changed or (make_task is None and type(inner) not in SIMULATIONS):
         return None
-    _check_reached(around, inner)
     if type(inner) in SIMULATIONS:
         check_at_least_one(horizon=inner.horizon)  # which may be set
         is_maze = SIMULATIONS[type(inner)] is None
@@ -154,24 +138,12 @@ def known_task(env: Any) -> KnownTask | None:
     return KnownTask(make_task(inner, behavior=None), LocomotionSimulation, None, None, limit)
 
 
-def _check_reached(around: list[Any], inner: Any) -> None:
-    """Raise ValueError if a wrapper has an attribute of the env within: nothing reads it there."""
-    for wrapper in around:
-        for name in vars(wrapper):
-            if name in vars(inner) or hasattr(type(inner), name):
-                kind, own = type(wrapper).__name__, type(inner).__name__
-                raise ValueError(
-                    f"`{name}` was set of the {kind} around {own}, which does not read it there: "
-                    f"make a new environment, and set `env.unwrapped.{name}`."
-                )
-
-
 def max_steps(env: Any) -> int:
     """Steps after which an episode of a maze or task ends: its horizon, or a lower limit.
 
     A limit does not change the reward, which knows the horizon alone.
     """
-    inner = bare(env)
+    inner = layers(env)[-1]
     own = getattr(inner, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
     limits: list[int | None] = [inner.horizon, time_limit(env), own]
     return min(limit for limit in limits if limit is not None)

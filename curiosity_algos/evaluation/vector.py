@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import weakref
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,7 +19,6 @@ from curiosity_algos.evaluation.batches import (
     GymnasiumBatch,
     Sb3Batch,
     SingleEnvBatch,
-    wrong_shape,
 )
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.coverage import coverage_grid, goal_space
@@ -28,9 +26,7 @@ from curiosity_algos.evaluation.environments import (
     EnvObject,
     FactoryVecEnv,
     MakeEnv,
-    Opened,
     describe,
-    monitors,
     step_limit,
 )
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
@@ -89,10 +85,7 @@ class VectorEvaluator(Evaluator):
         has_goal = goal_space(env) is not None
         self._achieved = self._seen.columns("achieved_goal") if has_goal else None
         self._batch = _as_batch(env, self._seen)
-        self._envs = [env] if isinstance(env, gym.Env) else []
-        self._own = Opened()
-        weakref.finalize(self, self._own.close)
-        self._hints_at_more = not self._factory and bool(self._envs) and env.render_mode is None
+        self._hints_at_more = isinstance(env, gym.Env) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # Starts depend on who plays beside whom, where a vector env has one generator.
         self.batch_size = self._batch.n
@@ -100,15 +93,17 @@ class VectorEvaluator(Evaluator):
         self.make_another: Callable[[], VectorEvaluator] | None = None
         self._processes: Processes | None = None
         if self._factory is not None:
-            self._factory.opened.add(self._own)
-            make = self._factory.make
-            if files := _files(self._factory.played):
-                self._make_envs(2)
-                _check_files(n_processes > 1 or files & _files(self._envs[1]))
-            self.make_another = partial(_evaluator_of, make, mlp, n_processes)
-            if n_processes > 1:
-                self._processes = Processes(partial(_evaluator_of, make, mlp, 1), n_processes)
-                self._own.parts.append(self._processes)
+            self._share(self._factory, n_processes)
+
+    def _share(self, factory: FactoryVecEnv, n_processes: int) -> None:
+        """Play in environments beside that of the factory."""
+        factory.others_play = True
+        self._hints_at_more = False
+        self.make_another = partial(_evaluator_of, factory.make, self.mlp, n_processes)
+        if n_processes > 1:
+            make_one = partial(_evaluator_of, factory.make, self.mlp, 1)
+            self._processes = Processes(make_one, n_processes)
+            factory.processes.append(self._processes)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed.
@@ -140,15 +135,7 @@ class VectorEvaluator(Evaluator):
             return self._batch
         # Without a seed, envs that had the same seed before would begin alike.
         n = 1 if seed is None else min(n_policies, N_ENVS)
-        self._make_envs(n)
-        return SingleEnvBatch(self._envs[:n], self._seen)
-
-    def _make_envs(self, n: int) -> None:
-        """Make envs until there are n."""
-        assert self._factory is not None
-        while len(self._envs) < n:
-            self._envs.append(_new(self._factory.make, self._envs))
-            self._own.parts.append(self._envs[-1])
+        return SingleEnvBatch(self._factory.side_by_side(n), self._seen)
 
     def _play(self, batch: Batch, parameters: Float32Array, seed: int | None) -> Rollouts:
         """Play one episode of each policy: at most as many as the batch has envs."""
@@ -156,7 +143,7 @@ class VectorEvaluator(Evaluator):
         # The last wave may be short: the other envs repeat its last policy, unrecorded.
         parameters = parameters[np.minimum(np.arange(n), n_policies - 1)]
         active = np.arange(n) < n_policies
-        observations = [self._as_inputs(batch.reset(seed))]
+        observations = [batch.reset(seed).astype(np.float32)]
         actions: list[Array] = []
         returns, lengths = np.zeros(n), np.zeros(n, dtype=np.int64)
         terminated = np.zeros(n, dtype=np.bool_)
@@ -166,7 +153,7 @@ class VectorEvaluator(Evaluator):
             self._check_length(len(actions))
             actions.append(self._acted.choose(act(self.mlp, parameters, observations[-1])))
             step = batch.step(self._acted.taken(actions[-1]), active)
-            observations.append(self._as_inputs(step.observations))
+            observations.append(step.observations.astype(np.float32))
             returns[active] += step.rewards[active]
             lengths += active
             terminated |= active & step.terminated
@@ -194,12 +181,6 @@ class VectorEvaluator(Evaluator):
             visited=None if self._grid is None else visited.indices(),
         )
 
-    def _as_inputs(self, observations: Array) -> Float32Array:
-        """Observations (n, O) as the policies take them."""
-        if observations.shape[1:] != (self.mlp.sizes[0],):
-            raise wrong_shape(observations.shape[1:], (int(self.mlp.sizes[0]),))
-        return observations.astype(np.float32)
-
     def _check_length(self, n_steps: int) -> None:
         if n_steps == self._max_steps:
             raise ValueError(
@@ -212,30 +193,6 @@ class VectorEvaluator(Evaluator):
 def most_steps(env: EnvObject) -> int:
     """Steps after which an environment's episode counts as endless."""
     return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
-
-
-def _new(make: MakeEnv, others: list[gym.Env[Any, Any]]) -> gym.Env[Any, Any]:
-    env = make()
-    if any(env.unwrapped is other.unwrapped for other in others):
-        raise ValueError(
-            "`env` must be a function that makes a new environment each time, it gave one again."
-        )
-    return env
-
-
-def _check_files(are_shared: Any) -> None:
-    if are_shared:
-        raise ValueError(
-            "`env` must make no Monitors that write one file, as several environments are made: "
-            "give each its own file and leave `n_threads` None, pass one environment, or record "
-            "the run with SaveRun."
-        )
-
-
-def _files(env: gym.Env[Any, Any]) -> set[str]:
-    """The files that Monitors around an env write."""
-    writers = [monitor.results_writer for monitor in monitors(env)]
-    return {writer.file_handler.name for writer in writers if writer is not None}
 
 
 def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:

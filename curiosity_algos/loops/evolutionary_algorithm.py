@@ -28,12 +28,11 @@ from curiosity_algos.evaluation.arguments import (
     check_common,
     check_keywords_known,
     check_learning,
-    check_no_options,
     check_order,
     use_python_numbers,
 )
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.choice import choose_evaluator, follow_env, why_unreached
+from curiosity_algos.evaluation.choice import choose_evaluator, follow_env
 from curiosity_algos.evaluation.coverage import behavior_space
 from curiosity_algos.evaluation.environments import GymnasiumView, describe, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv, check_policy_kwargs
@@ -209,15 +208,9 @@ class EvolutionaryAlgorithm(PopulationModel):
         self.evaluator = None
         if self.env is not None:
             choice = self._evaluator_choice
-            chosen = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
-            self._take_evaluator(choice, chosen)
+            self.evaluator = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
         self._show_best()
         self._settled = self._settings_of_parts()
-
-    def _take_evaluator(self, choice: Evaluator | str, chosen: Evaluator) -> None:
-        self._evaluator_choice, self.evaluator = choice, chosen
-        if isinstance(self.env, SingleVecEnv):
-            self.env.unreached = why_unreached(choice, chosen, self.env)
 
     def set_env(
         self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None
@@ -246,12 +239,10 @@ class EvolutionaryAlgorithm(PopulationModel):
         if evaluator is None and not isinstance(choice, str) and self._counts_others(wrapped):
             raise ValueError('`evaluator` must be given, or "auto", as `env` is another one.')
         chosen = choose_evaluator(choice, wrapped, self.policy_kwargs, self.n_threads)
-        if isinstance(self.env, SingleVecEnv):
-            self.env.unreached = ""  # of what played beside it nothing does any more
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
         self._match_env(wrapped)
-        self._take_evaluator(choice, chosen)
+        self._evaluator_choice, self.evaluator = choice, chosen
 
     def _match_env(self, env: VecEnv) -> None:
         self._check_behaviors(behavior_space(env))
@@ -308,11 +299,10 @@ class EvolutionaryAlgorithm(PopulationModel):
 
         Raises:
             ValueError: If the budget is negative or not finite, `log_interval` is below 1,
-                `callback` is none, no env is set, or `set_options` was called of it.
+                or no env is set.
             RuntimeError: If a model learns in another thread.
         """
-        check_learning(self.env, total_timesteps, log_interval, callback)
-        check_no_options(self.env)
+        check_learning(self.env, total_timesteps, log_interval)
         name = tb_log_name or type(self).__name__
         with sole_learner():
             self._warn_of_loss()
@@ -367,7 +357,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._check_settings()
         choice = self._evaluator_choice
         settings = self.env, self.policy_kwargs, self.n_threads
-        self._take_evaluator(choice, follow_env(self.evaluator, choice, *settings))
+        self.evaluator = follow_env(self.evaluator, choice, *settings)
         self._put_in_force()
         parameters = self._ask()
         summarizers = self._summarizers(len(parameters))
@@ -380,7 +370,6 @@ class EvolutionaryAlgorithm(PopulationModel):
                 f"{len(rollouts)}."
             )
         rollouts.check(self._behavior_space)
-        self._coverage.check(rollouts.visited)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
         seconds = self._seconds()

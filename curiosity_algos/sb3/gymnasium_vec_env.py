@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.evaluation.batches import final_observations, has_generators, info_rows
+from curiosity_algos.evaluation.batches import has_generators, info_rows
 from curiosity_algos.evaluation.environments import env_attributes
 
 
@@ -100,7 +100,7 @@ class GymnasiumVecEnv(VecEnv):
             if "episode" in begun:  # Gymnasium's own record tells of the one that ended
                 rows[i].setdefault("episode", begun.pop("episode"))
             self.reset_infos[i] = begun
-            rows[i]["terminal_observation"] = final_observations(infos)[i]
+            rows[i]["terminal_observation"] = infos["final_obs"][i]
         for row, was_cut in zip(rows, (truncated & ~terminated).tolist(), strict=True):
             row["TimeLimit.truncated"] = was_cut
         return deepcopy(observations), np.asarray(rewards, dtype=np.float32), ended, rows

@@ -74,7 +74,7 @@ def test_large_boxes_stay_what_bonuses_refuse():
 
 def test_large_entries_are_seen_alone():
     space = spaces.Dict(image=spaces.Box(0, 255, (84, 84, 3), np.uint8), place=PLACE)
-    with pytest.raises(ValueError, match=r"`observation_key` must name an entry .* are 21172"):
+    with pytest.raises(ValueError, match=r"at most 4096 .* becomes 21172: let `observation_key`"):
         View(space)
     assert View(space, "image").space == space["image"]
     assert View(spaces.Discrete(5000)).space.shape == (5000,)

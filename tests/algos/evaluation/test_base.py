@@ -6,7 +6,6 @@ import pytest
 
 from curiosity_algos import AURORA, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.motivations.base import Motivation
 from curiosity_gym import MazeLayout
 
 LAYOUT = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
@@ -57,10 +56,9 @@ def test_more_than_a_block_are_cut(n, sizes):
         np.testing.assert_array_equal(getattr(rollouts, name), getattr(whole, name))
 
 
-@pytest.mark.parametrize(("block_size", "summarizers"), [(4, None), (None, {})])
-def test_some_are_given_whole(block_size, summarizers):
-    evaluator = Counting(block_size)
-    rollouts = evaluator.play(make_population(evaluator, 9), 0, summarizers)
+def test_whole_trajectories_are_played_in_one_block():
+    evaluator = Counting(block_size=4)
+    rollouts = evaluator.play(make_population(evaluator, 9), 0, None)
     assert evaluator.sizes == [9]
     assert rollouts.trajectories[0].shape[:2] == (9, 13)
 
@@ -89,17 +87,6 @@ def test_they_change_no_bit_of_a_search(algorithm, make_model, make_easy_maze, a
     assert_same_run(whole, cut)
 
 
-def test_nor_do_they_where_whole_trajectories_are_scored(
-    make_model, make_easy_maze, assert_same_run
-):
-    settings = {"bonus": "icm", "n_states": None}
-    whole, cut = (make_model(CuriosityES, make_easy_maze(), **settings) for _ in range(2))
-    cut.evaluator.block_size = 4
-    for model in (whole, cut):
-        model.learn(1500)
-    assert_same_run(whole, cut)
-
-
 @pytest.mark.parametrize("algorithm", [CuriosityES, AURORA])
 def test_callbacks_see_trajectories_of_one_block_alone(algorithm, make_model, make_easy_maze):
     seen = []
@@ -113,26 +100,3 @@ def test_callbacks_see_trajectories_of_one_block_alone(algorithm, make_model, ma
     # The first generation of AURORA's trajectories tells how long they are.
     model.learn(1, callback=look)
     assert seen == [True, False]
-
-
-def test_a_motivation_that_reads_nothing_gets_whole_trajectories(make_model, make_easy_maze):
-    model = make_model(CuriosityES, make_easy_maze())
-    model.evaluator.block_size = 4
-    model._motivation = WholeMotivation(model._motivation)
-    model.learn(1)
-    assert model._motivation.sizes == [6]
-
-
-class WholeMotivation(Motivation):
-    """A motivation with nothing but what the protocol asks for."""
-
-    def __init__(self, motivation):
-        self._motivation = motivation
-        self.sizes = []
-
-    def score(self, rollouts):
-        self.sizes.append(len(rollouts.trajectories[0]))
-        return self._motivation.score(rollouts)
-
-    def update(self, rollouts):
-        return self._motivation.update(rollouts)

@@ -45,7 +45,7 @@ def test_compiled_functions_leave_no_array(value):
 
 def test_cells_count_once_in_whatever_order():
     one, other = VisitedCells(GRID), VisitedCells(GRID)
-    rows = np.random.default_rng(0).uniform([0, 0, -1], [10, 1, 1], (30, 3))
+    rows = np.random.default_rng(0).uniform([0, 0, -1], [10, 1, 1], (90, 3))
     one.add(rows)
     for row in rows[::-1]:
         other.add_each([row, row.tolist()])
@@ -63,13 +63,6 @@ def test_what_is_no_place_has_no_cell(behavior):
     assert cells.indices().tolist() == [24]
 
 
-def test_many_behaviors_of_different_lengths_count():
-    cells, rows = VisitedCells(GRID), np.random.default_rng(0).uniform(-1, 10, (500, 4))
-    for i, row in enumerate(rows):
-        cells.add(row[None, : 3 + (i // 90) % 2])
-    np.testing.assert_array_equal(cells.indices(), np.unique(GRID.cells(rows)))
-
-
 def test_the_environment_may_write_into_the_same_array_again():
     cells, behavior = VisitedCells(GRID), np.zeros(3)
     for x in (1.0, 3.0, 5.0):
@@ -78,14 +71,7 @@ def test_the_environment_may_write_into_the_same_array_again():
     np.testing.assert_array_equal(cells.indices(), [2, 7, 12])
 
 
-@pytest.mark.parametrize("behaviors", [["text"], [[1.0, 2.0, 3.0], [1.0]], [3.0]])
-def test_what_is_no_behavior_is_named(behaviors):
-    with pytest.raises(ValueError, match=r'`env` must .* info\["behavior"\]'):
-        VisitedCells(GRID).add_each(behaviors)
-
-
 def test_nothing_counts_without_a_grid():
     cells = VisitedCells(None)
-    cells.add_each(["text"])
     cells.add(np.zeros((2, 3)))
     assert len(cells.indices()) == 0

@@ -32,12 +32,6 @@ def test_shares_count_each_visited_cell_once():
     assert coverage.reachable == pytest.approx(2 / 3)
 
 
-def test_unknown_reachability_counts_all_cells():
-    coverage = Coverage(CoverageGrid((1,), np.zeros(1), np.ones(1), n_cells=4))
-    coverage.add(np.array([[9.0, 0.1], [9.0, 0.9]]))
-    assert coverage.reachable == coverage.all == 0.5
-
-
 def test_parts_that_the_grid_names_are_counted_beside_the_whole():
     grid = CoverageGrid((0, 1), np.zeros(2), np.full(2, 3.0), 3, projections={"height": (1,)})
     coverage = Coverage(grid)
@@ -54,10 +48,7 @@ def test_parts_that_the_grid_names_are_counted_beside_the_whole():
 def test_nothing_to_count_is_none():
     coverage = Coverage(None)
     coverage.add(np.zeros((3, 0)))
-    assert coverage.all is None
-    assert coverage.reachable is None
-    assert coverage.visited is None
-    assert coverage.shares == {}
+    assert coverage.all is coverage.reachable is coverage.visited is None
 
 
 def test_the_state_goes_over():
@@ -94,7 +85,6 @@ def test_more_cells_are_visited_than_ended_in(events, reachable):
     ended = set()
     for is_end, places, visited in events:
         if is_end:
-            coverage.check(visited)
             coverage.add(places, visited)
             ended |= set(GRID.cells(places).tolist())
         else:
@@ -102,18 +92,6 @@ def test_more_cells_are_visited_than_ended_in(events, reachable):
         assert coverage.visited >= coverage.reachable
     assert coverage.state_dict()["final"].tolist() == sorted(ended)
     assert ended <= set(coverage.state_dict()["visited"].tolist())
-
-
-@pytest.mark.parametrize("visited", [[9], [-1], [0.5], [[1, 2]]])
-def test_visited_cells_are_those_of_the_grid(visited):
-    with pytest.raises(ValueError, match=r"`evaluator` must give as `visited` .* below 9, or None"):
-        Coverage(GRID).check(visited)
-    Coverage(None).check(visited)
-
-
-@pytest.mark.parametrize("visited", [None, [], np.array([8, 0, 8], dtype=np.uint8)])
-def test_other_cells_are_taken(visited):
-    Coverage(GRID).check(visited)
 
 
 def test_the_grid_of_an_env_is_its_own_or_its_behavior_space(make_maze):

@@ -1,24 +1,19 @@
 import gc
 
 import gymnasium as gym
-import numpy as np
 import pytest
-from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
-from gymnasium.wrappers import TimeLimit, TransformReward
+from gymnasium.wrappers import TransformReward
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
 from tracked import Tracked
 
-from curiosity_algos import CanonicalES, MAPElites, make_evaluator
-from curiosity_algos.archives.verify import verify
+from curiosity_algos import CanonicalES
 from curiosity_algos.evaluation.environments import (
     env_attribute,
     env_id,
-    open_env,
     step_limit,
 )
-from curiosity_gym import BehaviorWrapper
 
 
 def make_scaled():
@@ -40,7 +35,7 @@ def opened():
         env.close()
 
 
-@pytest.mark.parametrize("vector", [AsyncVectorEnv, SubprocVecEnv, SyncVectorEnv, DummyVecEnv])
+@pytest.mark.parametrize("vector", [AsyncVectorEnv, SubprocVecEnv])
 def test_workers_survive_a_spec_that_cannot_be_pickled(opened, vector):
     env = vector([make_scaled] * 2)
     opened.append(env)
@@ -48,13 +43,6 @@ def test_workers_survive_a_spec_that_cannot_be_pickled(opened, vector):
     if vector is AsyncVectorEnv:
         assert env_id(env) is None
     env.reset()  # they are still there
-
-
-@pytest.mark.parametrize("vector", [SyncVectorEnv, DummyVecEnv])
-def test_a_limit_of_one_env_is_a_limit(opened, vector):
-    env = vector([make_unlimited, lambda: TimeLimit(make_unlimited(), 12)])
-    opened.append(env)
-    assert step_limit(env) == 12
 
 
 @pytest.mark.parametrize("way", ["close", "drop", "set_env"])
@@ -104,36 +92,12 @@ def test_a_vector_env_and_the_env_beside_it_are_closed(way, tracked, make_model)
     vector.close()
 
 
-def test_elites_are_verified_in_envs_that_are_closed(tracked, make_model):
-    make = lambda: BehaviorWrapper(gym.make(tracked), last, spaces.Box(-1.0, 1.0, (2,)))  # noqa: E731
-    model = make_model(MAPElites, make).learn(1)
-    model.get_env().close()
-    verify(model.archive, make)
-    assert not Tracked.opened
-
-
-def last(env, observation, info):
-    return observation
-
-
 def test_ids_of_single_envs_are_found(opened):
     for vector in (SyncVectorEnv, DummyVecEnv, SubprocVecEnv):
         opened.append(vector([make_unlimited]))
         assert env_id(opened[-1]) == "Pendulum-v1"
     assert env_id(make_unlimited()) == env_id("Pendulum-v1") == "Pendulum-v1"
     assert env_id(object()) is None
-
-
-def test_one_env_is_asked_for_an_attribute():
-    class Asked(DummyVecEnv):
-        def has_attr(self, attr_name):
-            return True
-
-        def get_attr(self, attr_name, indices=None):
-            assert indices == 0 or attr_name == "render_mode"  # of the constructor
-            return super().get_attr(attr_name, indices)
-
-    assert env_attribute(Asked([make_unlimited] * 3), "max_torque") == 2.0
 
 
 def test_a_vec_env_may_not_know_what_it_has(opened):
@@ -153,18 +117,6 @@ def test_a_vec_env_may_not_know_what_it_has(opened):
     opened.append(env)
     assert env_attribute(env, "horizon") is None
     assert step_limit(env) is None
-
-
-def test_evaluators_own_what_they_make():
-    opened, before = open_env(Tracked), len(Tracked.opened)
-    for _ in range(2):
-        evaluator = make_evaluator(opened)
-        evaluator.evaluate(np.zeros((3, evaluator.n_parameters)), 0)
-        assert len(Tracked.opened) == before + 2
-        del evaluator
-        gc.collect()
-        assert len(Tracked.opened) == before
-    opened.close()
 
 
 def test_monitors_may_forbid_early_resets():

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.vector.utils import batch_space
 from toys import Words
 
-from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations, numeric
+from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations, numeric, stack
 
 MINIGRID = {"image": spaces.Box(0, 255, (7, 7, 3), np.uint8), "direction": spaces.Discrete(4)}
 OBSERVATIONS = {
@@ -29,15 +28,14 @@ OBSERVATIONS = {
     ),
 }
 """A space, one of its observations, and what is seen of it by hand."""
-WRONG = {
-    "beyond": (spaces.Discrete(3), 3),
-    "below": (spaces.Discrete(3), -1),
-    "choices": (spaces.MultiDiscrete([2, 3]), np.array([0, -1])),
-    "shape": (spaces.Box(0, 1, (2, 2)), np.zeros((4,))),
-    "no entry": (spaces.Dict(a=spaces.Discrete(2)), {"b": 1}),
-    "too many": (spaces.Tuple([spaces.Discrete(2)]), (1, 1)),
-    "no tuple": (spaces.Tuple([spaces.Discrete(2)]), 1),
-}
+WRONG = [
+    (spaces.Discrete(3), [0, 3]),
+    (spaces.Discrete(3, start=1), [1, 0]),
+    (spaces.MultiDiscrete([2, 3]), [[0, 2], [0, -1]]),
+    (spaces.Box(0, 1, (2, 2)), np.zeros((2, 4))),
+    (spaces.Box(0, 1, (2,)), np.zeros((2, 1))),
+]
+"""A space, and two observations of which the last is none of it."""
 ACTIONS = {
     "start": (spaces.Discrete(3, start=5), [0, 2, 1], 1, 6),
     "bits": (spaces.MultiBinary([2, 2]), [1, -1, 0, 0.5], [1, 0, 0, 1], [[1, 0], [0, 1]]),
@@ -54,147 +52,84 @@ ACTIONS = {
 """A space, outputs of a network, and the action as a bonus and as the environment has it."""
 
 
-def as_batch(observations, space):
-    """Some observations as vector environments give them."""
-    if isinstance(space, spaces.Dict):
-        return {
-            name: as_batch([each[name] for each in observations], space[name]) for name in space
-        }
-    if isinstance(space, spaces.Tuple):
-        columns = zip(zip(*observations, strict=True), space, strict=True)
-        return tuple(as_batch(column, entry) for column, entry in columns)
-    return np.array(observations)
-
-
 @pytest.mark.parametrize(
     ("space", "observation", "expected"), OBSERVATIONS.values(), ids=OBSERVATIONS
 )
-class TestObservations:
-    def test_one_is_a_vector(self, space, observation, expected):
-        seen = FlatObservations(space)
-        np.testing.assert_array_equal(seen.one(observation), expected)
-        assert seen.space.shape == (len(expected),)
-        assert not seen.is_batch(observation)
+def test_observations_become_vectors(space, observation, expected):
+    seen, others = FlatObservations(space), [space.sample() for _ in range(3)]
+    np.testing.assert_array_equal(seen.one(observation), expected)
+    assert seen.space.shape == (len(expected),)
+    assert not seen.is_batch(observation)
 
-    def test_many_are_vectors(self, space, observation, expected):
-        seen, sample = FlatObservations(space), space.sample()
-        batch = as_batch([observation, sample], space)
-        np.testing.assert_array_equal(seen.many(batch), [expected, seen.one(sample)])
-        assert seen.is_batch(batch)
-
-    def test_samples_are_seen_within_the_bounds(self, space, observation, expected):
-        seen = FlatObservations(space)
-        for each in seen.many(batch_space(space, 3).sample()):
-            assert seen.space.contains(each.astype(seen.space.dtype))
+    batch = stack(space, [observation, *others])
+    assert seen.is_batch(batch)
+    vectors = seen.many(batch)
+    np.testing.assert_array_equal(vectors, [expected, *map(seen.one, others)])
+    for vector, other in zip(vectors[1:], others, strict=True):
+        assert seen.space.contains(vector.astype(seen.space.dtype))
+        np.testing.assert_array_equal(vector, spaces.flatten(numeric(space), other))
+    for own, again in zip(seen.many(seen.own(vectors)), vectors, strict=True):
+        np.testing.assert_array_equal(own, again)
 
 
-class TestRefusals:
-    @pytest.mark.parametrize(("space", "observation"), WRONG.values(), ids=WRONG)
-    def test_observations_of_another_space(self, space, observation):
-        with pytest.raises(ValueError, match="`env` must give observations of its space"):
-            FlatObservations(space).one(observation)
-
-    @pytest.mark.parametrize(
-        ("space", "batch"),
-        [
-            (spaces.Discrete(3), np.array([0, 3])),
-            (spaces.Discrete(3, start=1), np.array([0, 1])),
-            (spaces.MultiDiscrete([2, 3]), np.array([[0, 2], [2, 0]])),
-            (spaces.Box(0, 1, (2, 2)), np.zeros((3, 4))),
-            (spaces.Dict(a=spaces.Discrete(2)), {"b": np.array([0])}),
-        ],
-        ids=str,
-    )
-    def test_several_of_which_one_is_of_another_space(self, space, batch):
-        with pytest.raises(ValueError, match="`env` must give observations of its space"):
-            FlatObservations(space).many(batch)
-
-    def test_what_predict_is_given_may_be_neither(self):
-        with pytest.raises(ValueError, match="`observation` must be of the space"):
-            FlatObservations(spaces.Dict(a=spaces.Discrete(2))).is_batch({"b": 1})
-
-    @pytest.mark.parametrize(
-        ("entry", "kind"),
-        [
-            (spaces.Sequence(spaces.Discrete(2)), "Sequence"),
-            (spaces.Graph(spaces.Discrete(2), None), "Graph"),
-            (spaces.OneOf([spaces.Discrete(2)]), "OneOf"),
-        ],
-    )
-    def test_an_entry_of_no_fixed_size_is_named(self, entry, kind):
-        space = spaces.Dict(MINIGRID | {"cards": entry})
-        with pytest.raises(
-            ValueError, match=rf"its entry 'cards' is a {kind}.*FilterObservation\.$"
-        ):
-            FlatObservations(space)
-        assert FlatObservations(spaces.Dict(MINIGRID)).space.shape == (4 + 147,)
-
-    def test_a_tuple_cannot_leave_entries_out(self):
-        with pytest.raises(ValueError, match="its entry '1' is a Text"):
-            FlatObservations(spaces.Tuple([spaces.Discrete(2), spaces.Text(5)]))
-
-    def test_an_inner_entry_has_its_whole_name(self):
-        nested = spaces.Dict(a=spaces.Tuple([spaces.Dict(b=spaces.Sequence(spaces.Discrete(2)))]))
-        with pytest.raises(ValueError, match=r"its entry 'a\.0\.b' is a Sequence, no vector"):
-            FlatObservations(nested)
-
-    @pytest.mark.parametrize(
-        "space", [spaces.Text(5), spaces.Graph(spaces.Discrete(2), None), None], ids=str
-    )
-    def test_what_has_no_fixed_size(self, space):
-        with pytest.raises(
-            ValueError, match=r"observation space .* it must be Box, Discrete, Multi"
-        ):
-            FlatObservations(space)
-
-    @pytest.mark.parametrize(
-        "space",
-        [spaces.Box(-1, 1, (0,)), spaces.Dict(), spaces.Dict(a=spaces.Text(5), b=Words())],
-        ids=str,
-    )
-    def test_nothing_to_see(self, space):
-        with pytest.raises(ValueError, match=r"observation space .* must have at least one entry"):
-            FlatObservations(space)
-
-    @pytest.mark.parametrize(
-        "space", [spaces.Dict(a=spaces.Discrete(2)), spaces.Box(-1, 1, (0,)), None], ids=str
-    )
-    def test_actions(self, space):
-        with pytest.raises(ValueError, match=r"action space .* it must be Discrete, MultiDiscrete"):
-            FlatActions(space)
+@pytest.mark.parametrize(("space", "observations"), WRONG, ids=str)
+def test_observations_of_another_space_are_refused(space, observations):
+    seen = FlatObservations(space)
+    with pytest.raises(ValueError, match="`env` must give, and take, values of its space"):
+        seen.many(observations)
+    if len(space.shape) == 1 and isinstance(space, spaces.Box):
+        with pytest.raises(ValueError, match="`env` must give, and take, values of its space"):
+            seen.one(observations[1])
 
 
-class TestNumeric:
-    def test_what_is_no_number_is_left_out_of_dictionaries(self):
-        place = spaces.Box(-1, 1, (2,))
-        inner = spaces.Dict(says=Words(), place=place)
-        space = spaces.Dict(inner=inner, letter=spaces.Dict(text=spaces.Text(5)), says=Words())
-        assert numeric(space) == spaces.Dict(inner=spaces.Dict(place=place))
-        observation = {"inner": {"says": "go", "place": [1, 2]}, "letter": {"text": ""}, "says": ""}
-        np.testing.assert_array_equal(FlatObservations(space).one(observation), [1, 2])
-        assert not FlatObservations(space).is_batch(observation)
+CARDS = spaces.Sequence(spaces.Discrete(2))
 
-    @pytest.mark.parametrize(("space", "observation", "expected"), OBSERVATIONS.values())
-    def test_others_stay(self, space, observation, expected):
-        assert numeric(space) is space
+
+@pytest.mark.parametrize(
+    ("space", "message"),
+    [
+        (spaces.Dict(MINIGRID | {"cards": CARDS}), "its entry 'cards' is a Sequence"),
+        (spaces.Dict(a=spaces.Graph(spaces.Discrete(2), None)), "its entry 'a' is a Graph"),
+        (spaces.Tuple([spaces.Discrete(2), spaces.Text(5)]), "its entry '1' is a Text"),
+        (spaces.Dict(a=spaces.Tuple([spaces.Dict(b=CARDS)])), r"its entry 'a\.0\.b' is a Seq"),
+        (spaces.Text(5), "it is a Text"),
+        (spaces.Box(-1, 1, (0,)), "it has no numbers"),
+        (spaces.Dict(a=spaces.Text(5), b=Words()), "it has no numbers"),
+    ],
+)
+def test_observations_without_a_size_are_refused(space, message):
+    with pytest.raises(ValueError, match=rf"observation space .*{message}.*FilterObservation"):
+        FlatObservations(space)
+
+
+@pytest.mark.parametrize("space", [spaces.Dict(a=spaces.Discrete(2)), spaces.Box(-1, 1, (0,))])
+def test_actions_of_other_spaces_are_refused(space):
+    with pytest.raises(ValueError, match=r"action space .* it must be Discrete, MultiDiscrete"):
+        FlatActions(space)
+
+
+def test_what_is_no_number_is_left_out_of_dictionaries():
+    place = spaces.Box(-1, 1, (2,))
+    inner = spaces.Dict(says=Words(), place=place)
+    space = spaces.Dict(inner=inner, letter=spaces.Dict(text=spaces.Text(5)), says=Words())
+    assert numeric(space) == spaces.Dict(inner=spaces.Dict(place=place))
+    observation = {"inner": {"says": "go", "place": [1, 2]}, "letter": {"text": ""}, "says": ""}
+    np.testing.assert_array_equal(FlatObservations(space).one(observation), [1, 2])
+    assert not FlatObservations(space).is_batch(observation)
 
 
 @pytest.mark.parametrize(("space", "outputs", "seen", "taken"), ACTIONS.values(), ids=ACTIONS)
-class TestActions:
-    def test_the_environments_own(self, space, outputs, seen, taken):
-        actions = FlatActions(space)
-        chosen = actions.choose(np.array([outputs], dtype=np.float32))
-        np.testing.assert_array_equal(chosen, [seen])
-        action = actions.taken(chosen)[0]
-        np.testing.assert_array_equal(action, taken)
-        assert action.dtype == space.dtype
-        assert space.contains(action)
-
-    def test_a_bonus_sees_what_was_taken(self, space, outputs, seen, taken):
-        actions = FlatActions(space)
-        np.testing.assert_array_equal(actions.seen(np.array([taken, taken])), [seen, seen])
-        sampled = np.array([space.sample() for _ in range(20)])
-        np.testing.assert_allclose(actions.taken(actions.seen(sampled)), sampled, rtol=1e-6)
+def test_actions_are_the_environments_own(space, outputs, seen, taken):
+    actions = FlatActions(space)
+    chosen = actions.choose(np.array([outputs], dtype=np.float32))
+    np.testing.assert_array_equal(chosen, [seen])
+    action = actions.taken(chosen)[0]
+    np.testing.assert_array_equal(action, taken)
+    assert action.dtype == space.dtype
+    assert space.contains(action)
+    np.testing.assert_array_equal(actions.seen(np.array([taken, taken])), [seen, seen])
+    sampled = np.array([space.sample() for _ in range(20)])
+    np.testing.assert_allclose(actions.taken(actions.seen(sampled)), sampled, rtol=1e-6)
 
 
 def test_vectors_are_taken_as_they_are():

@@ -1,6 +1,5 @@
 from itertools import pairwise
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
@@ -8,7 +7,6 @@ from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.mlp import act, build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
 
@@ -60,38 +58,6 @@ class TestForward:
         assert actions.dtype == np.float32
         np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
 
-    @pytest.mark.parametrize("net_arch", NET_ARCHS[-2:], ids=str)
-    def test_discrete_actions_are_the_largest_output(self, net_arch):
-        rng = np.random.default_rng(1)
-        mlp = build_mlp(box(6), spaces.Discrete(4), net_arch)
-        vector = rng.normal(0, 0.5, mlp.n_parameters).astype(np.float32)
-        observations = rng.normal(0, 1, (50, 6)).astype(np.float32)
-        actions = FlatActions(spaces.Discrete(4)).choose(act(mlp, vector[None], observations))
-        outputs = torch_outputs(vector, [6, *net_arch, 4], observations)
-        top = np.sort(outputs, axis=1)
-        is_clear = top[:, -1] - top[:, -2] > 1e-4
-        assert actions.dtype == np.int64
-        np.testing.assert_array_equal(actions[is_clear], outputs.argmax(axis=1)[is_clear])
-        assert is_clear.sum() > 25 or net_arch == NET_ARCHS[-1]
-
-    @given(
-        st.integers(1, 9),
-        st.integers(1, 4),
-        st.lists(st.integers(1, 9), max_size=3),
-        st.integers(0, 2**31),
-    )
-    def test_any_shape_equals_numpy(self, n_observations, n_actions, net_arch, seed):
-        rng = np.random.default_rng(seed)
-        mlp = build_mlp(box(n_observations), box(n_actions), net_arch)
-        vector = rng.normal(0, 1, mlp.n_parameters).astype(np.float32)
-        x = observation = rng.normal(0, 1, n_observations).astype(np.float32)
-        for i, (weights, biases) in enumerate(
-            layers_of(vector.astype(np.float64), [n_observations, *net_arch, n_actions])
-        ):
-            x = (np.maximum(x, 0) if i else x) @ weights + biases
-        actions = act(mlp, vector[None], observation[None])[0]
-        np.testing.assert_allclose(actions, np.tanh(x), rtol=0, atol=1e-5)
-
     @given(
         st.floats(-1e6, 1e6, width=32),
         st.floats(2**-10, 1e6, width=32),
@@ -122,9 +88,6 @@ class TestForward:
             scores, [[2, 0, 1.5], [0, 2, 1.5], [0, 0, 1.5], [-9, -18, 1.5]]
         )
 
-    def test_the_papers_network_has_1746_parameters(self):
-        assert build_mlp(box(36), box(2)).n_parameters == 1746
-
     def test_one_policy_or_one_each_and_any_dtype(self):
         rng = np.random.default_rng(2)
         mlp = build_mlp(box(3), box(2), [4])
@@ -137,43 +100,23 @@ class TestForward:
 
 class TestErrors:
     @pytest.mark.parametrize(
-        "space",
+        ("observations", "actions", "net_arch", "message"),
         [
-            spaces.Box(0, 255, (84, 84, 3), np.uint8),
-            spaces.Dict(a=spaces.Discrete(4000), b=spaces.Box(-1, 1, (97,))),
-            spaces.Discrete(4097),
-            spaces.Discrete(2**40),
+            (spaces.Box(0, 255, (84, 84, 3), np.uint8), box(2), [], "at most 4096 entries"),
+            (spaces.Dict(a=spaces.Discrete(4000), b=box(97)), box(2), [], "at most 4096 entries"),
+            (box(2), spaces.Box(-np.inf, np.inf, (2, 2)), [], "a Box must be bounded"),
+            (box(2), spaces.Box(-(2**24) - 1, 0, (2,), np.int64), [], "a Box must be bounded"),
+            (box(2), spaces.Box(0, 1, (2,), np.bool_), [], "a Box must be bounded, of floats"),
+            (box(2), box(2), [32, -1], "`net_arch` must be a whole number"),
         ],
-        ids=str,
     )
-    def test_flattened_observations_have_a_bound(self, space):
-        with pytest.raises(ValueError, match=r"observation space .* at most 4096 entries, it has"):
-            build_mlp(space, box(2))
+    def test_name_what_is_wrong(self, observations, actions, net_arch, message):
+        with pytest.raises(ValueError, match=message):
+            build_mlp(observations, actions, net_arch)
 
     def test_vectors_and_4096_entries_are_fine(self):
-        for space in (box(5000), spaces.Discrete(4096), spaces.Box(0, 255, (64, 64), np.uint8)):
-            n = space.shape[0] if space.shape == (5000,) else 4096
+        for space, n in [(box(5000), 5000), (spaces.Box(0, 255, (64, 64), np.uint8), 4096)]:
             assert build_mlp(space, box(2), []).n_parameters == 2 * (n + 1)
-
-    @pytest.mark.parametrize(
-        "space",
-        [
-            spaces.Box(-np.inf, np.inf, (2,)),
-            spaces.Box(-np.inf, np.inf, (2, 2)),
-            spaces.Box(-np.inf, np.inf, (2,), np.int32),
-            spaces.Box(-(2**24) - 1, 0, (2,), np.int64),
-            spaces.Box(0, 1, (2,), np.bool_),
-        ],
-        ids=str,
-    )
-    def test_boxes_of_actions_must_be_bounded_numbers(self, space):
-        with pytest.raises(ValueError, match=r"action space .* a Box must be bounded, of floats"):
-            build_mlp(box(2), space)
-
-    @pytest.mark.parametrize("net_arch", [[32, -1], [2.5], [True], [10**10]])
-    def test_layers_have_positive_widths(self, net_arch):
-        with pytest.raises(ValueError, match="`net_arch` must be a whole number"):
-            build_mlp(box(2), box(2), net_arch)
 
 
 class TestMlpPolicy:
@@ -212,20 +155,6 @@ class TestMlpPolicy:
         np.testing.assert_array_equal(
             policy.predict(observations)[0], act(policy.mlp, policy.vector[None], observations)
         )
-
-    @pytest.mark.parametrize("dtype", [np.uint8, np.float64])
-    def test_observations_of_any_type_are_numbers(self, dtype):
-        policy = MlpPolicy(spaces.Box(0, 255, (3,), dtype), box(2), [4])
-        policy.vector[:] = np.linspace(-0.01, 0.01, policy.mlp.n_parameters)
-        observation = np.array([3, 200, 7], dtype=dtype)
-        expected = act(policy.mlp, policy.vector[None], observation[None].astype(np.float32))
-        np.testing.assert_array_equal(policy.predict(observation)[0], expected[0])
-
-    def test_discrete_actions_are_integers(self):
-        env = gym.make("CartPole-v1")
-        policy = MlpPolicy(env.observation_space, env.action_space, [])
-        action, _ = policy.predict(env.reset(seed=0)[0])
-        assert env.action_space.contains(action[()] if isinstance(action, np.ndarray) else action)
 
     def test_saves_and_loads(self, policy, tmp_path):
         policy.save(tmp_path / "policy.pth")

@@ -1,6 +1,5 @@
 """Environments on several processes: the same bits."""
 
-import copy
 import gc
 import os
 import signal
@@ -9,7 +8,6 @@ import sys
 import threading
 import time
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import gymnasium as gym
@@ -61,15 +59,6 @@ def pids_of(evaluator):
     return [] if pool is None else list(pool._processes)
 
 
-@pytest.fixture(scope="module")
-def apart():
-    """An evaluator whose processes have started: each takes seconds to."""
-    evaluator = make_evaluator(Walk, n_threads=2)
-    evaluator.evaluate(make_parameters(evaluator), 0)
-    yield evaluator
-    evaluator._processes.close()
-
-
 class TestSameBits:
     def test_of_rollouts(self, assert_same_rollouts, tmp_path):
         def make():
@@ -115,41 +104,18 @@ def test_without_a_seed_or_company_this_process_plays():
     assert pids_of(evaluator) == []
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
-def test_a_fork_begins_its_own(apart):
-    parameters = make_parameters(apart)
-    child = get_context("fork").Process(target=play_and_close, args=(apart, parameters))
-    child.start()
-    child.join(60)
-    assert child.exitcode == 0
-    apart.evaluate(parameters, 1)
-
-
-def play_and_close(evaluator, parameters):
-    evaluator.evaluate(parameters, 0)
-    evaluator._processes.close()
-
-
-def test_a_copy_begins_its_own_which_end_with_it(apart, assert_same_rollouts, monkeypatch):
-    parameters = make_parameters(apart)
-    expected = apart.evaluate(parameters, 3)
-    copied = copy.deepcopy(apart)
-    assert pids_of(copied) == []
-    for evaluator in (copied, apart):
-        assert_same_rollouts(evaluator.evaluate(parameters, 3), expected)
-    pids, others = pids_of(copied), pids_of(apart)
-    assert not set(pids) & set(others)
-
-    # It goes as garbage does, which waits for no thread.
+def test_processes_end_with_their_evaluator_as_garbage_that_waits_for_none(monkeypatch):
+    evaluator = make_evaluator(Walk, n_threads=2)
+    evaluator.evaluate(make_parameters(evaluator), 0)
+    pids = pids_of(evaluator)
     assert all(map(is_running, pids))
     joined = []
     monkeypatch.setattr(threading.Thread, "join", lambda self, *_: joined.append(self.name))
-    del copied, evaluator
+    del evaluator
     gc.collect()
     assert joined == []
     monkeypatch.undo()
     assert wait_for_the_end_of(pids)
-    assert all(map(is_running, others))
 
 
 class TestFaults:

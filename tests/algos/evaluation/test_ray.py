@@ -370,7 +370,7 @@ def last_states(n):
 
 def assert_is_right(there, here):
     population = make_population(here)
-    mine = there.evaluate_and_summarize(population, 0, last_states(POPULATION))
+    mine = there.play(population, 0, last_states(POPULATION))
     its = here.evaluate(population, 0)
     assert_equal(mine, its)
     last, places = mine.summaries["last"]

@@ -60,7 +60,7 @@ def test_every_kind_of_env_equals_a_plain_loop(kind, env_maker, play, assert_equ
         env.close()
 
 
-@pytest.mark.parametrize("kind", ["single", "dummy", "subproc"])
+@pytest.mark.parametrize("kind", ["single", "dummy"])
 def test_returns_are_those_of_a_monitor(kind, env_maker):
     monitor = Monitor(env_maker())
     mlp, parameters = make_policies(monitor)
@@ -116,15 +116,8 @@ def test_final_infos_may_be_missing(assert_same_rollouts):
     assert_same_rollouts(expected, rollouts)
 
 
-class Nothing(VectorWrapper):
-    """Says nothing of how an episode ended."""
-
-    def step(self, actions):
-        return *self.env.step(actions)[:4], {}
-
-
 class NoInfos(VecEnvWrapper):
-    """The same of Stable-Baselines3."""
+    """Says nothing of how an episode ended."""
 
     def reset(self):
         return self.venv.reset()
@@ -133,50 +126,11 @@ class NoInfos(VecEnvWrapper):
         return *self.venv.step_wait()[:3], [{}] * self.num_envs
 
 
-@pytest.mark.parametrize(
-    ("make", "name"),
-    [
-        (lambda fns: Nothing(SyncVectorEnv(fns, autoreset_mode="SameStep")), "final_obs"),
-        (lambda fns: NoInfos(DummyVecEnv(fns)), "terminal_observation"),
-    ],
-)
-def test_last_observations_may_not_be_missing(make, name):
+def test_last_observations_may_not_be_missing():
     mlp, parameters = make_policies(gym.make("CartPole-v1"))
-    evaluator = VectorEvaluator(make([lambda: gym.make("CartPole-v1")] * 2), mlp)
-    with pytest.raises(ValueError, match=f"^`env` must give the last observation.* as `{name}`"):
+    evaluator = VectorEvaluator(NoInfos(DummyVecEnv([lambda: gym.make("CartPole-v1")] * 2)), mlp)
+    with pytest.raises(ValueError, match=r"^`env` must give the last .* `terminal_observation`"):
         evaluator.evaluate(parameters, 3)
-
-
-def test_a_full_population_is_as_long_as_its_longest_episode():
-    env = gym.make("CartPole-v1")
-    mlp, parameters = make_policies(env)
-    rollouts = VectorEvaluator(SyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2), mlp).evaluate(
-        parameters, 0
-    )
-    assert len(np.unique(rollouts.lengths)) > 1
-    assert rollouts.actions.shape == (N_INDIVIDUALS, rollouts.lengths.max())
-
-
-ENDLESS = {
-    "single": PendulumEnv,
-    "sync": lambda: SyncVectorEnv([PendulumEnv] * 2),
-    "subproc": lambda: SubprocVecEnv([PendulumEnv] * 2, start_method="fork"),
-}
-LIMITS = {
-    "single": lambda limited: limited(),
-    "horizon": lambda limited: Counting(),
-    "spec": lambda limited: WithSpec(),
-    "sync of two": lambda limited: SyncVectorEnv([Silent, limited]),
-    "wrapped sync": lambda limited: gym.wrappers.vector.RecordEpisodeStatistics(
-        SyncVectorEnv([limited] * 2)
-    ),
-    "sync spec": lambda limited: SyncVectorEnv([WithSpec] * 2),
-    "async horizon": lambda limited: AsyncVectorEnv([Counting] * 2),
-    "made async": lambda limited: gym.make_vec(
-        "Pendulum-v1", num_envs=2, vectorization_mode="async", max_episode_steps=60
-    ),
-    "subproc": lambda limited: SubprocVecEnv([limited] * 2, start_method="fork"),
-}
 
 
 class Counting(PendulumEnv):
@@ -201,10 +155,24 @@ class WithSpec(Counting):
     spec = gym.envs.registration.EnvSpec("Counting-v0", max_episode_steps=60)
 
 
-class Silent(Counting):
-    """It says nothing of it."""
+def limited():
+    return gym.wrappers.TimeLimit(PendulumEnv(), 60)
 
-    horizon = None
+
+ENDLESS = {
+    "single": PendulumEnv,
+    "subproc": lambda: SubprocVecEnv([PendulumEnv] * 2, start_method="fork"),
+}
+LIMITS = {
+    "single": limited,
+    "horizon": Counting,
+    "spec": WithSpec,
+    "wrapped sync": lambda: gym.wrappers.vector.RecordEpisodeStatistics(
+        SyncVectorEnv([limited] * 2)
+    ),
+    "async horizon": lambda: AsyncVectorEnv([Counting] * 2),
+    "subproc": lambda: SubprocVecEnv([limited] * 2, start_method="fork"),
+}
 
 
 class TestLength:
@@ -218,18 +186,15 @@ class TestLength:
         env = ENDLESS[kind]()
         try:
             evaluator = VectorEvaluator(env, mlp)
-            for _ in range(2):
-                with pytest.raises(
-                    ValueError, match=r"had not ended after 50 steps\. Give it a limit"
-                ):
-                    evaluator.evaluate(parameters, 0)
+            with pytest.raises(ValueError, match=r"had not ended after 50 steps\. Give it a limit"):
+                evaluator.evaluate(parameters, 0)
         finally:
             env.close()
 
     @pytest.mark.parametrize("kind", LIMITS)
     def test_a_limit_of_the_env_may_be_higher(self, kind):
         mlp, parameters = make_policies(PendulumEnv())
-        env = LIMITS[kind](lambda: gym.wrappers.TimeLimit(PendulumEnv(), 60))
+        env = LIMITS[kind]()
         try:
             rollouts = VectorEvaluator(env, mlp).evaluate(parameters, 0)
         finally:
@@ -240,12 +205,6 @@ class TestLength:
         mlp, _ = make_policies(CartPoleEnv())
         parameters = np.zeros((3, mlp.n_parameters), dtype=np.float32)
         assert (VectorEvaluator(CartPoleEnv(), mlp).evaluate(parameters, 0).lengths < 50).all()
-
-
-def test_the_longest_episode_without_a_limit_is_long():
-    assert vector.MAX_EPISODE_STEPS == 10_000
-    with pytest.raises(ValueError, match="had not ended after 10000 steps"):
-        CanonicalES(PendulumEnv(), population_size=2, n_parents=1).learn(1000)
 
 
 class Odd(gym.Env):
@@ -273,27 +232,14 @@ class Odd(gym.Env):
     "behaviors",
     [
         [{"behavior": [1.0, 2.0]}, {}],
-        [{}, {"behavior": [1.0, 2.0]}],
         [{"behavior": [1.0, 2.0]}, {"behavior": [1.0]}],
         [{"behavior": 1.0}, {"behavior": 2.0}],
     ],
 )
-class TestBehaviors:
-    def check(self, env, n):
-        mlp = build_mlp(Odd.observation_space, Odd.action_space, [])
-        with pytest.raises(ValueError, match=r"`env` must end every episode with an info"):
-            VectorEvaluator(env, mlp).evaluate(np.zeros((n, mlp.n_parameters)), 0)
-
-    def test_episodes_side_by_side_have_the_same(self, behaviors):
-        self.check(DummyVecEnv([lambda i=i: Odd(behaviors, number=i) for i in range(2)]), 2)
-
-    def test_so_have_episodes_of_different_waves(self, behaviors):
-        class Next(Odd):
-            def reset(self, **kwargs):
-                self.number = 0 if self.number is None else 1
-                return super().reset(**kwargs)
-
-        self.check(DummyVecEnv([lambda: Next(behaviors)]), 2)
+def test_episodes_side_by_side_have_like_behaviors(behaviors):
+    env = DummyVecEnv([lambda i=i: Odd(behaviors, number=i) for i in range(2)])
+    with pytest.raises(ValueError, match=r"`env` must end every episode with an info"):
+        make_evaluator(env, {"net_arch": []}).evaluate(np.zeros((2, 3)), 0)
 
 
 def test_whole_numbers_of_a_reset_round_no_later_observation():
@@ -316,19 +262,14 @@ class Wrong(Odd):
         return observation, reward, *ends, info
 
 
-NUMBERS = "`env` must give rewards that are numbers, it gave "
-SHAPE = r"`env` must give observations of shape \(2,\), as its space is, it gave one of shape "
+SHAPE = "`env` must give, and take, values of its space"
 FINITE = "`env` must give finite observations"
 WRONG = [
     ({"observation": np.zeros(1)}, SHAPE),
-    ({"observation": 0.5}, SHAPE),
     ({"observation": np.zeros((1, 2)), "when": 1}, SHAPE),
     ({"observation": np.zeros(1), "when": 0}, SHAPE),
     ({"observation": np.array([np.nan, 0.0]), "when": 0}, FINITE),
-    ({"observation": np.array([0.0, np.nan]), "when": 1}, FINITE),
     ({"observation": np.array([0.0, -np.inf])}, FINITE),
-    ({"reward": "1.0"}, NUMBERS + "'1.0'"),
-    ({"reward": None}, NUMBERS + "None"),
     ({"info": [("behavior", 1.0)]}, "`env` must give a dictionary as info"),
 ]
 
@@ -338,15 +279,6 @@ def test_what_an_env_must_not_give_is_named(given, message):
     evaluator = make_evaluator(Wrong(**given), {"net_arch": []})
     with pytest.raises(ValueError, match=message):
         evaluator.evaluate(np.zeros((2, 3)), 0)
-
-
-def test_so_are_observations_that_other_processes_give():
-    env = SubprocVecEnv([lambda: Wrong(np.zeros(1), when=0)] * 2, start_method="fork")
-    try:
-        with pytest.raises(ValueError, match=SHAPE):
-            make_evaluator(env, {"net_arch": []}).evaluate(np.zeros((2, 3)), 0)
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize("reward", [2, np.float32(2.0), np.array(2.0), True])
@@ -397,24 +329,9 @@ class TestNumberOfEnvs:
             assert Counted.n_made == n_made
         assert caplog.messages == []
 
-    def test_of_an_algorithm_is_the_same(self, make_model):
-        for env, n_made in ((Counted, 6), (Counted(), 1)):
-            Counted.n_made = int(env is not Counted)
-            model = make_model(CanonicalES, env)
-            model.learn(1)
-            assert Counted.n_made == n_made
-            model.set_env(env)
-            model.learn(1)
-            assert Counted.n_made == max(1, 2 * n_made * (env is Counted))
-
-    def test_changes_no_bit(self, make_model, tmp_path, assert_same_run):
+    def test_changes_no_bit(self, make_model, assert_same_run):
         make = lambda: gym.make("Pendulum-v1", max_episode_steps=20)  # noqa: E731
         models = [make_model(CanonicalES, env).learn(500) for env in (make, make())]
-        assert_same_run(*models)
-        models[0].save(tmp_path / "model")
-        models[0] = CanonicalES.load(tmp_path / "model", env=make)
-        for model in models:
-            model.learn(500, reset_num_timesteps=False)
         assert_same_run(*models)
 
     def test_a_function_that_gives_the_same_one_again_is_refused(self):

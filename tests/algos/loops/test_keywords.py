@@ -4,7 +4,6 @@ import re
 import gymnasium as gym
 import numpy as np
 import pytest
-from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import CMAME, NSES, TD3ICM, CanonicalES, CuriosityES
@@ -51,7 +50,6 @@ class TestSignatures:
         [
             ("total_timesteps", [-1, float("nan"), float("inf"), -1e-9, "1"]),
             ("log_interval", [0, 1.5, "1"]),
-            ("callback", [3, "eval", EvalCallback, [print], {}]),
         ],
     )
     def test_errors_name_what_learn_is_given(self, algorithm, make_model, make_maze, name, values):

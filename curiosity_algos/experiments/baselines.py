@@ -21,7 +21,6 @@ from curiosity_algos.bonuses.encoders import SMALLEST_NATURE
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
 from curiosity_algos.common.names import find_known, plain_name
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
-from curiosity_algos.experiments.reading import check_kind
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 
@@ -134,7 +133,6 @@ def load_baseline_policy(
     Raises:
         ValueError: If that does not say it all, as of classes among `policy_kwargs`.
     """
-    check_kind(checkpoint / "model.zip")
     _, states, _ = load_from_zip_file(checkpoint / "model", load_data=False, device="cpu")
     seen = cls._wrap_env(env).observation_space  # of images with the channels first
     policies = {each.__qualname__: each for each in cls.policy_aliases.values()}

@@ -11,7 +11,6 @@ from dataclasses import replace
 from enum import Enum
 from importlib import metadata
 from pathlib import Path
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -44,14 +43,15 @@ PACKAGES = (
 
 
 def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
-    """All that tells a run from another, in terms of JSON; what a run comes to is not in it."""
+    """What distinguishes a run from others, and where it runs, in terms of JSON."""
+    env = model.get_env()
+    assert env is not None
     return {
         "algorithm": algorithm_name(model),
-        **describe_env(model.get_env()),
-        "behavior_names": behavior_names(model.get_env()),
-        **describe_vec_env(model),
+        **describe_env(env),
+        "behavior_names": behavior_names(env),
+        **describe_settings(model),
         "seed": model.seed,
-        "settings": settings_of(model),
         "archive": describe_archive(model),
         "versions": versions(),
         "git_revision": git_revision(Path.cwd()),
@@ -64,114 +64,102 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 
 
 def algorithm_name(model: BaseAlgorithm) -> str:
-    """The name of its class, and of the bonus that was added to it: `PPO + ICM`, `SAC + APT`."""
+    """The name of its class, and of a bonus that was added to it: `PPO + ICM`, `SAC + APT`."""
     buffer = getattr(model, "replay_buffer", None)
     is_added = isinstance(buffer, BonusReplayBuffer) and not isinstance(model, TD3ICM)
-    holder = bonus_wrapper(model) or (buffer if is_added else None)
-    added = "" if holder is None else f" + {type(holder.bonus).__name__}"
+    owner = bonus_wrapper(model) or (buffer if is_added else None)
+    added = "" if owner is None else f" + {type(owner.bonus).__name__}"
     return f"{type(model).__name__}{added}"
 
 
-def describe_env(env: VecEnv | None) -> dict[str, Any]:
-    """`env`, its id or else its class, and all that it was made with, as far as it says so.
+# -- the environment ------------------------------------------------------------------------------
 
-    `env_unknown` says why `env_spec` is None.
+
+def describe_env(env: VecEnv) -> dict[str, Any]:
+    """The id of an environment, or else its class, and its arguments.
+
+    `env_spec` says how to make it; where that is None, `env_unknown` says why.
     """
     spec = spec_of(env)
     if spec is None:
-        inner = None if env is None else env.get_attr("unwrapped", indices=0)[0]
-        name = type(inner).__name__
-        unknown = {"env": None, "env_class": name, "env_spec": None}
-        unknown |= {"env_unknown": f"{name} was not made by gymnasium.make"}
-        return {**unknown, "env_kwargs": {}, "wrappers": {}}
-    wrappers = {each.name: _as_json(_telling(each.kwargs)) for each in spec.additional_wrappers}
-    kwargs = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
-    kwargs |= {"max_episode_steps": spec.max_episode_steps}
+        name = type(env.get_attr("unwrapped", indices=0)[0]).__name__
+        unknown = {"env_spec": None, "env_unknown": f"{name} was not made by gymnasium.make"}
+        return {"env": None, "env_class": name, "env_kwargs": {}, "wrappers": {}, **unknown}
+    try:
+        made: dict[str, Any] = {"env_spec": encode_spec(spec)}
+    except ValueError as error:
+        made = {"env_spec": None, "env_unknown": str(error).rstrip(".")}
+    # Names of behaviors make no other environment.
+    wrappers = {
+        w.name: _without("behavior_names", w.kwargs or {}) for w in spec.additional_wrappers
+    }
     return {
         "env": spec.id,
-        "env_class": _entry_text(spec.entry_point),
-        "env_kwargs": _as_json(kwargs),
-        "wrappers": wrappers,
-        **_encoded(spec),
+        "env_class": str(getattr(spec.entry_point, "__qualname__", spec.entry_point)),
+        "env_kwargs": _as_json({**spec.kwargs, "max_episode_steps": spec.max_episode_steps}),
+        "wrappers": _as_json(wrappers),
+        **made,
     }
 
 
-def _encoded(spec: EnvSpec) -> dict[str, Any]:
-    """How to make the environment, or why no file can say it."""
-    try:
-        return {"env_spec": encode_spec(spec)}
-    except ValueError as error:
-        return {"env_spec": None, "env_unknown": str(error)}
+def _without(key: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name != key}
 
 
-def _entry_text(entry: object) -> str:
-    """What makes an environment, in words that are the same in another process."""
-    if isinstance(entry, FunctionType):  # whose own text has its address
-        return f"<function {entry.__module__}.{entry.__qualname__}>"
-    return str(entry)
+def spec_of(env: VecEnv) -> EnvSpec | None:
+    """The spec of the first single environment, without SB3's Monitor and how to render."""
+    is_vector = isinstance(env, GymnasiumView)
+    spec = env.vector_env.spec if is_vector else env_attribute(env, "spec")
+    if spec is None:
+        return None
+    left_out = {*VECTOR_KEYWORDS, "render_mode"}
+    kwargs = {name: value for name, value in spec.kwargs.items() if name not in left_out}
+    kwargs |= _layouts(env, kwargs)
+    limit = spec.max_episode_steps
+    # A vector environment has it among its keywords, a single one not.
+    if is_vector or "num_envs" in spec.kwargs:
+        limit = kwargs.pop("max_episode_steps", limit)
+    wrappers = tuple(w for w in spec.additional_wrappers if w.name != "Monitor")
+    found: EnvSpec = replace(
+        spec, additional_wrappers=wrappers, kwargs=kwargs, max_episode_steps=limit
+    )
+    return found
 
 
-def _telling(kwargs: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    """The keywords of a wrapper but for names, which make no other environment."""
-    return kwargs and {name: value for name, value in kwargs.items() if name != "behavior_names"}
+def _layouts(env: VecEnv, kwargs: Mapping[str, Any]) -> dict[str, MazeLayout]:
+    """The layout that was read from a keyword's file, which may change later."""
+    files = [name for name in ("layout", "world") if str(kwargs.get(name)).endswith(".json")]
+    layout = env_attribute(env, "layout") if files else None
+    return dict.fromkeys(files, layout) if isinstance(layout, MazeLayout) else {}
 
 
-def behavior_names(env: VecEnv | None) -> list[str] | None:
+def behavior_names(env: VecEnv) -> list[str] | None:
     """The name of each entry of an environment's behavior; None where it names none.
 
-    A wrapper with a behavior of its own hides the names of what is within if it has others, or
-    another number of entries.
+    A wrapper with a behavior of its own may hide the names of another number of entries.
     """
-    names = None if env is None else env_attribute(env, "behavior_names")
-    space = None if env is None else behavior_space(env)
+    names, space = env_attribute(env, "behavior_names"), behavior_space(env)
     if names is None or space is None or len(names) != space.shape[0]:
         return None
     return list(entry_names(names, space.shape[0]))
 
 
-def describe_vec_env(model: BaseAlgorithm) -> dict[str, Any]:
-    """The number of a model's environments, and the wrappers of the VecEnv with their settings.
+# -- settings -------------------------------------------------------------------------------------
 
-    Empty for algorithms that evaluate whole populations, whose results do not depend on it.
-    """
-    env = model.get_env()
-    if env is None or isinstance(model, EvolutionaryAlgorithm):
-        return {}
-    n_envs, wrappers = env.num_envs, {}
+
+def describe_settings(model: BaseAlgorithm) -> dict[str, Any]:
+    """What a callback may change: `settings`, and the `vec_env` of algorithms that step one."""
+    settings = {"settings": settings_of(model)}
+    env, wrappers = model.get_env(), {}
+    if env is None or isinstance(model, EvolutionaryAlgorithm):  # results do not depend on it
+        return settings
+    n_envs = env.num_envs
     while isinstance(env, VecEnvWrapper):
         if not isinstance(env, VecMonitor):  # which changes nothing
             now = env.settings if isinstance(env, BonusVecEnvWrapper) else {}
             wrappers[type(env).__name__] = _arguments(env, vars(env) | now)
         env = env.venv
-    return {"vec_env": {"n_envs": n_envs, "wrappers": wrappers}}
-
-
-def spec_of(env: VecEnv | None) -> EnvSpec | None:
-    """The spec of the (first) single environment, but for SB3's Monitor, or None."""
-    if isinstance(env, GymnasiumView):
-        spec = env.vector_env.spec
-    else:
-        spec = None if env is None else env_attribute(env, "spec")
-    if spec is None:
-        return None
-    wrappers = tuple(each for each in spec.additional_wrappers if each.name != "Monitor")
-    kwargs = {name: value for name, value in spec.kwargs.items() if name not in VECTOR_KEYWORDS}
-    kwargs |= _layouts(env, kwargs)
-    limit = spec.max_episode_steps
-    # A vector environment has it among its keywords, a single one not.
-    if isinstance(env, GymnasiumView) or "num_envs" in spec.kwargs:
-        limit = kwargs.pop("max_episode_steps", limit)
-    made_by: EnvSpec = replace(
-        spec, additional_wrappers=wrappers, kwargs=kwargs, max_episode_steps=limit
-    )
-    return made_by
-
-
-def _layouts(env: VecEnv | None, kwargs: Mapping[str, Any]) -> dict[str, MazeLayout]:
-    """The layout that an environment has of a keyword's file, which may be changed, or moved."""
-    files = [name for name in ("layout", "world") if str(kwargs.get(name)).endswith(".json")]
-    layout = env_attribute(env, "layout") if files and env is not None else None
-    return dict.fromkeys(files, layout) if isinstance(layout, MazeLayout) else {}
+    return {"vec_env": {"n_envs": n_envs, "wrappers": wrappers}, **settings}
 
 
 def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
@@ -187,20 +175,10 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
         own["archive"] = {type(archive).__name__: archive_part(archive).settings}
     settings = _arguments(model, vars(model) | own)
     buffer = getattr(model, "replay_buffer", None)
-    if isinstance(buffer, BonusReplayBuffer):  # callbacks may have changed what it was made with
+    if isinstance(buffer, BonusReplayBuffer):  # callbacks may have changed its settings
         in_force = vars(model)["replay_buffer_kwargs"] | buffer.settings
         settings["replay_buffer_kwargs"] = _as_json(in_force)
     return settings | ({"preset": model.preset} if hasattr(model, "preset") else {})
-
-
-def with_newer_settings(described: Mapping[str, Any], model: BaseAlgorithm) -> dict[str, Any]:
-    """A run's description, where it has not all settings with the defaults of those it lacks.
-
-    A version that had not a setting yet did what its default does now.
-    """
-    parameters, kept = inspect.signature(type(model)).parameters, settings_of(model)
-    defaults = {name: _as_json(p.default) for name, p in parameters.items() if name in kept}
-    return {**described, "settings": defaults | described.get("settings", {})}
 
 
 def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:
@@ -214,14 +192,15 @@ def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:
 
 
 def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The constructor's arguments that are kept in attributes of their name, or with a `_`."""
+    """The constructor's arguments that are attributes of their name, or with a `_`."""
     names = inspect.signature(type(thing)).parameters.keys() - {"env", "venv", "seed"}
     kept = {
         name: attributes.get(name, attributes.get(f"_{name}"))
         for name in sorted(names)
         if attributes.keys() & {name, f"_{name}"} and not name.startswith("_")
     }
-    return {name: _as_json(value) for name, value in kept.items()}
+    as_json: dict[str, Any] = _as_json(kept)
+    return as_json
 
 
 def _as_json(value: Any) -> Any:
@@ -246,8 +225,10 @@ def _name(value: Any) -> Any:
         numbers = int | float | np.ndarray
         settings = {k: v for k, v in vars(value).items() if k[0] == "_" and isinstance(v, numbers)}
         return {type(value).__name__: settings}
-    named = value if hasattr(value, "__qualname__") else type(value)
-    return named.__qualname__
+    return getattr(value, "__qualname__", type(value).__qualname__)
+
+
+# -- where it ran ---------------------------------------------------------------------------------
 
 
 def versions() -> dict[str, str]:

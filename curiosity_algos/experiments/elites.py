@@ -7,7 +7,6 @@ from functools import partial
 import pandas as pd
 
 from curiosity_algos.experiments.measures import logged, with_differences
-from curiosity_algos.experiments.reading import damaged
 from curiosity_algos.experiments.run import Run
 
 QD_SCORE, SIZE = "archive/qd_score", "archive/size"
@@ -38,11 +37,10 @@ def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
 
 def _archive_of(run: Run, label: str) -> dict[str, str]:
     """The class of a run's `archive` and its settings, in words; empty without a QD score."""
-    if not {QD_SCORE, SIZE} <= {*run.progress}:
+    archive = run.description.get("archive")
+    if not archive or not {QD_SCORE, SIZE} <= {*run.progress}:
         return {}
-    match [*(run.description.get("archive") or {}).items()]:
-        case [(name, dict(settings))] if settings.keys() & CELLS:
-            return {"archive": name} | {key: str(value) for key, value in settings.items()}
-        case [(name, dict())]:
-            return {"archive": f"{name} of {label}"}
-    raise damaged(run.folder.path / "run.json")
+    ((name, settings),) = archive.items()
+    if settings.keys() & CELLS:
+        return {"archive": name} | {key: str(value) for key, value in settings.items()}
+    return {"archive": f"{name} of {label}"}

@@ -24,46 +24,36 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any]:
     Classes are named by their modules, so that ids which only such a module registers work too.
 
     Raises:
-        ValueError: If no file can say how to make the environment; it says what hides it.
+        ValueError: If no file can say how to make the environment; it says why.
     """
-    given = [field.name for field in dataclasses.fields(spec) if field.init]  # others follow
-    fields = {name: getattr(spec, name) for name in given}
+    fields = {each.name: getattr(spec, each.name) for each in dataclasses.fields(spec) if each.init}
     fields["entry_point"] = _named(spec.entry_point)
-    fields["vector_entry_point"] = None
-    kept = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
-    fields["kwargs"] = {name: _without_objects(value) for name, value in kept.items()}
-    window = _named(gym.wrappers.HumanRendering)
-    wrappers = [each for each in spec.additional_wrappers if each.entry_point != window]
-    fields["additional_wrappers"] = [vars(each) for each in wrappers]
-    for wrapper in wrappers:
-        if wrapper.kwargs is None:
-            raise ValueError(
-                f"the wrapper {wrapper.name} does not record its arguments, as "
-                "gymnasium.utils.RecordConstructorArgs would"
-            )
-        _check_arguments(f"the wrapper {wrapper.name}", wrapper.kwargs)
     if fields["entry_point"] is None:
         raise ValueError(f"{spec.id} is made by a function that no module names")
-    _check_arguments(spec.id, fields["kwargs"])
+    fields["vector_entry_point"] = None
+    fields["kwargs"] = {
+        name: _plain(value) for name, value in spec.kwargs.items() if name != "render_mode"
+    }
+    window = _named(gym.wrappers.HumanRendering)
+    wrappers = [vars(each) for each in spec.additional_wrappers if each.entry_point != window]
+    for wrapper in wrappers:
+        if wrapper["kwargs"] is None:
+            raise ValueError(
+                f"the wrapper {wrapper['name']} does not record its arguments, as "
+                "gymnasium.utils.RecordConstructorArgs would"
+            )
+    fields["additional_wrappers"] = wrappers
     arrays: Arrays = {}
     encoded: dict[str, Any] = encode(fields, arrays)
     inline = {name: [array.dtype.name, array.tolist()] for name, array in arrays.items()}
     return {**encoded, "arrays": inline}
 
 
-def _without_objects(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """A layout as its fields, and a path as text, which mazes take too."""
     if isinstance(value, MazeLayout):
         return value.to_dict()
     return os.fspath(value) if isinstance(value, os.PathLike) else value
-
-
-def _check_arguments(owner: str, kwargs: Mapping[str, Any]) -> None:
-    for name, value in kwargs.items():
-        try:
-            encode(value, {})
-        except ValueError as error:  # as of a function
-            raise ValueError(f"{owner} has a `{name}` that no file can hold") from error
 
 
 def _named(entry: object) -> str | None:
@@ -78,12 +68,12 @@ def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> En
     """The spec that `encode_spec` was given, for `gymnasium.make`.
 
     Args:
-        encoded: Dictionary of `encode_spec`, or of a stranger's file; None where there is none.
-        trust: Import whatever it names; without, environments must be registered, and wrappers be
-            Gymnasium's or of this package, and write no files.
+        encoded: What `encode_spec` returned, also of a stranger; None where there is none.
+        trust: Import whatever it names. Otherwise environments must be registered, and wrappers
+            be of Gymnasium or of this package, and write no files.
 
     Raises:
-        ValueError: If it is not there or damaged, or needs trust.
+        ValueError: If it is missing or damaged, or needs trust.
     """
     try:
         tree = dict(encoded or {})
@@ -112,12 +102,9 @@ def _is_known(wrapper: WrapperSpec) -> bool:
     """Whether a wrapper is Gymnasium's, SB3's Monitor or of this package, and writes no file."""
     if wrapper.entry_point == _named(Monitor):
         return isinstance(wrapper.kwargs, dict) and wrapper.kwargs.get("filename") is None
-    known = vars(gym.wrappers) | vars(curiosity_gym)
-    return wrapper.entry_point in {
-        _named(each)
-        for each in known.values()
-        if isinstance(each, type) and issubclass(each, gym.Wrapper)
-    } - {_named(gym.wrappers.RecordVideo)}
+    known = (vars(gym.wrappers) | vars(curiosity_gym)).values()
+    classes = {each for each in known if isinstance(each, type) and issubclass(each, gym.Wrapper)}
+    return wrapper.entry_point in map(_named, classes - {gym.wrappers.RecordVideo})
 
 
 def make_env(described: Mapping[str, Any], *, trust: bool, **rendering: Any) -> gym.Env[Any, Any]:
@@ -148,5 +135,5 @@ def make_env(described: Mapping[str, Any], *, trust: bool, **rendering: Any) -> 
 def given_or_made(
     env: gym.Env[Any, Any] | None, make: Callable[[], gym.Env[Any, Any]]
 ) -> AbstractContextManager[gym.Env[Any, Any]]:
-    """An environment that was given, or one that is made, and closed afterwards."""
+    """The user's environment, or one that is made, and closed afterwards."""
     return closing(make()) if env is None else nullcontext(env)

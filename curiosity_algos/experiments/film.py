@@ -23,7 +23,6 @@ from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
-from curiosity_algos.experiments.reading import check_kind
 from curiosity_algos.experiments.run import Run
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import load_policy
@@ -147,7 +146,6 @@ def _read_policy(
 
 def _load(cls: type[Any], env: gym.Env[Any, Any], checkpoint: Path) -> tuple[BasePolicy, int]:
     """A model's policy, and the seed of its best episode; 0 where that is not known."""
-    check_kind(checkpoint / "model.zip")
     if not issubclass(cls, EvolutionaryAlgorithm):
         return cls.load(checkpoint / "model").policy, 0
     return load_policy(checkpoint / "model", cls, env)

@@ -15,7 +15,7 @@ from curiosity_algos.experiments.run import Run, StrPath
 KEYS = ("algorithm", "env", "seed")
 FOR_PROGRAMS = {
     *("run", "env_spec", "env_unknown", "behavior_names", "archive"),
-    *("pending_log", "ended"),
+    *("pending_log", "in_force", "ended"),
 }
 """Fields that make the environment again or continue the run: tables leave them out."""
 

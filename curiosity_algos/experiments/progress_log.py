@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
-from curiosity_algos.experiments.reading import parse_rows, read_texts
+from curiosity_algos.experiments.reading import read_log
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.settings import python_number
 
@@ -21,17 +21,22 @@ TIMESTEPS, SECONDS = "time/total_timesteps", "time/seconds"
 OWN = "time/fps"
 """Column that the algorithm records at each log, and callbacks never do."""
 
-Row: TypeAlias = Mapping[str, Any]
+Row = Mapping[str, str]
 
 
-def in_order(names: Iterable[str]) -> list[str]:
+def _in_order(names: Iterable[str]) -> list[str]:
     """Columns in the order of every file: the time, and then the alphabet."""
     return sorted(set(names), key=lambda name: (name != TIMESTEPS, name != SECONDS, name))
 
 
-def _writable(value: Any) -> Any:
-    """A value as a row has it; a carriage return would end the row."""
-    return re.sub("\r\n?", "\n", value) if isinstance(value, str) else python_number(value)
+def _texts(values: Mapping[str, Any]) -> dict[str, str]:
+    """Numbers and texts, in one line each, without pictures and videos."""
+    loggable = (bool, int, float, str, np.number, np.bool_)
+    return {
+        name: " ".join(str(python_number(value)).splitlines())
+        for name, value in values.items()
+        if isinstance(value, loggable)
+    }
 
 
 class ProgressLog(KVWriter):
@@ -48,56 +53,54 @@ class ProgressLog(KVWriter):
     """
 
     def __init__(self, path: Path, timesteps: int, state: Callable[[], dict[str, float]]) -> None:
-        texts = read_texts(path)
-        rows = parse_rows(texts, path)
-        late = [i for i, row in enumerate(rows) if float(row.get(TIMESTEPS, 0)) > timesteps]
-        texts = texts[: late[0]] if late else texts
         self.pending: dict[str, Any] = {}
         self._path = path
         self._state = state
-        self._last: Row = rows[len(texts) - 1] if texts else {}
-        self._names = in_order(name for row in texts for name in row)
-        self._write_all(texts)
+        rows = read_log(path)
+        if len(rows):
+            rows = rows[pd.to_numeric(rows[TIMESTEPS], errors="coerce") <= timesteps]
+        self._last: Row = dict(rows.iloc[-1]) if len(rows) else {}
+        self._names = _in_order(rows.columns[(rows != "").any()])
+        self._write_all(rows.to_dict("records"))
 
     def write(
-        self, key_values: Row, key_excluded: Mapping[str, tuple[str, ...]], step: int = 0
+        self,
+        key_values: Mapping[str, Any],
+        key_excluded: Mapping[str, tuple[str, ...]],
+        step: int = 0,
     ) -> None:
         """Store what the logger dumps; write a row if the algorithm logs."""
         self.pending |= filter_excluded_keys(dict(key_values), dict(key_excluded), "csv")
         if OWN in key_values:
             self._add_row()
 
-    def end(self, recorded: Row) -> None:
+    def end(self, recorded: Mapping[str, Any]) -> None:
         """Write the last row, with what was recorded since, unless it is written."""
-        state = {name: value for name, value in self._state().items() if name != SECONDS}
-        if any(self._last.get(name) != value for name, value in state.items()):
+        state = _texts({name: value for name, value in self._state().items() if name != SECONDS})
+        if not state.items() <= dict(self._last).items():
             self.pending |= recorded
             self._add_row()
 
     def _add_row(self) -> None:
-        loggable = (bool, int, float, str, np.number, np.bool_)  # no pictures, no videos
-        row = {
-            k: _writable(value) for k, value in self.pending.items() if isinstance(value, loggable)
-        }
-        self._last = row | self._state()
+        self._last = _texts(self.pending | self._state())
         self.pending = {}
-        names = in_order([*self._names, *self._last])
+        names = _in_order([*self._names, *self._last])
         if names != self._names:
             self._names = names
-            self._write_all([*read_texts(self._path), self._last])
+            self._write_all([*read_log(self._path).to_dict("records"), self._last])
         else:
             with open(self._path, "a", encoding="utf-8", newline="") as file:
                 file.write(self._as_text([self._last]))
 
-    def _write_all(self, rows: Iterable[Row]) -> None:
-        header = self._as_text([dict(zip(self._names, self._names, strict=True))])
+    def _write_all(self, rows: Iterable[Any]) -> None:
+        header = dict(zip(self._names, self._names, strict=True))
         with atomic_file(self._path) as file:
-            file.write((header + self._as_text(rows)).encode() if self._names else b"")
+            file.write(self._as_text([header, *rows]).encode() if self._names else b"")
 
     def _as_text(self, rows: Iterable[Row]) -> str:
         text = io.StringIO()
         lines = csv.writer(text, lineterminator="\n")
-        lines.writerows([str(row.get(name, "")) for name in self._names] for row in rows)
+        lines.writerows([row.get(name, "") for name in self._names] for row in rows)
         return text.getvalue()
 
     def close(self) -> None:

@@ -45,15 +45,8 @@ class Reservoir:
         return {**stacked, "n_seen": np.array(self.n_seen), "rng": np.array(state)}
 
     def load(self, arrays: Mapping[str, Array]) -> None:
-        """Restore what `arrays` gave. The smaller of two sizes counts.
-
-        After policies were left out, more room would favor those that come later.
-        """
+        """Restore what `arrays` gave."""
         columns = [arrays[name] for name in FIELDS]
         self._policies = [dict(zip(FIELDS, row, strict=True)) for row in zip(*columns, strict=True)]
         self.n_seen = int(arrays["n_seen"])
         load_generator_state(self._rng, str(arrays["rng"]))
-        while len(self._policies) > self.size:
-            self._policies.pop(int(self._rng.integers(len(self._policies))))
-        if self.n_seen > len(self._policies):
-            self.size = len(self._policies)

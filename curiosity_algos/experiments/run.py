@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.experiments.reading import read_final_states, read_rows
+from curiosity_algos.experiments.reading import read_final_states, read_log
 from curiosity_algos.experiments.run_folder import RunFolder
 
 StrPath: TypeAlias = str | os.PathLike[str]
@@ -46,10 +46,8 @@ class Run:
 
     @cached_property
     def progress(self) -> pd.DataFrame:
-        """The rows of `progress.csv`, with floats for whole numbers."""
-        table = pd.DataFrame(read_rows(self.folder.progress))
-        # Where a row lacks an entry, its column would be of floats, and of integers elsewhere.
-        return table.astype(dict.fromkeys(table.select_dtypes("integer"), float))
+        """The rows of `progress.csv`: columns of floats, or of texts."""
+        return read_log(self.folder.progress).apply(_as_numbers)
 
     @cached_property
     def final_states(self) -> dict[str, Array]:
@@ -60,3 +58,11 @@ class Run:
     def forget_final_states(self) -> None:
         """Free the memory of the final states: they are read again when they are asked for."""
         vars(self).pop("final_states", None)
+
+
+def _as_numbers(texts: pd.Series) -> pd.Series:
+    texts = texts.where(texts != "")  # a row may lack an entry
+    try:
+        return texts.astype(float)
+    except ValueError:
+        return texts

@@ -30,10 +30,9 @@ from filelock import FileLock, Timeout
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.experiments.reading import (
     DESCRIPTION,
-    check_kind,
+    RESULT,
     read_final_states,
     read_json,
-    read_result,
 )
 from curiosity_algos.state.atomic_file import atomic_file, sync_folder
 
@@ -101,8 +100,7 @@ class RunFolder:
 
     def begin(self, description: Mapping[str, Any]) -> None:
         """Write the description of the run."""
-        with atomic_file(self._description) as file:
-            file.write(json.dumps({"format": RUN_FORMAT, **description}, indent=2).encode())
+        write_json(self._description, {"format": RUN_FORMAT, **description})
 
     def describe(self) -> dict[str, Any]:
         """The fields of `run.json`, without its format.
@@ -155,13 +153,7 @@ class RunFolder:
                     raise
 
     def _all_checkpoints(self) -> list[Path]:
-        check_kind(self._checkpoints, is_folder=True)
-        if not self._checkpoints.exists():
-            return []
-        folders = [path for path in self._checkpoints.iterdir() if path.name.isdecimal()]
-        for path in folders:
-            check_kind(path, is_folder=True)
-        return folders
+        return [path for path in self._checkpoints.glob("*") if path.name.isdecimal()]
 
     def commit(self, timesteps: int, write: Callable[[Path], None]) -> None:
         """Replace the last checkpoint by a new one, whose folder `write` fills."""
@@ -186,13 +178,12 @@ class RunFolder:
         """
         if self.checkpoint is None:
             return {}
-        return self.read(lambda checkpoint: read_result(checkpoint / "result.json"))
+        return self.read(lambda checkpoint: read_json(checkpoint / "result.json", RESULT))
 
     def end(self) -> None:
         """Note that training has ended at the last checkpoint, after all files were written."""
         assert self.checkpoint is not None
-        with atomic_file(self.checkpoint / "result.json") as file:
-            file.write(json.dumps(self.result() | {"ended": True}, indent=2).encode())
+        write_json(self.checkpoint / "result.json", self.result() | {"ended": True})
 
     # -- final states ---------------------------------------------------------------------------
 
@@ -207,7 +198,6 @@ class RunFolder:
 
     def final_state_files(self) -> list[Path]:
         """The files of final states, in the order of episodes."""
-        check_kind(self._final_states, is_folder=True)
         files = self._final_states.glob("*.npz")
         return sorted(path for path in files if path.stem.isdecimal())
 
@@ -216,6 +206,12 @@ class RunFolder:
         for path in self.final_state_files():
             if int(path.stem) >= n_episodes:
                 path.unlink()
+
+
+def write_json(path: Path, fields: Mapping[str, Any]) -> None:
+    """Write a file of JSON, which appears once it is whole."""
+    with atomic_file(path) as file:
+        file.write(json.dumps(fields, indent=2).encode())
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:

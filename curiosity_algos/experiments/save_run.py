@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +13,24 @@ import numpy as np
 from filelock import FileLock
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
-from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import (
-    describe_run,
-    describe_vec_env,
-    settings_of,
-    with_newer_settings,
-)
-from curiosity_algos.experiments.differences import differences
+from curiosity_algos.experiments.description import describe_run, describe_settings
+from curiosity_algos.experiments.differences import check_same
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
 from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
-from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
+from curiosity_algos.experiments.run_folder import RunFolder, write_arrays, write_json
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import ExplorationCallback
-from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.episodes import record_episodes
 from curiosity_algos.state.file import read, save
 from curiosity_algos.state.settings import python_number
-from curiosity_gym.validation import check_at_least_one, check_positive
+from curiosity_gym.validation import check_positive
 
-SETTINGS = "settings.json"
-"""Of a checkpoint: settings that callbacks may have changed since `run.json` was written."""
+N_REWARDING, N_SAMPLED = 5000, 1000
+"""Most policies that a checkpoint keeps: of those that succeeded, and of all."""
 _FOUND = "what a run has found"
 """Kind of the file of an `ExplorationCallback`'s state."""
 _SPAWN_KEYS = 0x5A7E, 0x5A7F
@@ -45,35 +38,31 @@ _SPAWN_KEYS = 0x5A7E, 0x5A7F
 
 
 class SaveRun(BaseCallback):
-    """Keeps all of a run in a folder, see `curiosity_algos.experiments.run_folder`.
+    """Records a run in a folder, see `curiosity_algos.experiments.run_folder`.
 
-    A run that was killed goes on from its last checkpoint, and ends in the same files:
+    A run that was killed continues from its last checkpoint, and ends in the same files:
 
         checkpoint = RunFolder("runs/hard").checkpoint
         model = CuriosityES.load(checkpoint / "model", env="CuriosityMaze-Hard-v0")
         rest = 1e7 - model.num_timesteps
         model.learn(rest, callback=SaveRun("runs/hard"), reset_num_timesteps=False)
 
-    `TD3ICM`, and algorithms of Stable-Baselines3 and sb3-contrib, go on by `load_baseline`, their
-    random draws and, with `save_replay_buffer`, its transitions, too. Beside its `model` the
-    checkpoint holds `bonus.npz` of a `BonusVecEnvWrapper`, and `vecnormalize.pkl` of a
-    VecNormalize, which `load_baseline` leaves to you.
+    `load_baseline` loads `TD3ICM`, and algorithms of Stable-Baselines3 and sb3-contrib. A
+    VecNormalize is in the checkpoint's `vecnormalize.pkl`; `load_baseline` leaves it to you.
 
     Args:
-        folder: Folder of the run: empty or missing, or that of the run that the model goes on with.
+        folder: Folder of the run: empty or missing, or that of the run that continues.
         interval: Seconds between two checkpoints, above 0. One more is taken when `learn` ends,
-            without the transitions that bonuses and TD3 are trained on: a run that goes on from
-            there collects them anew, and the model warns of it.
-        n_rewarding: Policies that succeeded which are kept, a uniform sample of all of them.
-        n_sampled: Policies of all that are evaluated which are kept, a uniform sample.
+            without the transitions that bonuses and TD3 are trained on: a run that continues from
+            there collects new ones, and the model warns of it.
         save_replay_buffer: Whether checkpoints hold the transitions of a replay buffer. The last
-            one does not; bonus and weight of a `BonusReplayBuffer` are in each.
+            one does not; all hold the bonus and the weight of a `BonusReplayBuffer`.
         verbose: As in SB3.
 
     Raises:
         ValueError: When `learn` begins: if the model steps no VecEnv, as sb3-contrib's ARS, or no
             Monitor sees its episodes; if the folder holds another run, or another process trains
-            there. While it goes on: if a behavior is not finite, or of other entries than before.
+            there. Later: if a behavior is not finite, or of other entries than before.
 
     Warns:
         UserWarning: When a run begins in an environment that `run.json` cannot say how to make.
@@ -86,18 +75,13 @@ class SaveRun(BaseCallback):
         folder: str | os.PathLike[str],
         *,
         interval: float = 60.0,
-        n_rewarding: int = 5000,
-        n_sampled: int = 1000,
         save_replay_buffer: bool = False,
         verbose: int = 0,
     ) -> None:
         super().__init__(verbose)
-        check_at_least_one(n_rewarding=n_rewarding, n_sampled=n_sampled)
         check_positive(interval=interval)
         self.folder = RunFolder(folder)
         self.interval = interval
-        self.n_rewarding = n_rewarding
-        self.n_sampled = n_sampled
         self.save_replay_buffer = save_replay_buffer
         self._log: ProgressLog | None = None
         self._lock: FileLock | None = None
@@ -108,8 +92,8 @@ class SaveRun(BaseCallback):
         self.close()
         check_recordable(self.model)
         seeds = [np.random.SeedSequence(self.model.seed, spawn_key=(key,)) for key in _SPAWN_KEYS]
-        self._rewarding = Reservoir(self.n_rewarding, seeds[0])
-        self._sample = Reservoir(self.n_sampled, seeds[1])
+        self._rewarding = Reservoir(N_REWARDING, seeds[0])
+        self._sample = Reservoir(N_SAMPLED, seeds[1])
         self._pending: list[Columns] = []
         description = describe_run(self.model)
         self._check_folder(description)
@@ -139,19 +123,11 @@ class SaveRun(BaseCallback):
     def _check_folder(self, description: dict[str, Any]) -> None:
         if self.folder.is_empty():
             return
-        checkpoint = self.folder.checkpoint
-        described = self.folder.describe()
-        if checkpoint is not None and (checkpoint / SETTINGS).is_file():
-            described |= json.loads((checkpoint / SETTINGS).read_text())
-        others = differences(with_newer_settings(described, self.model), description)
-        timesteps = 0 if checkpoint is None else int(checkpoint.name)
-        if timesteps != self.model.num_timesteps:
-            others.append(f"num_timesteps is {timesteps}, not {self.model.num_timesteps}")
-        if others:
-            raise ValueError(
-                "`folder` must be empty, or that of the run that goes on: in "
-                f"{self.folder.path} {', '.join(others)}."
-            )
+        result = self.folder.result()
+        there = self.folder.describe() | result.get("in_force", {})
+        there["num_timesteps"] = result.get("timesteps", 0)
+        here = description | {"num_timesteps": self.model.num_timesteps}
+        check_same(self.folder.path, there, here)
 
     def _begin_or_go_on(self, description: dict[str, Any]) -> None:
         checkpoint = self.folder.checkpoint
@@ -219,7 +195,13 @@ class SaveRun(BaseCallback):
         """An entry for each episode that ended in this step."""
         infos = [self.locals["infos"][i] for i in ended]
         episodes = [info["episode"] for info in infos]
-        unknown = np.full(len(ended), np.nan)
+        behaviors, n_entries = final_behaviors(infos), self._n_entries
+        self._n_entries = behaviors.shape[1]
+        if n_entries not in (None, self._n_entries):
+            raise ValueError(
+                '`env` must end every episode with an info["behavior"] of as many numbers, or none '
+                f"with any: one had {self._n_entries}, those before {n_entries}."
+            )
         intrinsic = self.locals.get("intrinsic")
         return {
             "generation": np.full(len(ended), getattr(self.model, "generation", 0)),
@@ -227,21 +209,9 @@ class SaveRun(BaseCallback):
             "return": np.array([episode["r"] for episode in episodes], dtype=np.float64),
             "length": np.array([episode["l"] for episode in episodes]),
             "success": np.array([bool(info.get("is_success", False)) for info in infos]),
-            "curiosity": unknown if intrinsic is None else intrinsic[ended],
-            "behavior": self._behaviors(infos),
+            "curiosity": np.full(len(ended), np.nan) if intrinsic is None else intrinsic[ended],
+            "behavior": behaviors,
         }
-
-    def _behaviors(self, infos: Sequence[Mapping[str, Any]]) -> Float64Array:
-        """The behaviors (n, B) that episodes ended with, as many entries as before."""
-        behaviors = final_behaviors(infos)
-        n_entries = behaviors.shape[1]
-        self._n_entries = n_entries if self._n_entries is None else self._n_entries
-        if n_entries != self._n_entries:
-            raise ValueError(
-                '`env` must end every episode with an info["behavior"] of as many numbers, or none '
-                f"with any: one had {n_entries}, those before {self._n_entries}."
-            )
-        return behaviors
 
     def _sample_policies(self) -> None:
         parameters = self.locals.get("parameters")
@@ -286,11 +256,7 @@ class SaveRun(BaseCallback):
             write_arrays(folder / "sample.npz", self._sample.arrays())
         if isinstance(self._found, ExplorationCallback):
             save(folder / "found.npz", _FOUND, {}, self._found.state_dict())
-        now = {"settings": settings_of(self.model), **describe_vec_env(self.model)}
-        with atomic_file(folder / SETTINGS) as file:
-            file.write(json.dumps(now).encode())
-        with atomic_file(folder / "result.json") as file:
-            file.write(json.dumps(self._result(), indent=2).encode())
+        write_json(folder / "result.json", self._result())
 
     def _result(self) -> dict[str, Any]:
         model, found = self.model, self._found
@@ -305,6 +271,7 @@ class SaveRun(BaseCallback):
             "n_rewarding": self._rewarding.n_seen,
             "seconds": self._seconds(),
             "pending_log": self._pending_log(),
+            "in_force": describe_settings(model),
             "ended": False,
         }
 

@@ -15,9 +15,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from curiosity_algos.common.interrupt import HeldInterrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import is_baseline
-from curiosity_algos.experiments.description import describe_run, with_newer_settings
-from curiosity_algos.experiments.differences import differences
-from curiosity_algos.experiments.reading import read_result
+from curiosity_algos.experiments.description import describe_run
+from curiosity_algos.experiments.differences import check_same
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
@@ -35,12 +34,7 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
     with warnings.catch_warnings(action="ignore"):  # the run itself warns
         model = run.make()
     with _its_env(model):
-        described = describe_run(model)
-    there = with_newer_settings(stored.describe(), model)
-    if others := differences(there, described):
-        raise ValueError(
-            f"`folder` must be empty or that of this run: in {folder} {', '.join(others)}."
-        )
+        check_same(folder, stored.describe(), describe_run(model))
     result = stored.result()
     return bool(result) and result["timesteps"] >= run.timesteps and result["ended"]
 
@@ -116,12 +110,8 @@ def _its_env(model: BaseAlgorithm) -> closing[VecEnv]:
 
 
 def summary(folder: Path) -> str:
-    """A run's result in a line.
-
-    Raises:
-        ValueError: If there is no checkpoint yet, or it is damaged.
-    """
-    result = RunFolder(folder).read(lambda checkpoint: read_result(checkpoint / "result.json"))
+    """The result of a run with a checkpoint, in a line."""
+    result = RunFolder(folder).result()
     best = result["best_return"]
     words = [f"best return {'none' if best is None else f'{best:.3f}'}", _first(result)]
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]

@@ -7,7 +7,6 @@ import sys
 import zipfile
 
 import gymnasium as gym
-import numpy as np
 import pytest
 from saved_files import npy_header
 
@@ -67,17 +66,11 @@ def append(text):
 
 
 DAMAGES = {
-    "settings are text": describe(settings="many"),
-    "keywords are a list": describe(env_kwargs=[1], wrappers=None),
     "a spec of nothing": describe(env_spec={}),
     "timesteps are none": result(timesteps=None),
-    "coverage is a list": result(coverage=[0.5]),
-    "shares are text": result(coverage={"reachable": "half"}),
     "surplus entries": append("1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21\n"),
     "huge final states": huge(lambda run: final_states(run)),
-    "a huge sample": huge(lambda run: run.checkpoint / "rewarding.npz"),
     "a huge sample of all": huge(lambda run: run.checkpoint / "sample.npz"),
-    "an array alone": lambda run: np.save(open(final_states(run), "wb"), np.zeros(3)),  # noqa: SIM115
 }
 
 

@@ -1,37 +1,28 @@
 import pytest
 
-from curiosity_algos.experiments.differences import differences
+from curiosity_algos.experiments.differences import check_same
 
-THERE = {"algorithm": "NSES", "env": "A-v0", "seed": 0, "settings": {"sigma": 0.5, "k": None}}
+THERE = {"algorithm": "NSES", "env": "A-v0", "seed": 0, "settings": {"k": None, "sigma": 0.5}}
 
 
 @pytest.mark.parametrize(
-    ("changes", "expected"),
+    ("changes", "message"),
     [
-        ({}, []),
-        ({"settings": {"sigma": 0.5, "k": None, "device": "cuda", "verbose": 2}}, []),
-        ({"versions": {"numpy": "9"}, "vec_env": None}, []),
-        ({"seed": 1}, ["seed is 0, not 1"]),
-        ({"seed": 1, "env": "B-v0"}, ['env is "A-v0", not "B-v0"']),
-        ({"wrappers": {"Flatten": {}}}, ["wrappers.Flatten is left out, not {}"]),
-        ({"vec_env": {"n_envs": 2}}, ["vec_env.n_envs is left out, not 2"]),
+        ({}, None),
+        ({"settings": {"sigma": 0.5, "k": None, "device": "cuda", "verbose": 2}}, None),
+        ({"versions": {"numpy": "9"}, "vec_env": None}, None),
+        ({"seed": 1}, "seed is 0, not 1"),
+        ({"seed": 1, "env": "B-v0"}, 'env is "A-v0", not "B-v0"'),
+        ({"wrappers": {"Flatten": {}}}, "wrappers.Flatten is null, not {}"),
+        ({"settings": {"sigma": 0.5, "k": 3}}, "settings.k is null, not 3"),
+        ({"num_timesteps": 5}, "num_timesteps is null, not 5"),
     ],
 )
-def test_the_first_field_that_differs_is_named(changes, expected):
+def test_the_first_value_that_differs_is_named(changes, message, tmp_path):
     there = THERE | {"wrappers": {}}
-    assert differences(there, there | changes) == expected
-
-
-def test_all_of_its_values_are_named_by_their_paths():
-    here = {"sigma": 1, "n": {"arch": [4]}, "k": None}
-    assert differences(THERE, THERE | {"settings": here}) == [
-        "settings.n.arch is left out, not [4]",
-        "settings.sigma is 0.5, not 1",
-    ]
-    assert (
-        differences(THERE | {"settings": here}, THERE | {"settings": here | {"sigma": 1.0}}) == []
-    )
-    nothing = {"settings": here | {"n": {}}}
-    assert differences(THERE | nothing, THERE | {"settings": {"sigma": 1, "k": None}}) == [
-        "settings.n is {}, not left out"
-    ]
+    if message is None:
+        check_same(tmp_path, there, there | changes)
+        return
+    with pytest.raises(ValueError, match="must be empty or that of") as raised:
+        check_same(tmp_path, there, there | changes)
+    assert str(raised.value).endswith(f": in {tmp_path} {message}.")

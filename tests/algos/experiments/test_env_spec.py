@@ -12,10 +12,6 @@ class Mine(PendulumEnv):
     pass
 
 
-class Unrecorded(gym.Wrapper):
-    pass
-
-
 def made_again(env, **trust):
     encoded = encode_spec(env.spec)
     assert json.loads(json.dumps(encoded)) == encoded
@@ -41,14 +37,6 @@ def test_an_environment_is_made_again(make):
     given = {name: value for name, value in env.spec.kwargs.items() if name != "render_mode"}
     assert again.unwrapped.spec.kwargs == given
     assert again.spec.max_episode_steps == env.spec.max_episode_steps
-    assert again.render_mode is None
-
-
-def test_a_window_is_not_made_again():
-    env = gym.make("CuriosityMaze-US-v0", render_mode="human")
-    env = gym.wrappers.TimeLimit(gym.wrappers.FlattenObservation(env), 9)
-    again = made_again(env)
-    assert [each.name for each in again.spec.additional_wrappers] == ["FlattenObservation"]
     assert again.render_mode is None
 
 
@@ -85,17 +73,20 @@ def test_a_damaged_one_is_refused(change):
         decode_spec(encoded | change)
 
 
+class Unrecorded(gym.Wrapper):
+    pass
+
+
 def test_what_no_file_holds_is_named():
     gym.register("Mine-v1", lambda: Mine())
     pendulum = gym.make("Pendulum-v1")
-    unrecorded = Unrecorded(pendulum)
     changed = gym.wrappers.TransformReward(pendulum, lambda reward: reward)
     for env, what in [
         (gym.make("Mine-v1"), "Mine-v1 is made by a function that no module names"),
-        (unrecorded, "the wrapper Unrecorded does not record its arguments"),
-        (changed, "the wrapper TransformReward has a `func` that no file can hold"),
-        (gym.make("Pendulum-v1", g=Mine()), "Pendulum-v1 has a `g` that no file can hold"),
+        (Unrecorded(pendulum), "the wrapper Unrecorded does not record its arguments"),
+        (changed, "`additional_wrappers/0/kwargs/func` there is a function"),
+        (gym.make("Pendulum-v1", g=Mine()), "`kwargs/g` there is a Mine"),
     ]:
-        with pytest.raises(ValueError, match=f"^{what}"):
+        with pytest.raises(ValueError, match=what):
             encode_spec(env.spec)
     del gym.registry["Mine-v1"]

@@ -179,7 +179,7 @@ def test_what_cannot_be_made_again_must_be_given(tmp_path, make_model):
         maze = gym.make("CuriosityMaze-US-v0", horizon=50, **rendering)
         return gym.wrappers.TransformReward(maze, lambda _: 0.1)  # of which 50 are not 5.0
 
-    with pytest.warns(UserWarning, match="the wrapper TransformReward has a `func`"):
+    with pytest.warns(UserWarning, match="kwargs/func` there is a function"):
         model = make_model(MAPElites, make_env()).learn(1, SaveRun(tmp_path))
     with pytest.raises(ValueError, match="`env` must be given, in Python"):
         play(tmp_path, seed=0)

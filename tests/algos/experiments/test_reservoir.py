@@ -39,20 +39,6 @@ def test_each_is_kept_as_often():
     assert chisquare(counts).pvalue > 0.001
 
 
-def test_another_size_leaves_the_sample_uniform():
-    for size, n_kept in [(50, 5), (3, 3)]:
-        counts = np.zeros(40)
-        for seed in range(1000):
-            going_on = Reservoir(size, np.random.SeedSequence(seed))
-            going_on.load(filled(5, 20, seed).arrays())
-            for policy in list(policies(40))[20:]:
-                going_on.add(policy)
-            kept = going_on.arrays()["generation"]
-            assert len(kept) == n_kept
-            counts[kept] += 1
-        assert chisquare(counts).pvalue > 0.001
-
-
 def test_it_goes_on_from_its_arrays(assert_same):
     whole, begun = filled(5, 60), filled(5, 30)
     going_on = Reservoir(5, np.random.SeedSequence(99))

@@ -6,14 +6,15 @@ al. 2017, "Curiosity-driven Exploration by Self-supervised Prediction"; the pape
 
 from __future__ import annotations
 
+import inspect
 from typing import Any, Self
 
 import numpy as np
-import torch as th
 from gymnasium import spaces
 from stable_baselines3 import TD3
 from stable_baselines3.common.callbacks import BaseCallback, ConvertCallback
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.type_aliases import MaybeCallback, Schedule
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import TD3Policy
@@ -21,10 +22,11 @@ from stable_baselines3.td3.policies import TD3Policy
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.presets import preset_settings
-from curiosity_algos.evaluation.arguments import check_order
+from curiosity_algos.evaluation.arguments import check_keywords_known, check_order
 from curiosity_algos.evaluation.environments import describe, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.flat_spaces import is_range
+from curiosity_algos.loops.keywords import whole_signature
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
@@ -90,26 +92,17 @@ class TD3ICM(HasSettings, TD3):
         extrinsic: bool = True,
         n_updates: int = 64,
         learning_rate: float | Schedule = 5e-5,
-        buffer_size: int = 1_000_000,
         learning_starts: int = 10_000,
         batch_size: int = 128,
-        tau: float = 0.005,
-        gamma: float = 0.99,
         train_freq: int | tuple[int, str] = (1, "episode"),
         gradient_steps: int = -1,
         action_noise: ActionNoise | None = None,
-        policy_delay: int = 2,
-        target_policy_noise: float = 0.2,
-        target_noise_clip: float = 0.5,
         policy_kwargs: dict[str, Any] | None = None,
-        seed: int | None = None,
-        device: th.device | str = "auto",
-        verbose: int = 0,
-        tensorboard_log: str | None = None,
-        stats_window_size: int = 100,
         _init_setup_model: bool = True,
+        **td3: Any,
     ) -> None:
         check_order(self, env, policy or "MlpPolicy")
+        check_keywords_known(type(self), td3.keys() - inspect.signature(TD3ICM).parameters.keys())
         check_keywords(bonus_kwargs=bonus_kwargs, policy_kwargs=policy_kwargs)
         check_at_least_one(batch_size=batch_size)
         if not callable(learning_rate):
@@ -130,14 +123,11 @@ class TD3ICM(HasSettings, TD3):
         super().__init__(
             policy,  # type: ignore[arg-type]  # never None where `load` has read it
             env,  # type: ignore[arg-type]  # nor this where there is a model to be made
-            learning_rate,
-            buffer_size,
-            learning_starts,
-            batch_size,
-            tau,
-            gamma,
-            train_freq,
-            gradient_steps,
+            learning_rate=learning_rate,
+            learning_starts=learning_starts,
+            batch_size=batch_size,
+            train_freq=train_freq,
+            gradient_steps=gradient_steps,
             action_noise=action_noise,
             replay_buffer_class=BonusReplayBuffer,
             replay_buffer_kwargs={
@@ -150,16 +140,9 @@ class TD3ICM(HasSettings, TD3):
                 "n_updates": n_updates,
                 "batch_size": batch_size,
             },
-            policy_delay=policy_delay,
-            target_policy_noise=target_policy_noise,
-            target_noise_clip=target_noise_clip,
-            stats_window_size=stats_window_size,
-            tensorboard_log=tensorboard_log,
             policy_kwargs=policy_kwargs,
-            verbose=verbose,
-            seed=seed,
-            device=device,
             _init_setup_model=_init_setup_model,
+            **td3,
         )
 
     @classmethod
@@ -220,6 +203,13 @@ class TD3ICM(HasSettings, TD3):
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "exploration"]
+
+
+_WHOLE = whole_signature(TD3ICM, OffPolicyAlgorithm)
+_OF_ITS_BUFFER = {"replay_buffer_class", "replay_buffer_kwargs", "optimize_memory_usage", "n_steps"}
+TD3ICM.__signature__ = _WHOLE.replace(  # type: ignore[attr-defined]
+    parameters=[p for name, p in _WHOLE.parameters.items() if name not in _OF_ITS_BUFFER]
+)
 
 
 def _check_spaces(observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:

@@ -154,14 +154,11 @@ class APT(NetworkBonus):
         """Take over what `state_dict` gave.
 
         Raises:
-            RuntimeError: If it is that of another bonus, of other networks or another memory.
+            ValueError: If it is that of another bonus, of other networks or another memory.
         """
-        try:
-            self.memory.check(state["memory"])
-        except Exception as error:  # of any kind, of what is damaged
-            raise RuntimeError("`bonus` must be made as the one that was saved.") from error
-        super().load_state_dict(state, *args, **kwargs)
-        self.memory.load_state_dict(state["memory"])
+        networks = dict(state)
+        self.memory.load_state_dict(networks.pop("memory", None))
+        super().load_state_dict(networks, *args, **kwargs)
         self._has_observed = True  # the state may be from between the two
 
 

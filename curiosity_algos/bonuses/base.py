@@ -13,12 +13,12 @@ from typing import Any, ClassVar, Protocol, TypedDict, runtime_checkable
 import numpy as np
 import torch as th
 from gymnasium import spaces
-from stable_baselines3.common.logger import Logger
 
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_algos.evaluation.rollouts import check_observations
+from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
@@ -83,7 +83,7 @@ class NetworkKeywords(TypedDict, total=False):
     device: th.device | str
 
 
-class NetworkBonus(HasSettings, th.nn.Module):
+class NetworkBonus(HasSettings, th.nn.Module, Bonus):
     """A bonus of torch networks that one optimizer trains.
 
     A subclass makes its networks, calls `_begin`, and writes `losses` and `score`; where a
@@ -109,8 +109,6 @@ class NetworkBonus(HasSettings, th.nn.Module):
     """
 
     name: ClassVar[str]
-    horizon: int = 1
-    observes_ends: bool = True
 
     def __init__(
         self,
@@ -142,21 +140,13 @@ class NetworkBonus(HasSettings, th.nn.Module):
     @property
     def _made_with(self) -> Set[str]:
         # Classes have a hash, which mypy looks for among those of their objects.
-        return _keywords(type(self)) & vars(self).keys()  # type: ignore[arg-type]
+        return _keywords(type(self)) & vars(self).keys()
 
     def _begin(self) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
         self.to(self.device)
         trained = [each for each in self.parameters() if each.requires_grad]
         self.optimizer = th.optim.Adam(trained, lr=self.learning_rate, fused=True)
-
-    @abstractmethod
-    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
-        """Bonus of each transition, shape (n,), see `Bonus`."""
-
-    def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
-        """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
-        return self.score(observations[:-1], actions, observations[1:])
 
     @abstractmethod
     def losses(
@@ -219,44 +209,34 @@ class NetworkBonus(HasSettings, th.nn.Module):
         """Take over what `state_dict` gave; the learning rate stays the constructor's.
 
         Raises:
-            RuntimeError: If it is that of another bonus, or of other networks, as torch has it.
+            ValueError: If it is that of another bonus, or of other networks.
         """
-        try:
-            moments = self._moments(state["optimizer"])
-            own = super().state_dict()
-            _check_alike(state["modules"], {name: each.shape for name, each in own.items()})
-            super().load_state_dict(state["modules"], *args, **kwargs)
-        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
-            raise RuntimeError("`bonus` must be made as the one that was saved.") from error
+        check_keys(state, ("modules", "optimizer"))
+        check_like(state["modules"], super().state_dict(), "modules")
+        check_like(state["optimizer"], self._moments() if state["optimizer"] else {}, "optimizer")
+        super().load_state_dict(state["modules"], *args, **kwargs)
         groups = self.optimizer.state_dict()["param_groups"]
+        moments = copy.deepcopy(dict(state["optimizer"]))  # torch trains on in them
         self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
 
-    def _moments(self, saved: Mapping[int, Mapping[str, th.Tensor]]) -> dict[int, Any]:
-        """A copy of Adam's moments, in which torch would train on; it checks no shape itself."""
-        trained = self.optimizer.param_groups[0]["params"]
-        if saved and set(saved) != set(range(len(trained))):
-            raise RuntimeError("The optimizer's state is of other networks.")
-        for i, moments in saved.items():
-            shape = trained[i].shape
-            _check_alike(moments, {"step": (), "exp_avg": shape, "exp_avg_sq": shape})
-        return copy.deepcopy(dict(saved))
+    def _moments(self) -> dict[int, dict[str, th.Tensor]]:
+        """Adam's state as it is built once it has made a step."""
+        trained = [each.detach() for each in self.optimizer.param_groups[0]["params"]]
+        names = ("exp_avg", "exp_avg_sq")
+        return {i: {"step": th.zeros(()), **dict.fromkeys(names, x)} for i, x in enumerate(trained)}
 
 
 @cache
 def _keywords(cls: type[NetworkBonus]) -> Set[str]:
     """Names of keywords that stay: those of this package's bonuses, not of a user's subclass."""
     known = next(each for each in cls.__mro__ if each.__module__.startswith("curiosity_algos."))
-    parameters = inspect.signature(known).parameters.values()
-    own = {each.name for each in parameters if each.kind is each.KEYWORD_ONLY}
-    return own | NetworkKeywords.__optional_keys__
+    return {*keyword_only(known), *NetworkKeywords.__optional_keys__}
 
 
-def _check_alike(saved: Mapping[str, th.Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Raise RuntimeError unless all is finite and of these shapes: torch takes what it can."""
-    if {name: tensor.shape for name, tensor in saved.items()} != shapes:
-        raise RuntimeError("The state is of other networks.")
-    if not all(bool(th.isfinite(tensor).all()) for tensor in saved.values()):
-        raise RuntimeError("The state holds NaN or infinity.")
+def keyword_only(made: Any) -> list[str]:
+    """What a class or a function takes by keyword alone, and names."""
+    parameters = inspect.signature(made).parameters.values()
+    return [each.name for each in parameters if each.kind is each.KEYWORD_ONLY]
 
 
 LARGEST_OBSERVED = 1e18
@@ -281,13 +261,3 @@ def check_rewards(rewards: Array) -> None:
     """Raise ValueError unless the rewards of the task can be learned from."""
     if not np.isfinite(rewards).all():
         raise ValueError("`env` must give finite rewards, it gave NaN or infinity.")
-
-
-def record_bonus(logger: Logger, values: Array) -> None:
-    """Log the mean and the largest of bonuses, over all since the last dump."""
-    counts, before = logger.name_to_count, logger.name_to_value["intrinsic/mean"]
-    n_before = counts["intrinsic/mean"]
-    counts["intrinsic/mean"] = n = n_before + values.size
-    logger.record("intrinsic/mean", (n_before * before + float(np.sum(values))) / n)
-    largest = logger.name_to_value.get("intrinsic/max", -np.inf)
-    logger.record("intrinsic/max", max(largest, float(np.max(values))))

@@ -60,11 +60,8 @@ class TransitionBuffer:
         self._next = 0
         shape = tuple(observation_space.shape or ())
         dtype = _dtype(observation_space)
-        n_bytes, n_free = (
-            capacity * _bytes_of_one(observation_space),
-            psutil.virtual_memory().available,
-        )
-        if n_bytes > n_free:
+        n_bytes = capacity * _bytes_of_one(observation_space)
+        if n_bytes > (n_free := psutil.virtual_memory().available):
             warnings.warn(
                 f"`buffer_size` of {capacity} transitions needs {n_bytes / 1e9:.1f} GB of memory, "
                 f"{n_free / 1e9:.1f} GB are free.",

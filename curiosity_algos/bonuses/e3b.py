@@ -23,9 +23,6 @@ from curiosity_algos.state.check import check_like
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_positive
 
-MIN_RIDGE = 1e-6
-"""Below it the inverse loses its digits to features of everyday size."""
-
 
 class E3B(NetworkBonus):
     """`phi(s')^T C^-1 phi(s')` with `C = ridge I + sum of phi phi^T` of the episode so far.
@@ -39,8 +36,8 @@ class E3B(NetworkBonus):
     Args:
         observation_space: As of `NetworkBonus`.
         action_space: As of `ICM`.
-        ridge: lambda, at least 1e-6: what is nothing like the episode so far has a bonus of its
-            features' square over it.
+        ridge: lambda, above 0: what is nothing like the episode so far has a bonus of its features'
+            square over it.
     """
 
     name = "e3b"
@@ -54,8 +51,6 @@ class E3B(NetworkBonus):
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_positive(ridge=ridge)
-        if ridge < MIN_RIDGE:
-            raise ValueError(f"`ridge` must be at least {MIN_RIDGE:g}, got {ridge!r}.")
         super().__init__(observation_space, **kwargs)
         self.ridge = ridge
         self.encoder = InverseFeatures(

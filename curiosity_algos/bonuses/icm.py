@@ -28,9 +28,9 @@ class ICM(NetworkBonus):
     The loss is `(1 - beta) L_I + beta L_F` (section 2.3): the inverse model keeps in the features
     what the agent can influence, the forward model's error is the curiosity.
 
-    Of flat observations and continuous actions, on the CPU, the gradient is compiled. That of a
-    subclass, or of networks of another kind, frozen or with hooks, is torch's, from the methods
-    below.
+    Of flat observations and continuous actions, on the CPU, the gradient is compiled, and hooks
+    are not called. That of a subclass, or of networks of another kind or frozen ones, is torch's,
+    from the methods below.
 
     Of `hidden` units are the encoder's two hidden layers, and the two models' one and two. Further
     keywords are those of every bonus of networks, see `NetworkBonus`.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,11 +10,11 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.apt import APT
-from curiosity_algos.bonuses.base import Bonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Bonus, NetworkKeywords, keyword_only
 from curiosity_algos.bonuses.disagreement import Disagreement
 from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
-from curiosity_algos.bonuses.episodes import Episodes, episodes_of
+from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
@@ -24,7 +23,7 @@ from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.state.tree import encode
-from curiosity_gym.validation import check_choice
+from curiosity_gym.validation import check_at_least_one, check_choice
 
 BONUSES: dict[str, Callable[..., Bonus]] = {
     each.name: each for each in (APT, Disagreement, E3B, ICM, NGU, NovelD, RAMP, RND)
@@ -64,18 +63,6 @@ def bonus_keywords(bonus: str) -> tuple[str, ...]:
     return (*keyword_only(BONUSES[bonus]), *of_networks)
 
 
-def keyword_only(made: Any) -> list[str]:
-    """What a class or a function takes by keyword alone, and names."""
-    parameters = inspect.signature(made).parameters.values()
-    return [each.name for each in parameters if each.kind is each.KEYWORD_ONLY]
-
-
-def for_one_policy(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Keywords of a bonus that a single policy learns from."""
-    own = FOR_ONE_POLICY.get(bonus, {}) if isinstance(bonus, str) else {}
-    return {**own, **bonus_kwargs}
-
-
 def make_bonus(
     bonus: str | Bonus,
     bonus_kwargs: Mapping[str, Any],
@@ -98,45 +85,26 @@ def make_bonus(
     return BONUSES[bonus](observation_space, action_space, **given)
 
 
-def _check_remembers(episodes: Episodes) -> None:
-    try:
-        state = episodes.state_dict()
-        episodes.end(np.array([True, False]))
-        episodes.load_state_dict(state)
-    except Exception as error:
-        raise ValueError(
-            "`bonus.episodes` must make what can end, and has a state that it takes over again."
-        ) from error
-    encode(state, {}, "bonus")  # raises where no file could hold it
-
-
 def _check_fits(
     bonus: Bonus, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> None:
     is_image = ImageInputs.of(observation_space) is not None
-    assert isinstance(observation_space, spaces.Box)
-    shape = (2, *observation_space.shape)
+    shape = (2, *(observation_space.shape or ()))
     observations = np.zeros(shape, dtype=np.uint8 if is_image else np.float32)
     actions: Array
     if isinstance(action_space, spaces.Box):
         actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
     else:
         actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
-    episodes = episodes_of(bonus, 2)
+    scorer = episodes_of(bonus, 2) or bonus
     try:
-        scores = (episodes or bonus).score(observations, actions, observations)
+        shape = np.shape(scorer.score(observations, actions, observations))
     except Exception as error:
         raise ValueError(
             "`bonus` must score transitions of the environment's spaces as it is shown them, "
             f"{observation_space} and {action_space}."
         ) from error
-    if episodes is not None:
-        _check_remembers(episodes)
-    if np.shape(scores) != (2,):
-        raise ValueError(
-            f"`bonus` must give one score for each transition, got {np.shape(scores)} of 2."
-        )
-    horizon: object = bonus.horizon
-    if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
-        raise ValueError(f"`bonus` must have a `horizon` of at least 1 step, got {horizon!r}.")
-    encode(bonus.state_dict(), {}, "bonus")
+    if shape != (2,):
+        raise ValueError(f"`bonus` must give one score for each transition, got {shape} of 2.")
+    check_at_least_one(horizon=bonus.horizon)
+    encode(bonus.state_dict(), {}, "bonus")  # raises where no file could hold it

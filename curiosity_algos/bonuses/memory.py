@@ -102,21 +102,16 @@ class FeatureMemory:
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError where it is another memory's."""
-        self.check(state)
-        load_generator_state(self._rng, state["rng"])
-        self.n_seen, n = state["n_seen"], len(state["observations"])
-        self._kept[:n] = state["observations"]
-        self._features[:n] = state["features"]
-        self._squares[:n] = self._features[:n].square().sum(dim=1)
-        self._is_current[:] = False
-        self._is_current[:n] = state["is_current"]
-
-    def check(self, state: Mapping[str, Any]) -> None:
-        """Raise an error, ValueError where nothing is damaged, unless the state can be loaded."""
         empty = {"observations": self._kept[:0], "features": self._features[:0]}
         empty |= {"is_current": self._is_current[:0], "n_seen": 0, "rng": ""}
         check_like(state, empty, "memory")
         n, n_seen = min(state["n_seen"], len(self._kept)), state["n_seen"]
         if any(len(state[name]) != n for name in ("observations", "features", "is_current")):
             raise ValueError(f"`n_seen` must fit the observations, got {n_seen}.")
-        load_generator_state(np.random.default_rng(0), state["rng"])
+        load_generator_state(self._rng, state["rng"])
+        self.n_seen = n_seen
+        self._kept[:n] = state["observations"]
+        self._features[:n] = state["features"]
+        self._squares[:n] = self._features[:n].square().sum(dim=1)
+        self._is_current[:] = False
+        self._is_current[:n] = state["is_current"]

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch as th
@@ -28,49 +28,27 @@ class Layers(NamedTuple):
 
     @classmethod
     def of(cls, network: th.nn.Module) -> Layers | None:
-        """Views of the parameters of a network on the CPU; None: it is more than these layers.
+        """Views of the parameters of a network; None: torch alone can compute it.
 
-        What a user has changed in it, such as hooks, frozen weights or another layer, torch alone
-        can compute.
+        So it is if there is another layer, or a parameter that is frozen or not on the CPU.
         """
         modules = list(network) if type(network) is th.nn.Sequential else []
         linear, others = modules[::2], modules[1::2]
-        if len(linear) != len(others) + 1 or {type(each) for each in others} - {th.nn.ReLU}:
-            return None
-        if {type(each) for each in linear} - {th.nn.Linear}:
+        kinds = {type(each) for each in linear}, {type(each) for each in others}
+        if kinds[0] != {th.nn.Linear} or not kinds[1] <= {th.nn.ReLU} or len(modules) % 2 == 0:
             return None
         # By their dictionary, as this is asked at every gradient step, and attributes are slower.
         parameters = [each._parameters[name] for name in ("weight", "bias") for each in linear]
-        arrays = [each.detach().numpy() for each in parameters if _is_plain(each)]
-        if len(arrays) < len(parameters) or any(map(_has_hooks, [network, *modules])):
+        trained = [p for p in parameters if p is not None and p.requires_grad and p.is_cpu]
+        if len(trained) < len(parameters):
             return None
+        arrays = [each.detach().numpy() for each in trained]
         return cls(tuple(arrays[: len(linear)]), tuple(arrays[len(linear) :]))
 
     @property
     def n_parameters(self) -> int:
         """The number of weights and biases of all layers."""
         return sum(weights.size + len(weights) for weights in self.weights)
-
-
-def _is_plain(parameter: th.Tensor | None) -> TypeGuard[th.nn.Parameter]:
-    """Whether it is there, trained, contiguous float32 on the CPU, and has no hook."""
-    return (
-        type(parameter) is th.nn.Parameter
-        and parameter.requires_grad
-        and parameter.dtype == th.float32
-        and parameter.device.type == "cpu"
-        and parameter.is_contiguous()
-        and not parameter._backward_hooks
-    )
-
-
-def _has_hooks(module: th.nn.Module) -> bool:
-    return bool(
-        module._forward_hooks
-        or module._forward_pre_hooks
-        or module._backward_hooks
-        or module._backward_pre_hooks
-    )
 
 
 class Pass(NamedTuple):

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import Bonus, check_scores
-from curiosity_algos.bonuses.make import check_bonus_choice, make_bonus
+from curiosity_algos.bonuses.make import FOR_ONE_POLICY, check_bonus_choice, make_bonus
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.networks import check_gradients, single_torch_thread
-from curiosity_algos.curiosity.scale import BonusScale, check_discount
+from curiosity_algos.curiosity.scale import BonusScale
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import (
@@ -22,6 +22,7 @@ from curiosity_gym.validation import (
     check_at_least_one,
     check_bool,
     check_not_negative,
+    check_share,
     check_whole,
 )
 
@@ -32,31 +33,58 @@ def check_interval(train_interval: int | None) -> None:
         check_at_least_one(train_interval=train_interval)
 
 
+def check_discount(gamma: float | None) -> None:
+    """Raise ValueError unless sums of any length have a scale, or none is asked for."""
+    if gamma == 1.0:
+        raise ValueError("`gamma` must be below 1: the sum would grow for ever.")
+    if gamma is not None:
+        check_share(gamma=gamma)
+
+
+class CuriosityKeywords(TypedDict, total=False):
+    """Keywords of all that adds a bonus to the reward of one policy, see `Curiosity`."""
+
+    bonus: str | Bonus
+    bonus_kwargs: dict[str, Any] | None
+    weight: float
+    extrinsic: bool
+    gamma: float | None
+    train_interval: int | None
+    n_updates: int
+    batch_size: int
+
+
 class Curiosity(HasSettings):
     """A bonus that is trained on what its host collects, and scaled by what it has paid.
 
     A host brings transitions as the bonus sees them: observations (n, ...), actions (n, A) of a Box
     or (n,) of a Discrete, and next observations. It counts them (`is_due`), lets the bonus observe
-    them, and says where batches are drawn from. Settings may be set at any time.
+    them, and says where batches are drawn from. Settings from `weight` to `batch_size` may be set
+    at any time.
 
     Args:
         observation_space: Box of vectors or images.
         action_space: One-dimensional Box, or Discrete.
-        bonus: Name of a bonus, or a `Bonus` made for the spaces, which this then trains.
-        bonus_kwargs: Keywords of a bonus that is named.
+        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
+            made for the spaces, which this then trains.
+        bonus_kwargs: Keywords of a bonus that is named, see that.
         weight: Factor of the bonus, at least 0.
-        extrinsic: Whether the reward of the task counts beside it.
+        extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
             counts as it is.
-        train_interval: Transitions between two trainings; None: the host says when.
+        train_interval: Transitions of all environments between two trainings; None: the host says
+            when.
         n_updates: Gradient steps a training.
         batch_size: Transitions a gradient step.
         n_envs: Environments side by side, each with a discounted sum.
+        for_one_policy: Whether a single policy learns from it: the `learning_rate` of an ICM is
+            then 1e-4 unless it is among `bonus_kwargs`, and APT's `power` is 3 and its `horizon`
+            10.
         seed: Of the networks.
         device: As in Stable-Baselines3.
 
     Attributes:
-        scale: Of the bonus, or None.
+        scale: Of the bonus.
         metrics: Mean losses of the last training, by the names they are logged under.
         n_untrained: Transitions since the last training.
         n_trainings: Trainings so far.
@@ -68,11 +96,12 @@ class Curiosity(HasSettings):
     _checks: ClassVar = {
         "weight": check_not_negative,
         "extrinsic": check_bool,
+        "gamma": check_discount,
         "train_interval": check_interval,
-        **dict.fromkeys(("n_updates", "batch_size"), check_at_least_one),
+        "n_updates": check_at_least_one,
+        "batch_size": check_at_least_one,
     }
-    SETTINGS: ClassVar = (*_checks, "gamma")
-    """What may be set at any time."""
+    gamma: float | None
     train_interval: int | None
 
     def __init__(
@@ -80,53 +109,50 @@ class Curiosity(HasSettings):
         observation_space: spaces.Space[Any],
         action_space: spaces.Space[Any],
         *,
-        bonus: str | Bonus,
-        bonus_kwargs: Mapping[str, Any],
-        n_updates: int,
-        batch_size: int,
+        bonus: str | Bonus = "apt",
+        bonus_kwargs: Mapping[str, Any] | None = None,
         weight: float = 1.0,
         extrinsic: bool = True,
-        gamma: float | None = None,
-        train_interval: int | None = None,
+        gamma: float | None = 0.99,
+        train_interval: int | None = 2048,
+        n_updates: int = 64,
+        batch_size: int = 256,
         n_envs: int = 1,
+        for_one_policy: bool = True,
         seed: np.random.SeedSequence,
         device: th.device | str = "auto",
     ) -> None:
+        bonus_kwargs = {} if bonus_kwargs is None else bonus_kwargs
         check_bonus_choice(bonus, bonus_kwargs)
-        if gamma is not None:
-            check_discount(gamma)
         self.weight = weight
         self.extrinsic = extrinsic
+        self.gamma = gamma
         self.train_interval = train_interval
         self.n_updates = n_updates
         self.batch_size = batch_size
+        self.name = bonus if isinstance(bonus, str) else None
+        self.bonus_kwargs = dict(bonus_kwargs)
+        if for_one_policy and isinstance(bonus, str):
+            bonus_kwargs = FOR_ONE_POLICY.get(bonus, {}) | self.bonus_kwargs
         both_spaces = observation_space, action_space
         self.bonus = make_bonus(bonus, bonus_kwargs, *both_spaces, seed=seed, device=device)
-        self.scale = None if gamma is None else BonusScale(n_envs, gamma=float(gamma))
+        self.scale = BonusScale(n_envs)
         self.metrics: dict[str, float] = {}
         self.n_untrained = self.n_trainings = 0
-        self._settled = {"bonus"}
+        self._settled = {"bonus", "bonus_kwargs"}
 
     def _way_on(self, name: str) -> str:
         return "make a new one"
 
     @property
-    def gamma(self) -> float | None:
-        """Discount of the sum that the bonus is scaled by; None: it is not."""
-        return None if self.scale is None else self.scale.gamma
-
-    @gamma.setter
-    def gamma(self, gamma: float | None) -> None:
-        if self.scale is not None:
-            check_discount(gamma)
-            self.scale.gamma = float(gamma)  # type: ignore[arg-type]  # checked to be one
-        elif gamma is not None:
-            raise ValueError("`gamma` must stay as it was set: make a new one.")
+    def made_with(self) -> dict[str, Any]:
+        """The name of the bonus, or None, and its keywords."""
+        return {"bonus": self.name, "bonus_kwargs": self.bonus_kwargs}
 
     @property
     def settings(self) -> dict[str, Any]:
         """What may be set at any time, as it is now."""
-        return {name: getattr(self, name) for name in self.SETTINGS}
+        return {name: getattr(self, name) for name in self._checks}
 
     def load_settings(self, settings: Any) -> None:
         """Set all that `settings` gave; ValueError, maybe after some, if one is out of range."""
@@ -164,7 +190,11 @@ class Curiosity(HasSettings):
 
     def scaled(self, scores: Array, *, is_learning: bool = False) -> Array:
         """The bonus over its scale; where `is_learning`, that learns of this step first."""
-        return scores if self.scale is None else self.scale.scaled(scores, is_learning=is_learning)
+        if self.gamma is None:
+            return scores
+        if is_learning:
+            self.scale.learn(scores, gamma=self.gamma)
+        return self.scale.scaled(scores)
 
     def is_due(self, n: int) -> bool:
         """Count n more transitions; whether a training is due."""
@@ -195,7 +225,7 @@ class Curiosity(HasSettings):
         """Everything that a resumed run needs, but the settings."""
         return {
             "bonus": self.bonus.state_dict(),
-            "scale": None if self.scale is None else self.scale.state_dict(),
+            "scale": self.scale.state_dict(),
             "n_untrained": self.n_untrained,
             "n_trainings": self.n_trainings,
             "metrics": dict(self.metrics),
@@ -222,8 +252,7 @@ class Curiosity(HasSettings):
         except Exception as error:  # a bonus of the user's own may raise any
             self.bonus.load_state_dict(own["bonus"])
             raise ValueError("`bonus` must be made as the one that was saved.") from error
-        if self.scale is not None:
-            self.scale.load_state_dict(state["scale"])
+        self.scale.load_state_dict(state["scale"])
         self.n_untrained, self.n_trainings = state["n_untrained"], state["n_trainings"]
         self.metrics = dict(state["metrics"])
 

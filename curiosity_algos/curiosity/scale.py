@@ -9,19 +9,11 @@ import numpy as np
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.common.arrays import Float64Array
-from curiosity_gym.validation import check_share
 
 EPSILON, LARGEST = 1e-8, 10.0
 """Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
 MEMORY = 100_000
 """Transitions that the scale remembers: what the bonus was at first is forgotten."""
-
-
-def check_discount(gamma: float | None) -> None:
-    """Raise ValueError unless sums of any length have a scale."""
-    check_share(gamma=gamma)
-    if gamma == 1.0:
-        raise ValueError("`gamma` must be below 1: the sum would grow for ever.")
 
 
 class BonusScale:
@@ -32,11 +24,9 @@ class BonusScale:
 
     Args:
         n_envs: Environments side by side, each with a sum of its own.
-        gamma: Discount of the sums.
     """
 
-    def __init__(self, n_envs: int, *, gamma: float) -> None:
-        self.gamma = gamma
+    def __init__(self, n_envs: int) -> None:
         self._sums = np.zeros(n_envs)
         self._statistics = RunningMeanStd(shape=())
 
@@ -44,13 +34,15 @@ class BonusScale:
         """Begin the sums anew; the scale stays."""
         self._sums[:] = 0.0
 
-    def scaled(self, bonus: Float64Array, *, is_learning: bool) -> Float64Array:
-        """The bonus (n_envs,) over the scale, which learns of it first, if it is to; bounded."""
-        if is_learning:
-            largest = LARGEST * self._deviation
-            self._sums = self.gamma * self._sums + np.clip(bonus, -largest, largest)
-            self._statistics.update(self._sums)
-            self._statistics.count = min(self._statistics.count, MEMORY)
+    def learn(self, bonus: Float64Array, *, gamma: float) -> None:
+        """Take the bonus (n_envs,) of a step into the discounted sums."""
+        largest = LARGEST * self._deviation
+        self._sums = gamma * self._sums + np.clip(bonus, -largest, largest)
+        self._statistics.update(self._sums)
+        self._statistics.count = min(self._statistics.count, MEMORY)
+
+    def scaled(self, bonus: Float64Array) -> Float64Array:
+        """The bonus (n,) over the scale; bounded."""
         return np.clip(bonus / self._deviation, -LARGEST, LARGEST)
 
     @property

@@ -17,9 +17,11 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.algorithms.td3_icm import TD3ICM
+from curiosity_algos.bonuses.base import keyword_only
 from curiosity_algos.bonuses.encoders import SMALLEST_NATURE
-from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
+from curiosity_algos.bonuses.make import BONUSES, bonus_keywords
 from curiosity_algos.common.names import find_known, plain_name
+from curiosity_algos.curiosity.curiosity import CuriosityKeywords
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
@@ -50,7 +52,8 @@ def find_bonus(name: str) -> str:
 def _keywords(holder: type[Any], bonus: str, bonus_kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Keywords of what holds a bonus, among them the bonus and its own."""
     bonus = find_bonus(bonus)
-    of_holder = set(keyword_only(holder)) - {"bonus", "bonus_kwargs", "device", "seed"}
+    names = {*keyword_only(holder), *CuriosityKeywords.__optional_keys__}
+    of_holder = names - {"bonus", "bonus_kwargs", "device", "seed"}
     for name in bonus_kwargs:
         find_known("bonus_kwargs", name, sorted(of_holder.union(bonus_keywords(bonus))))
     held = {name: value for name, value in bonus_kwargs.items() if name in of_holder}

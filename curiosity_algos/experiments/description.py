@@ -156,8 +156,9 @@ def describe_settings(model: BaseAlgorithm) -> dict[str, Any]:
     n_envs = env.num_envs
     while isinstance(env, VecEnvWrapper):
         if not isinstance(env, VecMonitor):  # which changes nothing
-            now = env.settings if isinstance(env, BonusVecEnvWrapper) else {}
-            wrappers[type(env).__name__] = _arguments(env, vars(env) | now)
+            has_bonus = isinstance(env, BonusVecEnvWrapper)
+            arguments = _as_json(env.settings) if has_bonus else _arguments(env, vars(env))
+            wrappers[type(env).__name__] = arguments
         env = env.venv
     return {"vec_env": {"n_envs": n_envs, "wrappers": wrappers}, **settings}
 

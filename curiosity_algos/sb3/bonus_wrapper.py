@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
-from typing import Any, Self
+from collections.abc import Mapping
+from typing import Any, Self, Unpack
 
 import numpy as np
 import torch as th
@@ -22,26 +21,22 @@ from curiosity_algos.bonuses.base import Bonus, check_rewards
 from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
 from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.bonuses.episodes import episodes_of
-from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy
 from curiosity_algos.bonuses.spans import RecentSteps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
-from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
-from curiosity_algos.evaluation.batches import check_last_observations, terminations
+from curiosity_algos.curiosity.curiosity import Curiosity, CuriosityKeywords, OfCuriosity
+from curiosity_algos.evaluation.batches import terminations
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.state import file
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.episodes import episode_states, load_episode_states, record_episodes
-from curiosity_algos.state.settings import HasSettings, python_number
-from curiosity_algos.state.spaces import decode_space, encode_space
+from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 KIND = "BonusVecEnvWrapper"
-OWN = ("bonus_kwargs", "observation_key", "buffer_size")
-"""Settings that the curiosity does not keep."""
 
 
 class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
@@ -59,20 +54,13 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     Put a VecMonitor or Monitor below this wrapper, and it records the rewards of the task; put a
     VecNormalize above it.
 
+    Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight`, `extrinsic`,
+    `gamma`, `train_interval`, `n_updates` and `batch_size`.
+
     Args:
         venv: A VecEnv of any spaces that SB3's policies take; the bonus sees images as they are,
             and others as vectors.
-        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
-            made for the spaces of `venv`, which this then trains.
-        bonus_kwargs: Of a bonus that is named, see that. Here the `learning_rate` of an ICM is
-            1e-4, and APT's `power` is 3 and its `horizon` 10.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
-        weight: Of the bonus, at least 0.
-        extrinsic: Whether the reward of the task counts; False: curiosity alone.
-        gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1.
-        train_interval: Transitions of all environments between two trainings.
-        n_updates: Gradient steps a training.
-        batch_size: Transitions a gradient step.
         buffer_size: Transitions kept to train on, the newest; None: 100,000, of large observations
             as many as a GiB holds.
         seed: Of the networks and the draws; None: fresh entropy.
@@ -80,7 +68,6 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
 
     Attributes:
         metrics: Mean losses of the last training, which `ExplorationCallback` logs.
-        is_new: Whether it was neither stepped nor loaded, and no callback has warned of that yet.
         training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
 
     Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
@@ -90,68 +77,40 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         ValueError: If an argument is out of its range, or the spaces are of another kind.
     """
 
-    bonus, metrics, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
-    weight, extrinsic, train_interval = OfCuriosity(), OfCuriosity(), OfCuriosity()
-    n_updates, batch_size = OfCuriosity(), OfCuriosity()
+    bonus, bonus_kwargs, metrics = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    weight, extrinsic, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    train_interval, n_updates, batch_size = OfCuriosity(), OfCuriosity(), OfCuriosity()
 
     def __init__(
         self,
         venv: VecEnv,
         *,
-        bonus: str | Bonus = "apt",
-        bonus_kwargs: dict[str, Any] | None = None,
         observation_key: str | None = None,
-        weight: float = 1.0,
-        extrinsic: bool = True,
-        gamma: float = 0.99,
-        train_interval: int = 2048,
-        n_updates: int = 64,
-        batch_size: int = 256,
         buffer_size: int | None = None,
         seed: int | None = None,
         device: th.device | str = "auto",
+        **curiosity: Unpack[CuriosityKeywords],
     ) -> None:
         _check_venv(venv)
-        check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
         if buffer_size is not None:
             check_at_least_one(buffer_size=buffer_size)
         check_seed(seed)
         self._view = View(venv.observation_space, observation_key)
         self._acted = FlatActions(venv.action_space)
-        if np.any(np.asarray(getattr(venv.action_space, "start", 0))):
-            raise ValueError(
-                f"`venv` must take actions from 0 on, got {venv.action_space}: Stable-Baselines3's "
-                "algorithms give no others."
-            )
+        networks_seed, buffer_seed, steps_seed = np.random.SeedSequence(seed).spawn(3)
+        both_spaces = self._view.space, self._acted.space
+        n_envs = venv.num_envs
+        self.curiosity = Curiosity(
+            *both_spaces, n_envs=n_envs, seed=networks_seed, device=device, **curiosity
+        )
         super().__init__(venv)
         record_episodes(venv)
         self.observation_key = observation_key
         self.buffer_size = int(buffer_size or usual_capacity(self._view.space))
-        self.bonus_kwargs = {
-            name: python_number(value) for name, value in (bonus_kwargs or {}).items()
-        }
         self.training = True
-        self.is_new = True
-        self._name = bonus if isinstance(bonus, str) else None
-        networks_seed, buffer_seed, steps_seed = np.random.SeedSequence(seed).spawn(3)
-        self.curiosity = Curiosity(
-            self._view.space,
-            self._acted.space,
-            bonus=bonus,
-            bonus_kwargs=for_one_policy(bonus, self.bonus_kwargs),
-            weight=weight,
-            extrinsic=extrinsic,
-            gamma=gamma,
-            train_interval=train_interval,
-            n_updates=n_updates,
-            batch_size=batch_size,
-            n_envs=self.num_envs,
-            seed=networks_seed,
-            device=device,
-        )
         self._make_memories(buffer_seed, steps_seed)
         self._must_reset = False
-        self._settled = {"bonus_kwargs", "buffer_size", "observation_key", "seed", "device"}
+        self._settled = {"buffer_size", "observation_key", "seed", "device"}
 
     def __repr__(self) -> str:
         bonus = f"{self.weight:g} times {type(self.bonus).__name__}"
@@ -174,8 +133,8 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     @property
     def settings(self) -> dict[str, Any]:
         """Keywords of the constructor as they are now, of the bonus its name, or None."""
-        kept = {name: getattr(self, name) for name in OWN}
-        return {"bonus": self._name, **kept, **self.curiosity.settings}
+        own = {"observation_key": self.observation_key, "buffer_size": self.buffer_size}
+        return {**self.curiosity.made_with, **own, **self.curiosity.settings}
 
     # -- stepping -------------------------------------------------------------------------------
 
@@ -184,7 +143,6 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         self._must_reset = False
         observations = self.venv.reset()
         self._observations = self._stored(observations)
-        assert self.curiosity.scale is not None
         self.curiosity.scale.reset()
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._recent.end(every)
@@ -203,13 +161,11 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         """End a step; the rewards are those that the algorithm is to learn from.
 
         Raises:
-            ValueError: If observations or rewards are not finite, or an info is no dictionary.
+            ValueError: If observations or rewards are not finite.
         """
         observations, rewards, dones, infos = self.venv.step_wait()
         dones = np.asarray(dones, dtype=np.bool_)
-        self.is_new = False
         check_rewards(rewards)
-        _check_infos(infos, dones)
         infos = [dict(info) for info in infos]  # a VecEnv may give one for all
         before, after = self._observations, self._stored(observations)
         self._observations = after
@@ -312,23 +268,20 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
             self._episodes.load_state_dict(state["episodes"])
         self.curiosity.load_state_dict(state["curiosity"])
         self._observations = state["observations"].copy()
-        self.is_new = False
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
 
-        Where episodes stand is part of it if the environments below can tell it in arrays, tensors
-        and plain values, as those of `curiosity_gym` do. The file takes the place of an older one
-        only once it is wholly on disk.
+        Open episodes are part of it if the environments below are recorded, see
+        `RecordEpisode`, or stepped by a vector environment of `curiosity_gym`.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If the state of a bonus of your own holds more than arrays, tensors and
                 plain values.
         """
-        made_for = {"n_envs": self.num_envs, "spaces": _encoded_spaces(self.venv)}
         state = {"wrapper": self.state_dict(), "episodes": episode_states(self.venv)}
-        file.save(path, KIND, {"made_for": made_for, "keywords": self.settings}, state)
+        file.save(path, KIND, self.settings, state)
 
     @classmethod
     def load(
@@ -357,72 +310,28 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         _check_venv(venv)
         device = torch_device(device)
         settings, state = file.read(path, KIND)
-        with _content_of(path):
-            settings = _checked(settings, state)
-        _check_made_for(settings["made_for"], venv)
-        keywords = _with_bonus(settings["keywords"], bonus)
-        # An object of the user's may raise errors of its own.
-        with _content_of(path) if bonus is None else nullcontext():
-            wrapper = cls(venv, **keywords, device=device)
+        name = settings.get("bonus")
+        if (name is None) is (bonus is None):
+            was = "an object" if name is None else f"{name!r:.60}"
+            raise ValueError(f"`bonus` must be an object if one was saved, and else None: {was}.")
+        try:
+            wrapper = cls(venv, **settings | {"bonus": bonus or name}, device=device)
             wrapper.load_state_dict(state["wrapper"])
-        # Not yet, as a model's own reset would take another start then.
-        wrapper._must_reset = not load_episode_states(venv, state["episodes"])
+            # Not yet, as a model's own reset would take another start then.
+            wrapper._must_reset = not load_episode_states(venv, state["episodes"])
+        except Exception as error:  # a damaged file fails in more ways than can be named
+            raise ValueError(
+                f"`path` must be saved of a wrapper around {venv.num_envs} environments of the "
+                f"same spaces, {path} is not: {error}"
+            ) from error
         return wrapper
 
 
 class ICMVecEnvWrapper(BonusVecEnvWrapper):
     """A `BonusVecEnvWrapper`, with the same keywords, whose bonus is ICM unless it is named."""
 
-    def __init__(self, venv: VecEnv, *, bonus: str | Bonus = "icm", **settings: Any) -> None:
-        super().__init__(venv, bonus=bonus, **settings)
-
-
-def _encoded_spaces(venv: VecEnv) -> list[Any]:
-    return [encode_space(space) for space in (venv.observation_space, venv.action_space)]
-
-
-@contextmanager
-def _content_of(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say which file is to blame for an error that its content leads to."""
-    try:
-        yield
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        why = f": {error}" if isinstance(error, ValueError) else "."
-        raise ValueError(f"`path` must be a saved {KIND}, {path} is damaged{why}") from error
-
-
-def _checked(settings: Mapping[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of a file, the spaces decoded."""
-    check_keys(settings, ("made_for", "keywords"), "settings")
-    check_keys(settings["made_for"], ("n_envs", "spaces"), "made_for")
-    check_keys(settings["keywords"], ("bonus", *OWN, *Curiosity.SETTINGS), "keywords")
-    check_keys(state, ("wrapper", "episodes"))
-    if state["episodes"] is not None:
-        check_keys(state["episodes"], ("episodes", "counts"), "episodes")
-    made_for = settings["made_for"]
-    spaces = [decode_space(space) for space in made_for["spaces"]]
-    return {**settings, "made_for": {**made_for, "spaces": spaces}}
-
-
-def _check_made_for(made_for: Mapping[str, Any], venv: VecEnv) -> None:
-    """Raise ValueError unless a wrapper that was saved can have this `venv`."""
-    spaces_here = [decode_space(space) for space in _encoded_spaces(venv)]
-    if made_for["n_envs"] != venv.num_envs or made_for["spaces"] != spaces_here:
-        raise ValueError(
-            f"`venv` must have {made_for['n_envs']} environments with the spaces that were saved, "
-            f"got {venv.num_envs} with {venv.observation_space} and {venv.action_space}. For "
-            f"others make a new {KIND}, which has seen nothing yet."
-        )
-
-
-def _with_bonus(keywords: dict[str, Any], bonus: Bonus | None) -> dict[str, Any]:
-    """The keywords that a wrapper was saved with, with the user's own bonus where it had one."""
-    name = keywords["bonus"]
-    if name is None and bonus is None:
-        raise ValueError("`bonus` must be given, the wrapper was saved with an object.")
-    if name is not None and bonus is not None:
-        raise ValueError(f"`bonus` must be None, it was saved as {name!r}.")
-    return keywords | {"bonus": bonus or name}
+    def __init__(self, venv: VecEnv, **settings: Any) -> None:
+        super().__init__(venv, **{"bonus": "icm", **settings})
 
 
 def _check_venv(venv: object) -> None:
@@ -436,10 +345,8 @@ def _check_venv(venv: object) -> None:
         raise ValueError("`venv` must hold no VecNormalize, which goes around this wrapper.")
     if unwrap_vec_wrapper(venv, BonusVecEnvWrapper) is not None:
         raise ValueError("`venv` must hold no other BonusVecEnvWrapper: a file keeps one bonus.")
-
-
-def _check_infos(infos: list[dict[str, Any]], dones: Array) -> None:
-    # SB3's own VecEnvs fail of such an info themselves; one of the user's may pass it on.
-    if not all(isinstance(info, dict) for info in infos):
-        raise ValueError("`env` must give a dictionary as info with each step, it gave none.")
-    check_last_observations(infos[i] for i in np.flatnonzero(dones))
+    if np.any(np.asarray(getattr(venv.action_space, "start", 0))):
+        raise ValueError(
+            f"`venv` must take actions from 0 on, got {venv.action_space}: Stable-Baselines3's "
+            "algorithms give no others."
+        )

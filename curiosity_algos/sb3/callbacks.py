@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,7 +11,6 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
-from curiosity_algos.bonuses.base import record_bonus
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
 from curiosity_algos.evaluation.episodes import EpisodeRecord
@@ -25,10 +24,9 @@ class ExplorationCallback(BaseCallback):
     With each rollout and each episode it logs `coverage/...`, the cells that episodes have ended in
     and those that they visited on their way (`coverage/visited`), where environments give
     `info["behavior"]` as those of `curiosity_gym` do; and once they are known
-    `time/first_reward` and `time/first_success`. With each rollout it logs `intrinsic/mean`
-    and `intrinsic/max` of the steps since the last log, and the losses of the last training of a
-    `BonusVecEnvWrapper`; of a `BonusReplayBuffer` all are those of its last training. It warns
-    where a model that has trained goes on with a new wrapper.
+    `time/first_reward` and `time/first_success`. It logs `intrinsic/mean` and
+    `intrinsic/max` of the steps since the last log, and the losses of the last training of a
+    `BonusVecEnvWrapper`; of a `BonusReplayBuffer` all are those of its last training.
 
     Args:
         verbose: As in SB3.
@@ -45,7 +43,6 @@ class ExplorationCallback(BaseCallback):
     def __init__(self, verbose: int = 0) -> None:
         super().__init__(verbose)
         self._episodes = EpisodeRecord(None)
-        self._intrinsic: list[float] = []
 
     @property
     def coverage(self) -> Coverage:
@@ -73,7 +70,6 @@ class ExplorationCallback(BaseCallback):
         return self._episodes.best_return
 
     def _on_training_start(self) -> None:
-        _warn_of_a_new_wrapper(self.model)
         grid = coverage_grid(self.training_env)
         if grid != self.coverage.grid:
             self._episodes = EpisodeRecord(grid)
@@ -83,16 +79,15 @@ class ExplorationCallback(BaseCallback):
         self._episodes.add(infos, self.locals["dones"], self.num_timesteps)
         if any(self.locals["dones"]):  # off-policy algorithms log before their rollout ends
             self._log_found()
-        self._intrinsic += [
-            info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info
-        ]
+        bonuses = [info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info]
+        if bonuses:
+            largest = self.logger.name_to_value.get("intrinsic/max", -math.inf)
+            self.logger.record("intrinsic/max", max(largest, *bonuses))
+            self.logger.record_mean("intrinsic/mean", sum(bonuses) / len(bonuses))
         return True
 
     def _on_rollout_end(self) -> None:
         self._log_found()
-        if self._intrinsic:
-            record_bonus(self.logger, np.array(self._intrinsic))
-            self._intrinsic.clear()
         buffer = getattr(self.model, "replay_buffer", None)
         for learner in (bonus_wrapper(self.model), buffer):
             for name, value in getattr(learner, "metrics", {}).items():
@@ -163,9 +158,6 @@ class BonusCheckpointCallback(CheckpointCallback):
             raise ValueError("`env` must be wrapped in a BonusVecEnvWrapper, it is not.")
         super()._init_callback()
 
-    def _on_training_start(self) -> None:
-        _warn_of_a_new_wrapper(self.model)
-
     def _on_step(self) -> bool:
         wrapper = bonus_wrapper(self.model)
         # The model comes second, so that wherever there is one its wrapper is there too.
@@ -178,17 +170,3 @@ def bonus_wrapper(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
     """The `BonusVecEnvWrapper` that a model learns with, or None."""
     venv = model.get_env()
     return None if venv is None else unwrap_vec_wrapper(venv, BonusVecEnvWrapper)
-
-
-def _warn_of_a_new_wrapper(model: BaseAlgorithm) -> None:
-    """Warn, once, if a model that has trained goes on with a wrapper that has seen no step."""
-    wrapper = bonus_wrapper(model)
-    has_trained = model.num_timesteps > 0 or model._n_updates > 0
-    if wrapper is not None and wrapper.is_new and has_trained:
-        wrapper.is_new = False
-        warnings.warn(
-            "The model has trained, and its BonusVecEnvWrapper is new. If this model was saved "
-            "with one, its bonus begins anew: wrap the environment with BonusVecEnvWrapper.load to "
-            "go on with what was saved.",
-            stacklevel=2,
-        )

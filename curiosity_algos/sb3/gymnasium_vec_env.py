@@ -32,7 +32,7 @@ class GymnasiumVecEnv(VecEnv):
         vector_env: The VectorEnv.
 
     Raises:
-        ValueError: If it is none, or does not reset in that step.
+        ValueError: If it does not reset in that step.
 
     Example:
         ::
@@ -47,10 +47,6 @@ class GymnasiumVecEnv(VecEnv):
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
-        if not isinstance(vector_env, VectorEnv):
-            raise ValueError(
-                f"`vector_env` must be a Gymnasium VectorEnv, got {type(vector_env).__name__}."
-            )
         mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
         if AutoresetMode(mode) != AutoresetMode.SAME_STEP:
             raise ValueError(
@@ -134,7 +130,6 @@ class GymnasiumVecEnv(VecEnv):
         Raises:
             AttributeError: If the VectorEnv has no single envs.
         """
-        self._check_single_envs()
         chosen = set(self._get_indices(indices))
         values = self.get_attr(attr_name) if len(chosen) < self.num_envs else [None] * self.num_envs
         values = [value if i in chosen else values[i] for i in range(self.num_envs)]
@@ -149,7 +144,6 @@ class GymnasiumVecEnv(VecEnv):
             AttributeError: If the VectorEnv has no single envs.
             ValueError: If not all envs are chosen of those that have processes.
         """
-        self._check_single_envs()
         inner: Any = self.vector_env.unwrapped
         chosen = list(self._get_indices(indices))
         if hasattr(inner, "envs"):
@@ -158,13 +152,6 @@ class GymnasiumVecEnv(VecEnv):
         if chosen != list(range(self.num_envs)):
             raise ValueError("`indices` must be None: worker processes are called all at once.")
         return list(inner.call(method_name, *args, **kwargs))
-
-    def _check_single_envs(self) -> None:
-        if not hasattr(self.vector_env.unwrapped, "call"):
-            raise AttributeError(
-                f"{type(self.vector_env.unwrapped).__name__} steps all envs at once: there is no "
-                "single one to call or to set."
-            )
 
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import torch as th
@@ -15,22 +15,21 @@ from stable_baselines3.common.preprocessing import get_obs_shape
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos.bonuses.base import Bonus, check_rewards
+from curiosity_algos.bonuses.base import check_rewards
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.episodes import check_needs_no_episodes
-from curiosity_algos.bonuses.make import check_bonus_choice, for_one_policy
 from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import generator_state, load_generator_state
-from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
+from curiosity_algos.curiosity.curiosity import Curiosity, CuriosityKeywords, OfCuriosity
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.observations import ObservationRows, check_sb3_takes
-from curiosity_algos.sb3.replay_arguments import check_rows, check_size, seed_sequence
 from curiosity_algos.state import file
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
+from curiosity_gym.validation import check_at_least_one, check_seed
 
 KIND = "BonusReplayBuffer"
 N_SCORED = 2048
@@ -56,6 +55,10 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     targets stop at terminations only, unless `handle_timeout_termination` is off: the last step of
     a truncated episode goes on.
 
+    Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight`, `extrinsic`,
+    `gamma`, `train_interval` (None: it trains when `train_bonus` is called), `n_updates` and
+    `batch_size`.
+
     Args:
         buffer_size: Transitions kept of all environments, the newest: one of each at least, and two
             with `optimize_memory_usage`.
@@ -68,18 +71,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         optimize_memory_usage: As in SB3.
         handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`. Without it no
             end of an episode is known to be the task's, and the bonus observes none.
-        bonus: "apt", "disagreement", "icm", "ramp", "rnd", or a `Bonus` made for the spaces, which
-            this then trains.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
-        bonus_kwargs: Of a bonus that is named, as `BonusVecEnvWrapper` has them.
-        weight: Of the bonus, at least 0.
-        extrinsic: Whether the reward of the task counts; False: curiosity alone.
-        gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
-            counts as it is.
-        train_interval: Transitions of all environments between two trainings; None: it trains when
-            `train_bonus` is called.
-        n_updates: Gradient steps a training.
-        batch_size: Transitions a gradient step of the bonus.
         seed: Of the networks and the draws; None: drawn from NumPy's generator, which SB3's
             algorithms seed with theirs.
 
@@ -93,9 +85,10 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
             asks what an episode has seen, as `E3B`, `NGU` and `NovelD` do.
     """
 
-    bonus, metrics, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
-    weight, extrinsic, train_interval = OfCuriosity(), OfCuriosity(), OfCuriosity()
-    n_updates, batch_size, settings = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    bonus, bonus_kwargs, metrics = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    weight, extrinsic, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    train_interval, n_updates, batch_size = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    settings = OfCuriosity()
 
     def __init__(
         self,
@@ -107,40 +100,20 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         optimize_memory_usage: bool = False,
         handle_timeout_termination: bool | None = None,
         *,
-        bonus: str | Bonus = "apt",
-        bonus_kwargs: dict[str, Any] | None = None,
         observation_key: str | None = None,
-        weight: float = 1.0,
-        extrinsic: bool = True,
-        gamma: float | None = 0.99,
-        train_interval: int | None = 2048,
-        n_updates: int = 64,
-        batch_size: int = 256,
         seed: int | np.random.SeedSequence | None = None,
+        **curiosity: Unpack[CuriosityKeywords],
     ) -> None:
-        check_bonus_choice(bonus, {} if bonus_kwargs is None else bonus_kwargs)
-        check_size(buffer_size, n_envs, optimize_memory_usage)
+        check_at_least_one(buffer_size=buffer_size)
         check_sb3_takes(observation_space)
         if handle_timeout_termination is None:
             handle_timeout_termination = not optimize_memory_usage
-        seed = seed_sequence(seed)
+        seed = _seed_sequence(seed)
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
-        bonus_kwargs = for_one_policy(bonus, bonus_kwargs or {})
         self._view = View(observation_space, observation_key)
+        both_spaces = self._view.space, action_space
         self.curiosity = Curiosity(
-            self._view.space,
-            action_space,
-            bonus=bonus,
-            bonus_kwargs=bonus_kwargs,
-            weight=weight,
-            extrinsic=extrinsic,
-            gamma=gamma,
-            train_interval=train_interval,
-            n_updates=n_updates,
-            batch_size=batch_size,
-            n_envs=n_envs,
-            seed=networks_seed,
-            device=device,
+            *both_spaces, n_envs=n_envs, seed=networks_seed, device=device, **curiosity
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
         self._rows = rows = ObservationRows(observation_space)
@@ -156,15 +129,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         self._rng = np.random.default_rng(seed)
         self._shows_images = ImageInputs.of(self._view.space) is not None
         self.observation_key = observation_key
-        self._made = {
-            **({"bonus": bonus, **bonus_kwargs} if isinstance(bonus, str) else {}),
-            "buffer_size": self.buffer_size,
-            "n_envs": n_envs,
-            "optimize_memory_usage": optimize_memory_usage,
-            "is_scaled": gamma is not None,
-            "observation_key": observation_key,
-        }
-        self._settled = {"bonus_kwargs", "buffer_size", "n_envs", "observation_key", "seed"}
+        self._settled = {"buffer_size", "n_envs", "observation_key", "seed"}
 
     def __repr__(self) -> str:
         size, most = (n * self.n_envs for n in (self.size(), self.buffer_size))
@@ -184,13 +149,8 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         """Add as SB3 does, but nothing that would train networks to NaN.
 
         Raises:
-            ValueError: If an observation or a reward is not finite, or the environments are not as
-                many as when this was made.
+            ValueError: If an observation or a reward is not finite.
         """
-        if len(reward) != self.n_envs:
-            raise ValueError(
-                f"`env` must have {self.n_envs} environments, as its buffer has, got {len(reward)}."
-            )
         for observations in (obs, next_obs):
             entries = observations.values() if isinstance(observations, dict) else [observations]
             for entry in entries:
@@ -225,9 +185,8 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
                 self._observe(rows[some], envs[some])
             losses = curiosity.train(self.sample_transitions)
             bonus = self._score(rows, envs)
-        if curiosity.scale is not None:
-            steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
-            bonus = np.stack([curiosity.scaled(step, is_learning=True) for step in steps])
+        steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
+        bonus = np.stack([curiosity.scaled(step, is_learning=True) for step in steps])
         mean, largest = self.weight * bonus.mean(), self.weight * bonus.max()
         self.metrics = {**losses, "intrinsic/mean": float(mean), "intrinsic/max": float(largest)}
 
@@ -352,8 +311,6 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
 
     def _draw(self, n: int) -> Int64Array:
         """Numbers of transitions that are stored, drawn uniformly."""
-        if not self._n_stored:
-            raise ValueError("`sample` must come after `add`: no transition is stored yet.")
         return self._rng.integers(self._n_stored * self.n_envs, size=n)
 
     def _places(self, drawn: Int64Array) -> tuple[Int64Array, Int64Array]:
@@ -400,15 +357,19 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         Raises:
             ValueError: If it is another's; nothing has changed then.
         """
-        own = {**self._stored(0), "pos": 0, "full": False}
         check_keys(state, ("curiosity", "rng", "transitions"))
         columns, rng = dict(state["transitions"]), np.random.default_rng(0)
-        check_like(columns, own, "transitions")
-        check_rows(columns, self.buffer_size)
+        check_like(columns, {**self._stored(0), "pos": 0, "full": False}, "transitions")
+        pos, full = columns.pop("pos"), columns.pop("full")
+        parts = [part.values() if isinstance(part, dict) else [part] for part in columns.values()]
+        lengths = {len(part) for each in parts for part in each}
+        # The row after the newest is stored, too, which may be where that leads.
+        n_rows = self.buffer_size if full else pos + 1 if pos else max(lengths)
+        if lengths != {n_rows} or not pos < self.buffer_size:
+            raise ValueError(f"`transitions.pos` and `full` must fit the rows, got {pos}.")
         load_generator_state(rng, state["rng"])
         self.curiosity.load_state_dict(state["curiosity"])
-        self._rng = rng
-        self.pos, self.full = columns.pop("pos"), columns.pop("full")
+        self._rng, self.pos, self.full = rng, pos, full
         for name, column in columns.items():
             self._rows.load(getattr(self, name), column)
 
@@ -426,6 +387,11 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         """
         state = self.state_dict(transitions=transitions)
         file.save(path, KIND, {"made": self._made, "now": self.settings}, state)
+
+    @property
+    def _made(self) -> dict[str, Any]:
+        names = "buffer_size", "n_envs", "optimize_memory_usage", "observation_key"
+        return self.curiosity.made_with | {name: getattr(self, name) for name in names}
 
     def restore(self, path: str | os.PathLike[str]) -> None:
         """Take over what `save` of a buffer with the same settings wrote.
@@ -447,3 +413,12 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         except Exception as error:  # a damaged file fails in more ways than can be named
             self.curiosity.load_settings(before)
             raise ValueError(f"{what} the same spaces, {path} is not: {error}") from error
+
+
+def _seed_sequence(seed: int | np.random.SeedSequence | None) -> np.random.SeedSequence:
+    """The seed's sequence; of None one that NumPy's generator draws."""
+    if isinstance(seed, np.random.SeedSequence):
+        return seed
+    check_seed(seed)
+    # The global generator is what SB3's algorithms seed.
+    return np.random.SeedSequence(np.random.randint(2**31) if seed is None else seed)  # noqa: NPY002

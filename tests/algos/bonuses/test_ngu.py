@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from observations import make_observations
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.bonuses.checks import check_episodes
-from curiosity_algos.bonuses.ngu import NGU, Neighbors, visit
+from curiosity_algos.bonuses.ngu import NGU, visit
 
 SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
 
@@ -80,12 +79,6 @@ def test_who_begins_anew_and_stays_is_paid_nothing_for_rounding():
     assert episodes.score(observations, actions, observations)[3] < 1.01
 
 
-def test_the_two_factors_do_not_begin_with_the_same_features():
-    ngu = make_ngu()
-    pairs = zip(ngu.encoder.encoder.parameters(), ngu.target.parameters(), strict=True)
-    assert not any(th.equal(one, other) for one, other in pairs)
-
-
 def test_who_stays_is_paid_less_and_less():
     observations = np.repeat(make_observations(1), 8, axis=0)
     scores = make_ngu().score_trajectory(observations, np.zeros(7, dtype=np.int64))
@@ -114,18 +107,6 @@ def test_both_factors_are_of_where_a_step_leads():
     assert learned["rnd_loss"] == ngu.errors(th.from_numpy(led_to)).mean()
 
 
-class ReadsAnothers(Neighbors):
-    def _remember(self, observations, episodes):
-        super()._remember(observations, episodes)
-        self._features[:] = self._features[:1]
-
-
-def test_a_memory_that_is_not_the_episodes_is_found_out(monkeypatch):
-    monkeypatch.setattr(NGU, "episodes", lambda self, n: ReadsAnothers(self, n))
-    with pytest.raises(AssertionError, match="must be the same"):
-        check_episodes(make_ngu)
-
-
 def test_a_memory_goes_on_from_its_state():
     ngu, observations = make_ngu(), make_observations(30).reshape(10, 3, 6)
     actions = np.zeros(3, dtype=np.int64)
@@ -139,9 +120,3 @@ def test_a_memory_goes_on_from_its_state():
     for t in range(5, 9):
         step = observations[t], actions, observations[t + 1]
         np.testing.assert_array_equal(one.score(*step), other.score(*step))
-
-
-@pytest.mark.parametrize("n", [2, 4])
-def test_a_state_of_other_episodes_is_refused(n):
-    with pytest.raises(ValueError, match="features` must be a list of 3"):
-        make_ngu().episodes(3).load_state_dict(make_ngu().episodes(n).state_dict())

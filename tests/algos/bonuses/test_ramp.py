@@ -68,9 +68,3 @@ def test_a_steep_step_raises_the_multiplier_and_a_flat_one_lowers_it():
         before, after = th.zeros(8, 1), th.full((8, 1), scale)
         bonus.update(before, before, after)
         assert (bonus.log_multiplier.item() > 0.0) is is_higher
-
-
-@pytest.mark.parametrize("n_newest", [0, 1.5, True])
-def test_at_least_one_observation_is_now(n_newest):
-    with pytest.raises(ValueError, match="`n_newest` must be a whole number of at least 1"):
-        make(n_newest=n_newest)

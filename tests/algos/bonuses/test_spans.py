@@ -55,13 +55,6 @@ class TestRecentSteps:
             drawn |= set((t + 1 - steps.draw()[0][:, 0]).astype(int))
         assert drawn == {1, 2, 3, 4, 5}
 
-    def test_a_horizon_of_one_gives_back_what_it_is_given(self):
-        steps = make_steps(1)
-        given_now = rng().normal(0, 1, (2, 1)).astype(np.float32), rng(1).random((2, 2), np.float32)
-        steps.add(*given_now)
-        for one, other in zip(steps.draw(), given_now, strict=True):
-            np.testing.assert_array_equal(one, other)
-
     def test_it_goes_on_where_it_was(self):
         one, other = make_steps(), make_steps(seed=1)
         for t in range(7):

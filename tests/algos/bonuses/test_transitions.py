@@ -8,7 +8,6 @@ from curiosity_algos.bonuses.transitions import (
     DrawnTransitions,
     EvenlySpaced,
     draw_transitions,
-    flat,
 )
 
 
@@ -69,11 +68,6 @@ class TestDrawnTransitions:
         assert len(counts) == LENGTHS[0]
         assert np.abs(counts - 1000).max() < 5 * np.sqrt(1000)
 
-    def test_seeds_decide(self):
-        one, same, other = (sample(make_rollouts(), 9, seed) for seed in (0, 0, 1))
-        np.testing.assert_equal(one, same)
-        assert not np.array_equal(one[0], other[0])
-
     def test_the_last_step_is_the_highest_that_a_place_can_be(self):
         rollouts = make_rollouts()
         places = np.full((len(LENGTHS), 1), np.nextafter(1.0, 0.0))
@@ -92,10 +86,6 @@ class TestDrawnTransitions:
                 whole, map(np.concatenate, zip(*parts, strict=True)), strict=True
             ):
                 np.testing.assert_array_equal(joined, name)
-
-    def test_flat_puts_individuals_one_after_another(self):
-        assert flat(np.arange(12).reshape(2, 3, 2)).tolist() == np.arange(12).reshape(6, 2).tolist()
-        assert flat(np.arange(6).reshape(2, 3)).tolist() == list(range(6))
 
 
 def test_evenly_spaced_ones_end_with_the_last_step():

@@ -76,11 +76,10 @@ def of_the_buffer(bonus, walk):
 SAMPLED = [name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes")]
 
 
-@pytest.mark.parametrize("outlier", [10.0, 1e6])
 @pytest.mark.parametrize(
     ("host", "bonus"),
     [(of_the_wrapper, name) for name in BONUSES] + [(of_the_buffer, name) for name in SAMPLED],
 )
-def test_one_observation_takes_no_bonus_away(host, bonus, outlier):
-    usual, after = (host(bonus, walks(each))[AT + 2 :] for each in (None, outlier))
+def test_one_observation_takes_no_bonus_away(host, bonus):
+    usual, after = (host(bonus, walks(each))[AT + 2 :] for each in (None, 1e6))
     assert LEAST < np.abs(after).mean() / np.abs(usual).mean() < 1.0 / LEAST

@@ -11,8 +11,10 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.save_util import load_from_zip_file
 
-from curiosity_algos.bonuses.make import BONUSES, bonus_keywords, keyword_only
+from curiosity_algos.bonuses.base import keyword_only
+from curiosity_algos.bonuses.make import BONUSES, bonus_keywords
 from curiosity_algos.common.names import ALGORITHMS, CONTRIB, STABLE_BASELINES, find_algorithm
+from curiosity_algos.curiosity.curiosity import Curiosity
 from curiosity_algos.experiments import RunFolder, SaveRun, load_final_states, load_runs
 from curiosity_algos.experiments.baselines import (
     _default_policy,
@@ -82,7 +84,8 @@ class TestBonus:
             assert holder.bonus.power == 2.0
 
     def test_no_keyword_is_both(self):
-        of_holders = {*keyword_only(BonusVecEnvWrapper), *keyword_only(BonusReplayBuffer)}
+        holders = BonusVecEnvWrapper, BonusReplayBuffer, Curiosity
+        of_holders = {name for holder in holders for name in keyword_only(holder)}
         of_bonuses = set().union(*map(bonus_keywords, BONUSES))
         assert not of_holders & of_bonuses
 

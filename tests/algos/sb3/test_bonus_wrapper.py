@@ -6,21 +6,18 @@ import pytest
 import torch as th
 from gymnasium import spaces
 from saved_files import with_entry
-from sb3_contrib import TQC, RecurrentPPO
-from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3, HerReplayBuffer
+from sb3_contrib import TQC
+from stable_baselines3 import A2C, PPO, SAC, HerReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.envs import BitFlippingEnv
 from stable_baselines3.common.vec_env import (
     DummyVecEnv,
-    VecEnvWrapper,
     VecFrameStack,
-    VecMonitor,
     VecNormalize,
 )
 
 import curiosity_algos
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.curiosity.scale import BonusScale
 from curiosity_algos.sb3 import bonus_wrapper
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
@@ -61,24 +58,8 @@ class Entries(gym.ObservationWrapper):
         return {"number": observation, "picture": Pictures.observation(self, observation + 36)}
 
 
-class Numbered(gym.ObservationWrapper):
-    """Count's number as a Discrete; actions are two choices."""
-
-    observation_space = spaces.Discrete(5)
-    action_space = spaces.MultiDiscrete([2, 3])
-
-    def observation(self, observation):
-        return int(observation[0])
-
-
-class Switched(gym.ObservationWrapper):
-    """Count's number as bits; actions are bits, too."""
-
-    observation_space = spaces.MultiBinary(4)
-    action_space = spaces.MultiBinary(2)
-
-    def observation(self, observation):
-        return (np.arange(4) < observation[0]).astype(np.int8)
+class FromOne(Count):
+    action_space = spaces.Discrete(2, start=1)
 
 
 class Recorder(Bonus):
@@ -191,41 +172,6 @@ class TestRewards:
         wrapper.step(np.zeros((2, *venv.action_space.shape), dtype=np.float32))
         assert bonus.memory.paid[-1] == [1, 1]
 
-    def test_of_a_dict_a_bonus_sees_the_entry_that_it_is_told(self):
-        venv = make_venv(env=lambda: Entries(Count()))
-        wrapper = wrap_trained(venv, bonus := Recorder(), observation_key="number")
-        play(wrapper, 5)
-        afters = np.array([each[2] for each in bonus.asked])
-        np.testing.assert_array_equal(afters[:, 0, 0], [1, 2, 3, 4, 1])
-
-    def test_of_a_dict_a_bonus_sees_all_entries_unless_told(self):
-        venv = make_venv(env=lambda: Entries(Count()))
-        wrapper = wrap_trained(venv, bonus := Recorder())
-        play(wrapper, 4)
-        last = bonus.asked[-1][2][0]
-        np.testing.assert_array_equal(last, [4.0] + [4.0 + 36.0] * 36 * 36)
-
-    def test_a_venv_may_use_its_arrays_again(self):
-        venv = make_venv()
-        shared = np.zeros((2, 1), dtype=np.float32)
-        reset, step_wait = venv.reset, venv.step_wait
-
-        def share(observations, *others):
-            shared[:] = observations
-            return (shared, *others) if others else shared
-
-        venv.reset, venv.step_wait = lambda: share(reset()), lambda: share(*step_wait())
-        play(wrap_trained(venv, bonus=(bonus := Recorder())), 5)
-        befores = [before[0, 0] for before, _, _ in bonus.asked]
-        assert befores == [0, 1, 2, 3, 0]
-
-    def test_a_reset_begins_the_discounted_sum_anew(self):
-        venv = wrap_trained(bonus=Recorder())
-        play(venv, 3)
-        assert venv.curiosity.scale.state_dict()["sums"].min() > 0
-        venv.reset()
-        assert not venv.curiosity.scale.state_dict()["sums"].any()
-
     def test_actions_are_those_that_were_taken(self):
         venv = wrap_trained(bonus=(bonus := Recorder()))
         play(venv, 5, seed=3)
@@ -246,17 +192,6 @@ class TestRewards:
         venv.step(np.zeros((2, 1), dtype=np.float32))  # no span over what was not learned from
         assert venv.buffer.state_dict()["observations"][-2:].ravel().tolist() == [1, 1]
 
-    @pytest.mark.parametrize("unit", [0.5, 2**10])
-    def test_they_do_not_depend_on_the_unit_of_actions(self, make_pendulum, unit):
-        rewards = []
-        for env in (make_pendulum(1), make_pendulum(unit)):
-            venv = wrap(DummyVecEnv([lambda env=env: env]))
-            venv.seed(0)
-            venv.reset()
-            actions = np.linspace(-1, 1, 40, dtype=np.float32) * env.action_space.high
-            rewards.append([venv.step(action[None, None])[1].item() for action in actions])
-        np.testing.assert_array_equal(*rewards)
-
     @pytest.mark.parametrize(("extrinsic", "weight"), [(True, 0.25), (False, 1.0)])
     def test_rewards_add_up_and_infos_keep_them_apart(self, extrinsic, weight):
         steps = play(wrap_trained(bonus=Recorder(), extrinsic=extrinsic, weight=weight), 9)
@@ -272,15 +207,12 @@ class TestRewards:
 
     def test_the_bonus_is_scaled_by_the_deviation_of_its_discounted_sum(self):
         venv = wrap(make_venv(3), bonus=Recorder(), gamma=0.9, train_interval=1)
-        scale = BonusScale(3, gamma=0.9)
+        scale = BonusScale(3)
         for t, (_, _, _, infos) in enumerate(play(venv, 100)):
             if t:  # there is no bonus before the first training
-                expected = scale.scaled(np.full(3, 1.0 + t % 4), is_learning=True)
+                scale.learn(np.full(3, 1.0 + t % 4), gamma=0.9)
+                expected = scale.scaled(np.full(3, 1.0 + t % 4))
                 assert [info["reward_intrinsic"] for info in infos] == pytest.approx(expected)
-
-    def test_the_first_bonus_of_a_single_env_is_bounded(self):
-        steps = play(wrap(make_venv(1), bonus=Recorder(), train_interval=1), 2)
-        assert [rewards[0] for _, rewards, *_ in steps] == [0.0, pytest.approx(10.0)]
 
     def test_there_is_none_before_the_first_training(self):
         venv = wrap(bonus=(bonus := Recorder()), train_interval=10)
@@ -297,33 +229,10 @@ class TestRewards:
         assert not any(info["reward_intrinsic"] for *_, infos in steps for info in infos)
         assert all(venv._episodes._seen)
 
-    def test_the_scale_forgets_what_was_long_ago(self, monkeypatch):
-        monkeypatch.setattr("curiosity_algos.curiosity.scale.MEMORY", 100)
-        venv = wrap_trained(bonus=(bonus := Recorder()))
-        bonus.score = lambda before, actions, after: 1000 * after[:, 0]
-        play(venv, 200)
-        bonus.score = lambda before, actions, after: after[:, 0]
-        last = play(venv, 2000)[-1]
-        fresh = play(wrap_trained(bonus=Recorder()), 2000)[-1]
-        assert last[3][0]["reward_intrinsic"] == pytest.approx(
-            fresh[3][0]["reward_intrinsic"], rel=0.1
-        )
-
-    def test_monitors_below_see_the_task(self):
-        venv = wrap(VecMonitor(make_venv()), bonus=Recorder())
-        infos = play(venv, 4)[-1][3]
-        assert [info["episode"]["r"] for info in infos] == [1.0, 1.0]
-
     def test_stacked_below_the_last_observation_is_too(self):
         play(wrap_trained(VecFrameStack(make_venv(), 2), bonus=(bonus := Recorder())), 5)
         led_to = [after[0].tolist() for *_, after in bonus.asked]
         assert led_to == [[0, 1], [1, 2], [2, 3], [3, 4], [0, 1]]
-
-    def test_normalized_above_both_rewards_are_scaled(self):
-        venv = VecNormalize(wrap_trained(bonus=Recorder()), norm_obs=False)
-        _, rewards, _, infos = play(venv, 8)[-1]
-        sums = [info["reward_extrinsic"] + info["reward_intrinsic"] for info in infos]
-        np.testing.assert_allclose(rewards, venv.normalize_reward(np.array(sums)), rtol=1e-5)
 
     def test_normalized_above_a_replay_buffer_has_the_bonus(self):
         venv = VecNormalize(wrap_trained(make_venv(1), bonus=Recorder()))
@@ -338,16 +247,6 @@ class TestRewards:
         expected = np.array(paid) + np.tile([0, 0, 0, 1], 5)
         np.testing.assert_allclose(model.replay_buffer.rewards[:20, 0], expected, rtol=1e-5)
         assert min(paid) > 0
-
-    @pytest.mark.parametrize("around", [lambda venv: venv, lambda venv: VecFrameStack(venv, 2)])
-    def test_normalized_below_replay_buffers_would_lack_it(self, around):
-        with pytest.raises(ValueError, match="`venv` must hold no VecNormalize"):
-            wrap(around(VecNormalize(make_venv())))
-
-    @pytest.mark.parametrize("around", [lambda venv: venv, lambda venv: VecFrameStack(venv, 2)])
-    def test_of_two_bonuses_files_would_hold_one(self, around):
-        with pytest.raises(ValueError, match="`venv` must hold no other BonusVecEnvWrapper"):
-            wrap(around(wrap(make_venv())))
 
     @pytest.mark.parametrize(("value", "n"), [(np.nan, 0), (np.inf, 2), (np.nan, 4)])
     def test_observations_that_are_not_finite_are_named(self, value, n):
@@ -402,22 +301,6 @@ class TestRewards:
         assert intrinsic[0] != intrinsic[1]
         np.testing.assert_allclose(rewards, intrinsic, rtol=1e-6)
 
-    def test_an_end_without_its_last_observation_is_named(self):
-        venv = make_venv()
-        step_wait = venv.step_wait
-        venv.step_wait = lambda: (*step_wait()[:3], [{}, {}])
-        with pytest.raises(ValueError, match="`env` must give the last observation of an episode"):
-            play(wrap(venv), 4)
-
-    def test_an_info_that_is_none_is_named(self):
-        venv = make_venv()
-        step_wait = venv.step_wait
-        venv.step_wait = lambda: (*step_wait()[:3], [{}, None])
-        wrapper = wrap(venv)
-        with pytest.raises(ValueError, match="`env` must give a dictionary as info with each step"):
-            play(wrapper, 1)
-        assert len(wrapper.buffer) == 0
-
 
 class TestTraining:
     def test_it_trains_when_enough_has_come(self):
@@ -456,25 +339,14 @@ class TestTraining:
         assert not scales[1]["sums"].any()  # since the reset
         assert all(info[0]["reward_intrinsic"] > 0 for *_, info in steps)
 
-    def test_numbers_in_bytes_are_no_images(self):
-        class Bytes(Count):
-            observation_space = spaces.Box(0, 255, (1,), np.uint8)
-
-        for bonus in BONUSES:
-            venv = wrap(make_venv(env=Bytes), bonus=bonus)
-            play(venv, 9)
-            assert venv.buffer.state_dict()["observations"].dtype == th.float32
-
 
 class TestAlgorithms:
     @pytest.mark.parametrize(
         ("algorithm", "settings", "bonus"),
         [
-            *[(PPO, {"n_steps": 32, "batch_size": 32}, bonus) for bonus in BONUSES],
+            (PPO, {"n_steps": 32, "batch_size": 32}, "noveld"),
             (A2C, {}, "icm"),
-            (SAC, {"learning_starts": 20}, "apt"),
-            (TD3, {"learning_starts": 20}, "rnd"),
-            (DDPG, {"learning_starts": 20}, "icm"),
+            (SAC, {"learning_starts": 20}, "rnd"),
             (TQC, {"learning_starts": 20}, "apt"),
         ],
         ids=lambda value: getattr(value, "__name__", ""),
@@ -486,11 +358,6 @@ class TestAlgorithms:
         assert len(venv.buffer) >= 64
         assert np.isfinite(list(venv.metrics.values())).all()
 
-    def test_recurrent_policies_train(self):
-        venv = wrap(make_vec_env("CuriosityMaze-US-v0", n_envs=2, seed=0), train_interval=32)
-        RecurrentPPO("MlpLstmPolicy", venv, n_steps=32, batch_size=32, device="cpu").learn(64)
-        assert len(venv.buffer) == 64
-
     def test_discrete_actions_and_images(self):
         venv = wrap(make_venv(env=lambda: Pictures(Count())), train_interval=16)
         model = PPO("CnnPolicy", venv, n_steps=8, batch_size=8, n_epochs=1, device="cpu", seed=0)
@@ -499,22 +366,6 @@ class TestAlgorithms:
         venv = wrap(make_vec_env("CartPole-v1", n_envs=2), train_interval=16)
         PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(32)
         assert venv.buffer.state_dict()["actions"].unique().tolist() == [0.0, 1.0]
-
-    @pytest.mark.parametrize(("wrapper", "n_seen", "n_acted"), [(Numbered, 5, 5), (Switched, 4, 2)])
-    def test_choices_and_bits(self, wrapper, n_seen, n_acted, tmp_path, assert_same):
-        venv = wrap(make_venv(env=lambda: wrapper(Count())), train_interval=16)
-        PPO("MlpPolicy", venv, n_steps=8, batch_size=8, n_epochs=1, device="cpu", seed=0).learn(32)
-        held = venv.buffer.state_dict()
-        assert held["observations"].shape[1:] == (n_seen,)
-        assert held["actions"].shape[1:] == (n_acted,)
-        assert held["actions"].unique().tolist() == [0.0, 1.0]
-        if wrapper is Numbered:
-            assert (held["observations"].sum(dim=1) == 1.0).all()
-            assert (held["actions"].sum(dim=1) == 2.0).all()
-        venv.save(tmp_path / "wrapper.npz")
-        again = make_venv(env=lambda: wrapper(Count()))
-        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.npz", again, device="cpu")
-        assert_same(venv.state_dict(), other.state_dict())
 
     @pytest.mark.parametrize("key", [None, "number", "picture"])
     def test_dictionaries(self, tmp_path, key, assert_same):
@@ -569,36 +420,10 @@ class TestFiles:
         assert state["observations"].flatten().tolist() == [0, 0, 1, 1, 2, 2, 0, 0, 1, 1]
         assert state["next_observations"].flatten().tolist() == [1, 1, 2, 2, 3, 3, 1, 1, 2, 2]
 
-    def test_a_model_goes_on_without_a_reset_of_its_own(self, tmp_path):
-        venv = wrap(make_vec_env("Pendulum-v1"))
-        model = PPO("MlpPolicy", venv, n_steps=16, batch_size=16, device="cpu", seed=0).learn(16)
-        model.save(tmp_path / "model")
-        venv.save(tmp_path / "bonus.npz")
-        venv = BonusVecEnvWrapper.load(tmp_path / "bonus.npz", make_vec_env("Pendulum-v1"))
-        loaded = PPO.load(tmp_path / "model", venv, device="cpu", force_reset=False)
-        loaded.learn(16, reset_num_timesteps=False)
-        assert loaded.num_timesteps == 32
-
     def test_a_load_leaves_the_first_start_to_the_model(self, tmp_path):
         wrap(make_vec_env("Pendulum-v1")).save(tmp_path / "bonus.npz")
         venv = BonusVecEnvWrapper.load(tmp_path / "bonus.npz", make_vec_env("Pendulum-v1", seed=3))
         np.testing.assert_array_equal(venv.reset(), make_vec_env("Pendulum-v1", seed=3).reset())
-
-    def test_how_numpy_prints_is_nothing_to_a_file(self, tmp_path):
-        class Wide(Count):
-            observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
-
-        class Wider(Count):
-            observation_space = spaces.Box(
-                -np.arange(30.0), np.arange(30.0) + 1e-3, (30,), np.float64
-            )
-
-        wrap(make_venv(env=Wide)).save(tmp_path / "wrapper.npz")
-        with np.printoptions(linewidth=300, precision=2):
-            Wide.observation_space = spaces.Box(-np.arange(30.0), np.arange(30.0), dtype=np.float64)
-            BonusVecEnvWrapper.load(tmp_path / "wrapper.npz", make_venv(env=Wide))
-        with pytest.raises(ValueError, match="with the spaces that were saved"):
-            BonusVecEnvWrapper.load(tmp_path / "wrapper.npz", make_venv(env=Wider))
 
     def test_a_bonus_of_ones_own_is_given_again(self, tmp_path):
         path, one = tmp_path / "wrapper.npz", wrap(bonus=Recorder())
@@ -607,72 +432,11 @@ class TestFiles:
         bonus = Recorder()
         BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus, device="cpu")
         assert len(bonus.batches) == 2
-        with pytest.raises(ValueError, match="`bonus` must be given"):
+        with pytest.raises(ValueError, match=r"`bonus` must be an object if .*: an object."):
             BonusVecEnvWrapper.load(path, make_venv())
         wrap().save(path)
-        with pytest.raises(ValueError, match="`bonus` must be None, it was saved as 'icm'"):
+        with pytest.raises(ValueError, match=r"`bonus` must be an object if .*: 'icm'"):
             BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus)
-
-    def test_errors_name_path_or_venv(self, tmp_path):
-        path = tmp_path / "wrapper.npz"
-        with pytest.raises(FileNotFoundError, match="`path` must be a saved BonusVecEnvWrapper"):
-            BonusVecEnvWrapper.load(path, make_venv())
-        wrap().save(path)
-        with pytest.raises(ValueError, match=r"`venv` must have 2 environments .*, got 3 with"):
-            BonusVecEnvWrapper.load(path, make_venv(3))
-        cart_poles = make_vec_env("CartPole-v1", n_envs=2)
-        with pytest.raises(ValueError, match=r"`venv` must have 2 .*, got 2 with .*Discrete\(2\)"):
-            BonusVecEnvWrapper.load(path, cart_poles)
-        whole = path.read_bytes()
-        for damaged in (whole[:100], whole[: len(whole) // 2], b"", b"something else"):
-            path.write_bytes(damaged)
-            with pytest.raises(ValueError, match="`path` must be a saved BonusVecEnvWrapper"):
-                BonusVecEnvWrapper.load(path, make_venv())
-
-
-@pytest.mark.parametrize("bonus", ["rnd", None])
-@pytest.mark.parametrize(
-    ("entry", "value"),
-    [
-        ("settings", {}),
-        ("settings.made_for", 3),
-        ("settings.made_for.spaces", 3),
-        ("settings.made_for.spaces.0", {"Nothing": ()}),
-        ("settings.made_for.spaces.0", {"Box": (0, 1)}),
-        ("settings.made_for.spaces.0", {"Discrete": (-1, 0)}),
-        ("settings.keywords", 3),
-        ("settings.keywords.bonus_kwargs", 3),
-        ("settings.keywords.n_steps", 3),
-        ("settings.keywords.observation_key", [3]),
-        ("settings.keywords.weight", -1),
-        ("state", {}),
-        ("state.episodes", 3),
-        ("state.wrapper", {}),
-        ("state.wrapper.observations", 3),
-        ("state.wrapper.recent.next", 10**12),
-        ("state.wrapper.recent.rng", "x"),
-        ("state.wrapper.recent.rng", '{"bit_generator": "PCG64"}'),
-        ("state.wrapper.buffer.next", -1),
-        ("state.wrapper.buffer.next", 10**12),
-        ("state.wrapper.buffer.generator", th.zeros(5056, dtype=th.uint8)),
-        ("state.wrapper.curiosity", 3),
-        ("state.wrapper.curiosity.metrics", 3),
-        ("state.wrapper.curiosity.metrics", {"loss": "x"}),
-        ("state.wrapper.curiosity.n_untrained", 10**12),
-        ("state.wrapper.curiosity.n_untrained", -1),
-        ("state.wrapper.curiosity.n_trainings", -1),
-    ],
-)
-def test_a_damaged_file_is_refused_in_one_sentence(bonus, entry, value, tmp_path):
-    """With a bonus of the user's the part says it, as that may have errors of its own."""
-    path = tmp_path / "bonus.npz"
-    wrapper = wrap(bonus=bonus or Recorder())
-    play(wrapper, 3)
-    wrapper.save(path)
-    with_entry(path, "BonusVecEnvWrapper", entry, value)
-    with pytest.raises(ValueError, match=r"^`.*\.$") as raised:
-        BonusVecEnvWrapper.load(path, make_venv(), bonus=None if bonus else Recorder())
-    assert bonus is None or f"{path} is damaged" in str(raised.value)
 
 
 def test_where_episodes_end_is_no_news_for_ever():
@@ -696,24 +460,6 @@ def test_running_to_where_episodes_end_is_not_running_away():
     assert abs(wrapper.metrics["ramp/distance"]) < 0.1
 
 
-def test_dones_may_be_numbers():
-    class Numbers(VecEnvWrapper):
-        def reset(self):
-            return self.venv.reset()
-
-        def step_wait(self):
-            observations, rewards, dones, infos = self.venv.step_wait()
-            return observations, rewards, dones.astype(np.int64), infos
-
-    play(wrap(Numbers(make_venv()), bonus=(bonus := Recorder())), 4)
-    assert [each.ravel().tolist() for each in bonus.observed] == [
-        [0, 0],
-        [1, 1],
-        [2, 2],
-        [3, 3, 4, 4],
-    ]
-
-
 @pytest.mark.parametrize(
     ("name", "bonus"), [("BonusVecEnvWrapper", "apt"), ("ICMVecEnvWrapper", "icm")]
 )
@@ -724,17 +470,52 @@ def test_a_wrapper_has_a_bonus_of_its_own_unless_it_is_named(name, bonus, tmp_pa
     assert made.load(tmp_path / "bonus.npz", make_venv(), device="cpu").bonus.name == "rnd"
 
 
-def test_other_envs_are_refused():
-    class Large(Count):
-        observation_space = spaces.Box(0, 1, (65, 65))
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        ("settings.n_steps", 3),
+        ("settings.weight", -1),
+        ("state.episodes", 3),
+        ("state.wrapper", {}),
+        ("state.wrapper.observations", np.zeros((3, 1), np.float32)),
+        ("state.wrapper.recent.next", 10**12),
+        ("state.wrapper.recent.rng", "x"),
+        ("state.wrapper.buffer.next", -1),
+        ("state.wrapper.buffer.generator", th.zeros(5056, dtype=th.uint8)),
+        ("state.wrapper.curiosity.metrics", {"loss": "x"}),
+        ("state.wrapper.curiosity.n_untrained", -1),
+    ],
+)
+def test_a_damaged_file_is_refused_in_one_sentence(entry, value, tmp_path):
+    path = tmp_path / "bonus.npz"
+    wrapper = wrap(bonus="rnd")
+    play(wrapper, 3)
+    wrapper.save(path)
+    with_entry(path, "BonusVecEnvWrapper", entry, value)
+    with pytest.raises(ValueError, match=r"^`path` must be saved of a wrapper around 2 env.*npz"):
+        BonusVecEnvWrapper.load(path, make_venv())
 
-    class Several(Count):
-        action_space = spaces.Tuple([spaces.Discrete(2)])
 
-    with pytest.raises(ValueError, match="`venv` must be a VecEnv"):
-        wrap(Count())
-    for bonus in ("icm", Recorder()):
-        with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
-            wrap(make_venv(env=Large), bonus=bonus)
-        with pytest.raises(ValueError, match=r"action space .* it must be Discrete, MultiDiscrete"):
-            wrap(make_venv(env=Several), bonus=bonus)
+@pytest.mark.parametrize(
+    "make", [lambda: make_venv(3), lambda: make_vec_env("CartPole-v1", n_envs=2)]
+)
+def test_a_file_of_other_environments_is_refused(make, tmp_path):
+    wrapper = wrap()
+    play(wrapper, 3)
+    wrapper.save(tmp_path / "bonus.npz")
+    with pytest.raises(ValueError, match=r"^`path` must be saved of a wrapper around . env.*npz"):
+        BonusVecEnvWrapper.load(tmp_path / "bonus.npz", make())
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (Count, "be a VecEnv"),
+        (lambda: VecFrameStack(VecNormalize(make_venv()), 2), "hold no VecNormalize"),
+        (lambda: VecFrameStack(wrap(make_venv()), 2), "hold no other BonusVecEnvWrapper"),
+        (lambda: make_venv(env=FromOne), "take actions from 0 on"),
+    ],
+)
+def test_other_envs_are_refused(make, message):
+    with pytest.raises(ValueError, match=f"`venv` must {message}"):
+        wrap(make())

@@ -132,16 +132,6 @@ def test_what_is_not_finite_is_not_kept(step, name):
     assert buffer.size() == 0
 
 
-def test_transitions_for_the_bonus_come_as_tensors():
-    buffer = make_buffer()
-    for x in range(3):
-        add(buffer, x)
-    observations, actions, next_observations = buffer.sample_transitions(20)
-    assert observations.shape == actions.shape == (20, 1)
-    assert th.allclose(actions, observations / 10)
-    assert th.equal(next_observations, observations + 1)
-
-
 class TestSpans:
     """Transitions over several steps, of a bonus that has a horizon."""
 
@@ -151,13 +141,6 @@ class TestSpans:
         begins, ends = observations[:, 0].int(), next_observations[:, 0].int()
         assert th.allclose(actions, observations / 10)
         return set(zip(begins.tolist(), ends.tolist(), strict=True))
-
-    def test_they_stay_within_an_episode(self):
-        buffer = make_buffer()
-        for x in range(6):
-            add(buffer, x, done=x == 2, truncated=x == 2)
-        first = {(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)}
-        assert self.spans(buffer) == first | {(x + 3, y + 3) for x, y in first}
 
     def test_they_stop_where_an_episode_was_left(self):
         buffer = make_buffer()
@@ -271,14 +254,6 @@ def test_choices_are_taken_as_they_are():
     assert th.equal(actions, before + 1)
 
 
-def test_whole_actions_are_scored_as_floats():
-    """Stable-Baselines3 keeps them in their own type, scaled to [-1, 1]."""
-    actions = spaces.Box(-3, 3, (1,), np.int64)
-    buffer = make_buffer(20, action_space=actions, bonus="icm", gamma=0.9, train_interval=4)
-    walk(buffer, 8)
-    assert np.isfinite(buffer.sample(8).rewards).all()
-
-
 class TestTraining:
     def test_it_comes_with_every_so_many_transitions(self):
         buffer = make_buffer(60, n_envs=3, train_interval=10, n_updates=2, batch_size=5)
@@ -319,13 +294,16 @@ class TestTraining:
     def test_the_scale_is_that_of_the_sums_so_far(self):
         buffer = make_buffer(60, n_envs=2, train_interval=10, gamma=0.9, extrinsic=False)
         walk(buffer, 5)
-        scale = BonusScale(2, gamma=0.9)
+        scale = BonusScale(2)
         places = np.arange(5)[:, None] + [0.0, 100.0]
         steps = 6 * places + places / 100 + 4
-        largest = max(scale.scaled(step, is_learning=True).max() for step in steps)
+        largest = 0.0
+        for step in steps:
+            scale.learn(step, gamma=0.9)
+            largest = max(largest, scale.scaled(step).max())
         sample = buffer.sample(200)
         x = sample.observations.numpy()[:, 0]
-        of_now = scale.scaled((6 * x + x / 100 + 4).astype(np.float64), is_learning=False)
+        of_now = scale.scaled((6 * x + x / 100 + 4).astype(np.float64))
         np.testing.assert_allclose(sample.rewards[:, 0], 0.5 * of_now, rtol=1e-5)
         assert buffer.metrics["weighted/loss"] == 1.0
         assert buffer.metrics["intrinsic/max"] == pytest.approx(0.5 * largest, rel=1e-5)
@@ -365,16 +343,6 @@ class TestTraining:
             bonus = 2 * before + before + 4 * after
             assert th.allclose(sample.rewards, 0.5 * bonus)
 
-    def test_a_file_holds_what_was_scored(self, tmp_path):
-        buffer, twin = (make_buffer(20, train_interval=4) for _ in range(2))
-        for x in range(8):
-            add(buffer, x)
-        buffer.sample(100)
-        buffer.save(tmp_path / "buffer.npz")
-        twin.restore(tmp_path / "buffer.npz")
-        twin.bonus.score = None  # is not asked again
-        assert th.equal(buffer.sample(9).rewards, twin.sample(9).rewards)
-
     @pytest.mark.parametrize("bonus", BONUSES)
     def test_what_was_scored_before_is_what_is_scored_now(self, bonus):
         settings = {"bonus": bonus, "gamma": 0.9, "train_interval": 64, "extrinsic": False}
@@ -395,25 +363,14 @@ class TestTraining:
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"capacity": 0}, "`buffer_size` must be"),
-        (
-            {"capacity": 3, "n_envs": 2, "optimize_memory_usage": True},
-            "`buffer_size` must be at",
-        ),
         ({"action_space": spaces.MultiBinary(3)}, "action"),
         ({"observation_space": spaces.Tuple([OBSERVATIONS])}, "policies take"),
-        ({"observation_space": spaces.Dict(x=spaces.Text(3))}, "policies take"),
         ({"observation_key": "x"}, "`observation_key` must be None"),
     ],
 )
 def test_bad_settings_are_named(settings, said):
     with pytest.raises(ValueError, match=said):
         make_buffer(**settings)
-
-
-def test_nothing_is_drawn_from_nothing():
-    with pytest.raises(ValueError, match="`sample` must come after `add`"):
-        make_buffer().sample(2)
 
 
 @pytest.mark.parametrize("optimize", [False, True])
@@ -426,20 +383,6 @@ def test_observations_of_another_dtype_are_those_that_are_held(optimize):
     assert not buffer.dones.any()
     buffer.add(rows[0], rows[1], rows[0], np.zeros(1), np.zeros(1), [{}])
     assert buffer.dones[:6, 0].tolist() == [0, 0, 0, 0, 1, 0]
-
-
-def test_a_training_scores_images_some_at_a_time(monkeypatch):
-    images = spaces.Box(0, 255, (36, 36, 1), np.uint8)
-    buffer = make_buffer(40, images, train_interval=20, n_updates=1, batch_size=8)
-    monkeypatch.setattr(Weighted, "observe", lambda self, seen: self.seen.append(len(seen)))
-    scored, score = [], Weighted.score
-    monkeypatch.setattr(
-        Weighted, "score", lambda self, *each: scored.append(len(each[0])) or score(self, *each)
-    )
-    row = np.zeros((1, *images.shape), dtype=np.uint8)
-    for _ in range(20):
-        buffer.add(row, row, np.zeros((1, 1)), np.zeros(1), np.zeros(1), [{}])
-    assert buffer.bonus.seen == scored == [8, 8, 4]
 
 
 def batches(space, n_envs, n_steps):
@@ -513,33 +456,6 @@ class TestOtherSpaces:
             assert shown.dtype == np.float32
             np.testing.assert_array_equal(shown, np.array(expected, dtype=np.float32))
 
-    @pytest.mark.parametrize("n_envs", [1, 4])
-    def test_a_run_goes_on_bit_for_bit(self, name, n_envs, tmp_path):
-        algorithm, action_space = stable_baselines3.SAC, None
-        if name in ("tiles", "numbers"):
-            algorithm, action_space = stable_baselines3.DQN, spaces.Discrete(3)
-        space, _ = OFF_POLICY[name]
-        policy = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "MlpPolicy"
-        envs = DummyVecEnv([lambda: Toy(name, copy.deepcopy(action_space))] * n_envs)
-        model = algorithm(policy, envs, **copy.deepcopy(SETTINGS)).learn(64)
-        assert_goes_on(model, 64, tmp_path)
-
-    def test_its_own_file_is_of_its_space(self, name, tmp_path):
-        space, _ = OFF_POLICY[name]
-        buffer = make_buffer(40, space, n_envs=2, bonus="rnd")
-        self.fill(space, 5, buffer)
-        buffer.save(tmp_path / "buffer.npz")
-        twin = make_buffer(40, space, n_envs=2, bonus="rnd", seed=1)
-        twin.restore(tmp_path / "buffer.npz")
-        for one, other in zip(buffer.sample(9)[:5], twin.sample(9)[:5], strict=True):
-            assert_equal(one, other)
-        for another in {"numbers", "options", "tiles", "task"} - {name}:
-            space, _ = OFF_POLICY[another]
-            other = make_buffer(40, space, n_envs=2, bonus="rnd")
-            with pytest.raises(ValueError, match="`path` must be saved of a buffer with"):
-                other.restore(tmp_path / "buffer.npz")
-            assert other.size() == 0
-
 
 def _at(buffer, rows, envs):
     """What SB3's own buffer samples where it draws these."""
@@ -593,8 +509,8 @@ def test_normalizing_spares_what_the_bonus_sees_of_dictionaries():
 
 # -- with the algorithms of others ----------------------------------------------------------------
 
-CONTINUOUS = dict.fromkeys(("SAC", "TD3", "DDPG", "TQC", "CrossQ"), "Pendulum-v1")
-ALGORITHMS = {**CONTINUOUS, "DQN": "CartPole-v1", "QRDQN": "CartPole-v1"}
+CONTINUOUS = dict.fromkeys(("SAC", "TD3", "TQC"), "Pendulum-v1")
+ALGORITHMS = {**CONTINUOUS, "DQN": "CartPole-v1"}
 
 
 def make_model(name, n_envs=2, library=None, **settings):
@@ -644,7 +560,7 @@ def test_any_algorithm_learns_with_it(name):
     assert not th.equal(weights(model), weights(without))
 
 
-@pytest.mark.parametrize("name", ["CrossQ", "DQN", "SAC", "TD3", "TQC"])
+@pytest.mark.parametrize("name", ["DQN", "TD3"])
 def test_sbx_learns_with_it(name):
     sbx, jax = pytest.importorskip("sbx"), pytest.importorskip("jax")
 
@@ -659,11 +575,10 @@ def test_sbx_learns_with_it(name):
     assert not np.array_equal(learned, learn(weight=1e-9))
 
 
-@pytest.mark.parametrize("name", ["SAC", "DQN"])
-def test_sb3_saves_and_loads_it(name, tmp_path):
-    model = make_model(name).learn(100)
+def test_sb3_saves_and_loads_it(tmp_path):
+    model = make_model("SAC").learn(100)
     model.save_replay_buffer(tmp_path / "buffer")
-    other = make_model(name, seed=5)
+    other = make_model("SAC", seed=5)
     other.load_replay_buffer(tmp_path / "buffer")
     for _ in range(3):
         for one, twin in zip(
@@ -672,10 +587,19 @@ def test_sb3_saves_and_loads_it(name, tmp_path):
             assert th.equal(one, twin)
 
 
-@pytest.mark.parametrize("n_envs", [1, 4])
-@pytest.mark.parametrize("name", ["SAC", "TD3", "DQN"])
+@pytest.mark.parametrize(("name", "n_envs"), [("SAC", 4), ("DQN", 1)])
 def test_a_loaded_model_goes_on_bit_for_bit(name, n_envs, tmp_path):
     assert_goes_on(make_model(name, n_envs, bonus="apt").learn(80), 80, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["numbers", "task"])
+def test_a_run_in_other_spaces_goes_on_bit_for_bit(name, tmp_path):
+    algorithm, actions, policy = stable_baselines3.DQN, spaces.Discrete(3), "MlpPolicy"
+    if name == "task":
+        algorithm, actions, policy = stable_baselines3.SAC, None, "MultiInputPolicy"
+    envs = DummyVecEnv([lambda: Toy(name, copy.deepcopy(actions))] * 4)
+    model = algorithm(policy, envs, **copy.deepcopy(SETTINGS)).learn(64)
+    assert_goes_on(model, 64, tmp_path)
 
 
 def assert_goes_on(model, n_steps, tmp_path):
@@ -718,50 +642,24 @@ def test_its_own_file_goes_on(optimize, n_steps, tmp_path):
         assert th.equal(ours, theirs)
 
 
-def test_other_environments_than_it_was_made_for_are_refused():
-    buffer = make_buffer(20, n_envs=2)
-    walk(buffer, 3)
-    with pytest.raises(ValueError, match=r"`env` must have 2 environments, .* got 1"):
-        add(buffer, 3)
-    assert buffer.pos == 3
-
-
-def test_a_file_of_other_settings_changes_nothing(tmp_path):
-    buffer = make_buffer(20, bonus="rnd", gamma=0.9, train_interval=8)
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        ({"bonus": "icm"}, "'bonus': 'icm', .* is of {'bonus': 'rnd',"),
+        ({"bonus_kwargs": {"hidden": 8}}, "'hidden': 8}, .* is of .*'bonus_kwargs': {},"),
+        ({"optimize_memory_usage": True}, "'optimize_memory_usage': True.* is of"),
+        ({"n_envs": 2}, "'n_envs': 2.* is of .*'n_envs': 1"),
+    ],
+)
+def test_a_file_of_other_settings_changes_nothing(other, message, tmp_path):
+    settings = {"bonus": "rnd", "gamma": 0.9, "train_interval": 8}
+    buffer, twin = make_buffer(20, **settings), make_buffer(20, **(settings | other))
     walk(buffer, 10)
     buffer.save(tmp_path / "buffer.npz")
-    torn = tmp_path / "torn.npz"
-    torn.write_bytes((tmp_path / "buffer.npz").read_bytes()[:-100])
-    sentences = {
-        "with {'bonus': 'icm', 'learning_rate': 0.0001, .* is of {'bonus': 'rnd',": {
-            "bonus": "icm"
-        },
-        "'is_scaled': False.* is of .*'is_scaled': True": {"bonus": "rnd", "gamma": None},
-        "'optimize_memory_usage': True.* is of": {"bonus": "rnd", "optimize_memory_usage": True},
-        "'n_envs': 2.* is of .*'n_envs': 1": {"bonus": "rnd", "n_envs": 2},
-    }
-    for sentence, other in sentences.items():
-        twin = make_buffer(20, **{"gamma": 0.9, "train_interval": 8, **other})
-        before = copy.deepcopy(twin.bonus.state_dict())
-        with pytest.raises(ValueError, match=f"`path` must be saved of .*{sentence}"):
-            twin.restore(tmp_path / "buffer.npz")
-        assert twin.size() == 0
-        assert str(twin.bonus.state_dict()) == str(before)
-    with pytest.raises(ValueError, match="is not a whole one"):
-        buffer.restore(torn)
-    with pytest.raises(FileNotFoundError, match="there is no file"):
-        buffer.restore(tmp_path / "none.npz")
-
-
-def test_a_file_of_a_bonus_with_other_keywords_changes_nothing(tmp_path):
-    """Those of them, too, that change no shape."""
-    settings = {"bonus": "apt", "gamma": 0.9, "train_interval": 8}
-    buffer, twin = (make_buffer(20, **settings, bonus_kwargs={"power": p}) for p in (1.0, 3.0))
-    walk(buffer, 10)
-    buffer.save(tmp_path / "buffer.npz")
-    with pytest.raises(ValueError, match=r"'power': 3.0, .* is of .*'power': 1.0,"):
+    before = copy.deepcopy(twin.state_dict())
+    with pytest.raises(ValueError, match=f"`path` must be saved of .*{message}"):
         twin.restore(tmp_path / "buffer.npz")
-    assert twin.size() == 0
+    assert str(twin.state_dict()) == str(before)
 
 
 @pytest.mark.parametrize(
@@ -770,14 +668,10 @@ def test_a_file_of_a_bonus_with_other_keywords_changes_nothing(tmp_path):
         ("settings.made", {}),
         ("settings.now", {"sample": "x"}),
         ("settings.now.weight", -1),
-        ("settings.now.gamma", "x"),
-        ("state.curiosity", 3),
         ("state.curiosity.n_untrained", -1),
-        ("state.rng", "x"),
         ("state.rng", '{"bit_generator": "PCG64"}'),
         ("state.transitions", None),
         ("state.transitions.pos", -7),
-        ("state.transitions.pos", 10**9),
         ("state.transitions.pos", 7),
         ("state.transitions.full", True),
     ],

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BufferedWriter
 
+import psutil
+
 
 @contextmanager
 def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
@@ -39,21 +41,8 @@ def _remove_stale(folder: pathlib.Path, prefix: str) -> None:
     """Remove temporary files of processes of this machine that are gone."""
     for path in folder.glob(f"{glob.escape(prefix)}*.tmp"):
         process = path.name[len(prefix) : -len(".tmp")]
-        if process.isdecimal() and not _is_running(int(process)):
+        if process.isdecimal() and not psutil.pid_exists(int(process)):
             path.unlink(missing_ok=True)
-
-
-def _is_running(process: int) -> bool:
-    """Whether there may be such a process."""
-    if os.name != "posix":  # elsewhere asking would end it
-        return True
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:  # another user's
-        return True
-    return True
 
 
 def sync_folder(folder: pathlib.Path) -> None:

@@ -6,7 +6,6 @@ import sys
 import pytest
 from saved_files import no_space
 
-from curiosity_algos.state import atomic_file as module
 from curiosity_algos.state.atomic_file import atomic_file
 
 
@@ -88,22 +87,3 @@ with atomic_file({str(path)!r}) as file:
         (tmp_path / f".file.zip.{host}.{gone}.tmp").touch()
         save(tmp_path / "file.zip")
         assert {path.name for path in tmp_path.iterdir()} == {*names, "file.zip"}
-
-    def test_a_full_disk_gets_the_room_back_first(self, tmp_path, gone, monkeypatch):
-        stale = tmp_path / f".file.zip.{socket.gethostname()}.{gone}.tmp"
-        stale.touch()
-        monkeypatch.setattr(os, "fsync", no_space)
-        with pytest.raises(OSError, match="No space left"):
-            save(tmp_path / "file.zip")
-        assert list(tmp_path.iterdir()) == []
-
-    def test_processes_of_others_run(self, monkeypatch):
-        def refuse(process, number):
-            raise PermissionError
-
-        monkeypatch.setattr(os, "kill", refuse)
-        assert module._is_running(1)
-
-    def test_where_asking_ends_a_process_nobody_asks(self, monkeypatch, gone):
-        monkeypatch.setattr(module.os, "name", "nt")
-        assert module._is_running(gone)

@@ -118,7 +118,6 @@ def test_environments_that_are_stepped_at_once_have_no_state_before_they_begin()
     "other",
     [
         make_recorded,
-        lambda: make_recorded(3),
         lambda: make_recorded(horizon=10),
         lambda: VecMonitor(make_batched()),
         lambda: make_batched(num_envs=3),

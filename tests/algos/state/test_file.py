@@ -82,25 +82,6 @@ def test_numpy_opens_it(path):
         assert json.loads(file[ABOUT])["settings"]["sigma"] == 0.3
 
 
-def test_open_files_will_do():
-    file = io.BytesIO()
-    save(file, "Thing", SETTINGS, STATE)
-    assert_same(read(file, "Thing")[1], STATE)
-
-
-def test_state_dicts_of_torch_come_back():
-    module, file = th.nn.Sequential(th.nn.Linear(2, 3), th.nn.BatchNorm1d(3)), io.BytesIO()
-    optimizer = th.optim.Adam(module.parameters())
-    module(th.ones(2, 2)).sum().backward()
-    optimizer.step()
-    state = {"module": module.state_dict(), "optimizer": optimizer.state_dict()}
-    save(file, "Thing", {}, state)
-    state = read(file, "Thing")[1]
-    module.load_state_dict(state["module"])
-    optimizer.load_state_dict(state["optimizer"])
-    assert optimizer.state_dict()["state"].keys() == {0, 1, 2, 3}
-
-
 @pytest.mark.parametrize(
     ("leaf", "name"),
     [
@@ -138,29 +119,20 @@ DAMAGE = {
     "no about": lambda members: {FLAT: members[FLAT]},
     "no array": lambda members: {name: members[name] for name in members if name != FLAT},
     "another array": lambda members: members | {"other.npy": members[FLAT]},
-    "another file": with_member("../evil.py", b"open('marker', 'w')"),
     "no json": with_member(ABOUT, b"{"),
     "no dictionary": with_member(ABOUT, b"3"),
     "no settings": with_about(lambda about: about.pop("settings")),
-    "state is a list": with_about(lambda about: about.update(state=[])),
     "settings are a number": with_about(lambda about: about.update(settings=1)),
     "unknown kind": with_about(lambda about: about["state"].update(x={"@open": "marker"})),
     "two kinds": with_about(lambda about: about["state"].update(x={"@tuple": [], "b": 1})),
     "an array twice": with_about(lambda about: about["state"].update(x={"@array": "policy/flat"})),
     "a key of lists": with_about(lambda about: about["state"].update(x={"@dict": [[[], 1]]})),
-    "items of three": with_about(lambda about: about["state"].update(x={"@dict": [[1, 2, 3]]})),
-    "a huge whole number": with_member(ABOUT, b'{"kind": "Thing", "state": ' + b"9" * 5000 + b"}"),
     "deep lists": with_member(ABOUT, b"[" * 10**5 + b"]" * 10**5),
-    "deep dictionaries": with_member(ABOUT, b'{"a":' * 10**5 + b"1" + b"}" * 10**5),
     "no npy": with_member(FLAT, b"x"),
-    "an empty npy": with_member(FLAT, b""),
     "a short npy": lambda members: members | {FLAT: members[FLAT][:-1]},
-    "a long npy": lambda members: members | {FLAT: members[FLAT] + b"x"},
     "a huge count": with_member(FLAT, npy_header((10**15,))),
     "a huge shape": with_member(FLAT, npy_header((2**62, 2**62))),
-    "a negative shape": with_member(FLAT, npy_header((-1,)) + b"12345678"),
     "no numbers": with_member(FLAT, npy_header(()).replace(b"<f8", b"|O8") + b"12345678"),
-    "a nested zip": lambda members: {"thing.zip": members[FLAT]},
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable, Mapping
 from numbers import Real
@@ -106,17 +105,6 @@ def _number(value: object) -> float:
 
 def _is_keywords(value: object) -> bool:
     return value is None or (isinstance(value, dict) and all(isinstance(k, str) for k in value))
-
-
-def check_copyable(**values: object) -> None:
-    """Raise ValueError unless `copy.deepcopy` copies every value."""
-    for name, value in values.items():
-        try:
-            copy.deepcopy(value)
-        except Exception as error:  # of any kind: objects copy themselves as they like
-            raise ValueError(
-                f"`{name}` must be what `copy.deepcopy` copies, got {value!r:.60} ({error})."
-            ) from error
 
 
 def check_info(info: object) -> None:

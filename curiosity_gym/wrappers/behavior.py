@@ -13,7 +13,6 @@ from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
 from curiosity_gym.core import Float64Array, entry_names
-from curiosity_gym.validation import check_copyable, check_info
 
 BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
 """`behavior(env, observation, info)`: the behavior of an episode that stands there, (B,).
@@ -30,25 +29,15 @@ class BehaviorAccumulator(Protocol):
 
     Every environment works on a copy of its own, made by `copy.deepcopy` when it is wrapped, and
     copied with it from then on. What an episode adds up is to be kept in attributes.
+
+    `env` is the wrapped environment; `observation` and `info` are what its method returned.
     """
 
     def reset(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
-        """Forget the last episode, and take in the first observation of the next.
-
-        Args:
-            env: The wrapped environment.
-            observation: What its `reset` returned.
-            info: Returned with it.
-        """
+        """Forget the last episode, and take in the first observation of the next."""
 
     def step(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
-        """Take in one step of the episode.
-
-        Args:
-            env: The wrapped environment.
-            observation: What its `step` returned.
-            info: Returned with it.
-        """
+        """Take in one step of the episode."""
 
     def result(self) -> npt.ArrayLike:
         """The behavior of the episode so far, B finite numbers; asked after each reset and step."""
@@ -86,22 +75,12 @@ def _own_accumulator(behavior: Behavior) -> BehaviorAccumulator:
 
 
 def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
-    """The behavior space in float64."""
     if not isinstance(space, spaces.Box) or len(space.shape) != 1:
         raise ValueError(f"`behavior_space` must be a Box of one dimension, got {space!r}.")
     low, high = space.low.astype(np.float64), space.high.astype(np.float64)
     if not (low < high).all():
         raise ValueError(f"`behavior_space` must have every `low` below its `high`, got {space!r}.")
     return spaces.Box(low, high, dtype=np.float64)
-
-
-def _numbers(value: npt.ArrayLike) -> Float64Array:
-    try:
-        if value is not None:  # which numpy takes for NaN
-            return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of unequal length
-        pass
-    raise ValueError(f"`behavior` must return an array of numbers, got {value!r:.60}.")
 
 
 class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
@@ -131,17 +110,15 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         behavior_space: spaces.Box,
         behavior_names: Sequence[str] | None = None,
     ) -> None:
-        check_copyable(behavior=behavior)
         RecordConstructorArgs.__init__(
             self, behavior=behavior, behavior_space=behavior_space, behavior_names=behavior_names
         )
         gym.Wrapper.__init__(self, env)
         self.behavior_space = _checked_space(behavior_space)
-        # Hides those of `env`, which name another behavior.
+        self._accumulator = _own_accumulator(behavior)
+        # Both hide those of `env`, which are of another behavior.
         n, names = self.behavior_space.shape[0], behavior_names
         self.behavior_names = None if names is None else entry_names(names, n)
-        self._accumulator = _own_accumulator(behavior)
-        # Hides the grid of `env`, which counts another behavior.
         self.coverage_grid = None
 
     def reset(
@@ -149,25 +126,21 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; see the wrapped environment."""
         observation, info = self.env.reset(seed=seed, options=options)
-        check_info(info)
         self._accumulator.reset(self.env, observation, info)
         return observation, {**info, "behavior": self._behavior()}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take one step; see the wrapped environment."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        check_info(info)
         self._accumulator.step(self.env, observation, info)
         return observation, reward, terminated, truncated, {**info, "behavior": self._behavior()}
 
     def _behavior(self) -> Float64Array:
         """A new array: environments may write into the same one at every step."""
-        behavior = _numbers(self._accumulator.result())
-        if behavior.shape != self.behavior_space.shape:
+        behavior = np.array(self._accumulator.result(), dtype=np.float64)
+        shape = self.behavior_space.shape
+        if behavior.shape != shape or not np.isfinite(behavior).all():
             raise ValueError(
-                f"`behavior` must return shape {self.behavior_space.shape}, as `behavior_space` "
-                f"has it, got {behavior.shape}."
+                f"`behavior` must return finite numbers of shape {shape}, got {behavior}."
             )
-        if not np.isfinite(behavior).all():
-            raise ValueError(f"`behavior` must return finite numbers, got {behavior}.")
         return behavior

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, SupportsFloat
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,31 +20,22 @@ from curiosity_gym.wrappers.behavior import BehaviorFunction
 from curiosity_gym.wrappers.sparse import Observation, SparseRewardWrapper, Success
 
 BareEnv = gym.Env[Any, Any]
-OWN = {"disable_env_checker", "env_id", "id", "max_episode_steps", "render_mode"}
-"""Keywords of `gymnasium.make` that the task says itself, or would drop."""
 
 
 @dataclass(frozen=True)
 class SparseTask:
-    """A task of another package and how it is made sparse.
-
-    Attributes:
-        make: Makes the original environment of an id, without a limit of its own on steps.
-        success: See `SparseRewardWrapper`.
-        behavior: See `SparseRewardWrapper`.
-        behavior_space: The bounds of the behavior in an environment.
-        behavior_names: See `SparseRewardWrapper`.
-        horizon: The limit on steps that the original comes with.
-        options: Options of every reset of the original, unless the user gives others.
-    """
+    """A task of another package and how `SparseRewardWrapper` makes it sparse."""
 
     make: Callable[..., BareEnv]
+    """Makes the original environment of an id, without a limit of its own on steps."""
     success: Success
     behavior: BehaviorFunction
     behavior_space: Callable[[BareEnv], spaces.Box]
     behavior_names: tuple[str, ...]
     horizon: int
+    """The limit on steps that the original comes with."""
     options: dict[str, Any] = field(default_factory=dict)
+    """Options of every reset of the original, unless the user gives others."""
 
 
 class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
@@ -69,7 +60,8 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
 
     Raises:
         ValueError: If `env_id` is not in the table, `horizon` is not at least 1, or `env_kwargs` is
-            no dictionary, or says how many steps there are or what pictures are.
+            no dictionary.
+        TypeError: If `env_kwargs` say how many steps there are or how to render.
         gymnasium.error.DependencyNotInstalled: If the extra that the task needs is missing.
 
     Version History:
@@ -90,13 +82,9 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         check_choice(tuple(TASKS), env_id=env_id)
         check_keywords(env_kwargs=env_kwargs)
         env_kwargs = env_kwargs or {}
-        if own := sorted(OWN & set(env_kwargs)):
-            raise ValueError(
-                f"`env_kwargs` must not hold {', '.join(own)}, which is said elsewhere: `horizon` "
-                "and `render_mode` are arguments of the environment itself."
-            )
         task = TASKS[env_id]
-        original = task.make(env_id, render_mode=render_mode, **env_kwargs)
+        # Python refuses the second of a keyword: a limit on steps would be lost.
+        original = task.make(env_id, render_mode=render_mode, max_episode_steps=None, **env_kwargs)
         self.env = SparseRewardWrapper(
             original,
             task.success,
@@ -121,12 +109,7 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: Of the original environment, whose starts are random.
-            options: Of the original environment.
-        """
+        """Begin an episode; `seed` and `options` are those of the original environment."""
         super().reset(seed=seed)
         return self.env.reset(seed=seed, options={**self._options, **(options or {})})
 
@@ -173,28 +156,23 @@ class _StableMaze(gym.Wrapper[Any, Any, Any, Any]):
 
 def _make_robotics(env_id: str, **kwargs: Any) -> BareEnv:
     import_extra("robotics", "mujoco", "gymnasium_robotics")
-    return _StableMaze(gym.make(env_id, disable_env_checker=True, **kwargs).unwrapped)
+    return _StableMaze(gym.make(env_id, **kwargs).unwrapped)
 
 
 def _make_control(
     env_id: str, *, task_kwargs: dict[str, Any] | None = None, **kwargs: Any
 ) -> BareEnv:
     import_extra("control", "dm_control.suite", "shimmy")
-    check_keywords(**{"env_kwargs['task_kwargs']": task_kwargs})
     task_kwargs = {"time_limit": math.inf, **(task_kwargs or {})}
-    return gym.make(env_id, disable_env_checker=True, task_kwargs=task_kwargs, **kwargs).unwrapped
+    return gym.make(env_id, task_kwargs=task_kwargs, **kwargs).unwrapped
 
 
-def _is_at_goal(
-    env: BareEnv, observation: Any, reward: SupportsFloat, info: dict[str, Any]
-) -> bool:
+def _is_at_goal(env: BareEnv, observation: Any, reward: Any, info: dict[str, Any]) -> bool:
     """Within 0.45 m of the goal, in Gymnasium-Robotics' own judgement."""
     return bool(info["success"])
 
 
-def _is_rewarded(
-    env: BareEnv, observation: Any, reward: SupportsFloat, info: dict[str, Any]
-) -> bool:
+def _is_rewarded(env: BareEnv, observation: Any, reward: Any, info: dict[str, Any]) -> bool:
     """Whether a task that is sparse but pays at every step within the goal begins to pay."""
     return float(reward) > 0.0
 
@@ -229,37 +207,26 @@ def _within(high: tuple[float, ...], env: BareEnv) -> spaces.Box:
 
 def _maze(horizon: int, start: tuple[int, int], goal: tuple[int, int]) -> SparseTask:
     """A maze with start and goal in cells, row and column."""
-    options = {"reset_cell": start, "goal_cell": goal}
-    return SparseTask(
-        _make_robotics,
-        _is_at_goal,
-        _maze_position,
-        _maze_bounds,
-        ("x (m)", "y (m)"),
-        horizon,
-        options,
-    )
+    names, options = ("x (m)", "y (m)"), {"reset_cell": start, "goal_cell": goal}
+    behavior = _maze_position, _maze_bounds, names
+    return SparseTask(_make_robotics, _is_at_goal, *behavior, horizon, options)
+
+
+def _swing_up(behavior: BehaviorFunction, high: float, names: tuple[str, str]) -> SparseTask:
+    """A task of the suite, with a bound of its first value; the second is an angle."""
+    bounds = partial(_within, (high, math.pi))
+    return SparseTask(_make_control, _is_rewarded, behavior, bounds, names, horizon=1000)
 
 
 TASKS = {
     "PointMaze_UMaze-v3": _maze(300, start=(1, 1), goal=(3, 1)),
     "PointMaze_Large-v3": _maze(800, start=(7, 1), goal=(7, 10)),
     "AntMaze_UMaze-v5": _maze(700, start=(1, 1), goal=(3, 1)),
-    "dm_control/cartpole-swingup_sparse-v0": SparseTask(
-        _make_control,
-        _is_rewarded,
-        _cart_and_pole,
-        partial(_within, (2.0, math.pi)),
-        ("cart position (m)", "pole angle (rad)"),
-        horizon=1000,
+    "dm_control/cartpole-swingup_sparse-v0": _swing_up(
+        _cart_and_pole, 2.0, ("cart position (m)", "pole angle (rad)")
     ),
-    "dm_control/acrobot-swingup_sparse-v0": SparseTask(
-        _make_control,
-        _is_rewarded,
-        _arm_angles,
-        partial(_within, (math.pi, math.pi)),
-        ("upper arm angle (rad)", "lower arm angle (rad)"),
-        horizon=1000,
+    "dm_control/acrobot-swingup_sparse-v0": _swing_up(
+        _arm_angles, math.pi, ("upper arm angle (rad)", "lower arm angle (rad)")
     ),
 }
 """Every task that `SparseEnv` makes, by the id of its original."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from typing import Any, SupportsFloat, TypeGuard
 
 import gymnasium as gym
@@ -14,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.wrappers import TimeLimit
 
-from curiosity_gym.validation import check_at_least_one, check_copyable, check_info
+from curiosity_gym.validation import check_at_least_one
 from curiosity_gym.wrappers.behavior import Behavior, BehaviorWrapper
 
 Observation = npt.NDArray[np.float32]
@@ -82,7 +81,6 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         behavior_space: spaces.Box | None = None,
         behavior_names: Sequence[str] | None = None,
     ) -> None:
-        check_copyable(success=success, behavior=behavior)
         RecordConstructorArgs.__init__(
             self,
             success=success,
@@ -92,11 +90,12 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             behavior_names=behavior_names,
         )
         gym.Wrapper.__init__(self, env)
-        if (behavior is None) != (behavior_space is None):
+        if (behavior is None) != (behavior_space is None) or (behavior is None and behavior_names):
             raise ValueError("`behavior` and `behavior_space` must be given together.")
-        if behavior is None and behavior_names is not None:
-            raise ValueError("`behavior_names` must be None where no `behavior` is given.")
-        _check_arguments(env, success, horizon)
+        if not callable(success):
+            raise ValueError(f"`success` must be a function, got {success!r}.")
+        check_at_least_one(horizon=horizon)
+        _warn_of_a_limit(env, horizon)
         self.horizon = int(horizon)
         self.observation_space = _flat_space(env.observation_space)
         self._is_flat = self.observation_space is env.observation_space
@@ -119,7 +118,6 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         """Begin an episode; `seed` and `options` are those of the wrapped environment."""
         self._is_running = False
         observation, info = self._played.reset(seed=seed, options=options)
-        check_info(info)
         self._t, self._is_running = 0, True
         return self._flatten(observation), {**info, "is_success": False}
 
@@ -129,8 +127,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         An error of `env`, `success` or `behavior` ends the episode.
 
         Raises:
-            ValueError: If action or behavior is not finite, or of another shape than its space, the
-                info of `env` is no dictionary, or `success` returns no truth value.
+            ValueError: If action or behavior is not finite, or of another shape than its space.
             gymnasium.error.ResetNeeded: If no episode is under way.
         """
         action = self._check_action(action)
@@ -139,9 +136,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         # Before the step: after an error the state may be one that no episode leads to.
         self._is_running = False
         observation, reward, terminated, truncated, info = self._played.step(action)
-        check_info(info)
         self._t += 1
-        is_success = _as_bool(self._success(self.env, observation, reward, info))
+        is_success = bool(self._success(self.env, observation, reward, info))
         terminated = bool(is_success or terminated)
         truncated = not terminated and bool(truncated or self._t == self.horizon)
         reward = 1.0 - self._t / self.horizon if is_success else 0.0
@@ -168,17 +164,7 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         return np.asarray(flat, dtype=np.float32)
 
 
-def _as_bool(success: Any) -> bool:
-    with suppress(ValueError):  # of several at once
-        if success == success:  # NaN, which would be true, is not
-            return bool(success)
-    raise ValueError(f"`success` must return True or False, got {success!r:.60}.")
-
-
-def _check_arguments(env: gym.Env[Any, Any], success: Success, horizon: int) -> None:
-    if not callable(success):
-        raise ValueError(f"`success` must be a function, got {success!r}.")
-    check_at_least_one(horizon=horizon)
+def _warn_of_a_limit(env: gym.Env[Any, Any], horizon: int) -> None:
     limit = time_limit(env)
     if limit is not None and limit < horizon:
         gym.logger.warn(

@@ -1,13 +1,10 @@
 import copy
-import math
-import threading
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
-from gymnasium.wrappers import RecordEpisodeStatistics
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -61,89 +58,11 @@ def test_the_function_is_given_the_wrapped_environment_and_its_info():
     assert info == {"own": 1}
 
 
-def test_behaviors_are_copies():
-    state = np.zeros(2)
-    env = make_cart_pole(lambda env, observation, info: state)
-    _, info = env.reset()
-    state += 1.0
-    assert info["behavior"].tolist() == [0.0, 0.0]
-
-
-def test_the_space_is_float64_and_found_through_wrappers():
-    env = RecordEpisodeStatistics(make_cart_pole(behavior_space=spaces.Box(-1.0, 1.0, (2,))))
-    space = env.get_wrapper_attr("behavior_space")
-    assert space == spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
-
-
-def test_the_grid_of_the_environments_own_behavior_is_hidden():
-    maze = gym.make("CuriosityMaze-Hard-v0")
-    space = spaces.Box(-20.0, 20.0, (2,))
-    env = BehaviorWrapper(maze, lambda env, observation, info: info["velocity"], space)
-    assert maze.get_wrapper_attr("coverage_grid") is not None
-    assert env.get_wrapper_attr("coverage_grid") is None
-
-
 @pytest.mark.parametrize("value", [0.0, [0.0], [[0.0, 0.0]], [0.0, 0.0, 0.0]])
 def test_behaviors_of_another_shape_are_errors(value):
     env = make_cart_pole(lambda env, observation, info: value)
     with pytest.raises(ValueError, match="`behavior`"):
         env.reset()
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_behaviors_that_are_not_finite_are_errors(bad):
-    values = [0.0, 0.0]
-    env = make_cart_pole(lambda env, observation, info: values)
-    env.reset()
-    values[1] = bad
-    for call in (env.reset, lambda: env.step(0)):
-        with pytest.raises(ValueError, match=r"`behavior`.*finite"):
-            call()
-
-
-class Infos(gym.Env):
-    """An environment whose infos are those of the test."""
-
-    observation_space = spaces.Box(-1.0, 1.0, (1,))
-    action_space = spaces.Discrete(2)
-
-    def __init__(self, *infos):
-        self.infos = list(infos)
-
-    def reset(self, *, seed=None, options=None):
-        return np.zeros(1, np.float32), self.infos.pop(0)
-
-    def step(self, action):
-        return np.zeros(1, np.float32), 0.0, False, False, self.infos.pop(0)
-
-
-WRAPPERS_OF_INFOS = {
-    "behavior": lambda env: BehaviorWrapper(env, lambda env, observation, info: info["b"], SPACE),
-    "sparse": lambda env: SparseRewardWrapper(env, lambda e, o, r, info: info["success"]),
-}
-
-
-@pytest.mark.parametrize("bad", [None, ["b"]])
-@pytest.mark.parametrize("kind", WRAPPERS_OF_INFOS)
-def test_infos_that_are_no_dictionaries_are_errors(kind, bad):
-    wrap, good = WRAPPERS_OF_INFOS[kind], {"b": [0.0, 0.0], "success": False}
-    message = r"^`env` must give a dictionary as info with each reset and step, got .*\.$"
-    with pytest.raises(ValueError, match=message):
-        wrap(Infos(bad)).reset()
-    env = wrap(Infos(good, bad))
-    env.reset()
-    with pytest.raises(ValueError, match=message):
-        env.step(0)
-
-
-@pytest.mark.parametrize("bad", [None, "left", [[0.0], [0.0, 0.0]], {"x": 0.0}, [0.0, None, ""]])
-def test_behaviors_that_are_no_numbers_in_some_step_are_errors(bad):
-    values = [np.zeros(2), np.zeros(2), bad]
-    env = make_cart_pole(lambda env, observation, info: values.pop(0))
-    env.reset()
-    env.step(0)
-    with pytest.raises(ValueError, match=r"^`behavior` must return an array of numbers, got .*\.$"):
-        env.step(0)
 
 
 EXTENT = "`behavior_space` must have every `low` below its `high`"
@@ -253,60 +172,3 @@ class TestAccumulator:
         behavior_alone = play(make_mean_cart_pole(kind), [1])[0][-1]
         np.testing.assert_array_equal(envs[1].step(1)[4]["behavior"], behavior_alone)
         assert vars(behavior) == {}
-
-    def test_of_a_spec_is_not_shared(self, kind):
-        env = make_mean_cart_pole(kind)
-        again = gym.make(env.spec)
-        env.reset(seed=0)
-        again.reset(seed=0)
-        env.step(0)
-        np.testing.assert_array_equal(
-            again.step(1)[4]["behavior"], play(make_mean_cart_pole(kind), [1])[0][-1]
-        )
-
-
-def test_names_are_found_through_wrappers_and_made_again():
-    env = BehaviorWrapper(gym.make("CartPole-v1"), cart_and_pole, SPACE, ["cart (m)", "pole (rad)"])
-    outer = RecordEpisodeStatistics(env)
-    for each in (outer, copy.deepcopy(outer), gym.make(outer.spec)):
-        assert each.get_wrapper_attr("behavior_names") == ("cart (m)", "pole (rad)")
-    with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
-        BehaviorWrapper(gym.make("CartPole-v1"), cart_and_pole, SPACE, ["cart (m)"])
-
-
-def test_another_behavior_hides_the_environments_names():
-    env = BehaviorWrapper(
-        gym.make("CuriosityMaze-Hard-v0"), lambda env, observation, info: info["velocity"], SPACE
-    )
-    assert env.get_wrapper_attr("behavior_names") is None
-
-
-class LockedMean(MeanPosition):
-    """What cannot be copied."""
-
-    def __init__(self):
-        self.lock = threading.Lock()
-
-    def __call__(self, env, observation, reward, info):
-        return False
-
-
-@pytest.mark.parametrize("kind", ["behavior", "sparse"])
-def test_an_accumulator_can_be_copied(kind):
-    with pytest.raises(ValueError, match=r"^`behavior` must be what `copy.deepcopy` copies.*lock"):
-        make_mean_cart_pole(kind, LockedMean())
-
-
-def test_a_success_can_be_copied():
-    with pytest.raises(ValueError, match=r"^`success` must be what `copy.deepcopy` copies.*lock"):
-        SparseRewardWrapper(gym.make("CartPole-v1"), LockedMean())
-
-
-def test_an_accumulator_has_all_its_methods():
-    class Half:
-        def reset(self, env, observation, info): ...
-        def result(self): ...
-
-    for behavior in (Half(), MeanPosition):
-        with pytest.raises(ValueError, match=r"`behavior` must be a function, or an object with"):
-            make_cart_pole(behavior)

@@ -28,8 +28,8 @@ from benchmarks.figures import IMAGES, points_of
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.figures import paper
 from curiosity_algos.experiments.figures.canvas import save_figure
-from curiosity_algos.experiments.figures.evidence import MEASURES, count_final_states
-from curiosity_algos.experiments.figures.mazes import SIDE, Counts
+from curiosity_algos.experiments.figures.mazes import SIDE, Counts, count_final_states
+from curiosity_algos.experiments.figures.paper import MEASURES
 from curiosity_algos.experiments.figures.plan import Series, series_of
 from curiosity_algos.experiments.figures.projection import (
     Projection,

@@ -17,13 +17,13 @@ from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, POPULATION
+from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train
 from curiosity_algos.search.emitters import Batch, ParetoEmitter
 from curiosity_algos.search.pareto import pareto_fronts
 
-N_SURVIVORS, N_PARENTS, N_NEIGHBORS = POPULATION, 7, 30
+N_SURVIVORS, N_PARENTS, N_NEIGHBORS = 56, 7, 30
 
 
 class PublicSelection(ParetoEmitter):
@@ -73,14 +73,17 @@ def make_emitters(
             x0=x0,
             sigma=0.5,
             n_parents=N_PARENTS,
-            batch_size=POPULATION,
+            batch_size=N_SURVIVORS,
             seed=seed,
         )
     ]
 
 
 def main(
-    runs: Path, env: str = MAZES[0], seed: int = 0, timesteps: float = BUDGETS["paper"].maze
+    runs: Path,
+    env: str = MAZES[0],
+    seed: int = 0,
+    timesteps: float = BUDGETS["paper"].timesteps("NSLC", MAZES[0]),
 ) -> None:
     """Train on a maze, on one thread; a run that was interrupted goes on."""
     th.set_num_threads(1)

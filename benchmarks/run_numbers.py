@@ -44,8 +44,7 @@ def budget_share(tables: Tables) -> Runs:
 
 def paper_share(tables: Tables) -> Runs:
     """A run's timesteps over those that the paper spends on its environment."""
-    paper = BUDGETS["paper"]
-    spent = dict.fromkeys(MAZES, paper.maze) | dict.fromkeys(CONTROL, paper.control)
+    spent = {env: BUDGETS["paper"].timesteps("NSES", env) for env in (*MAZES, *CONTROL)}
     timesteps = _column("timesteps", tables)
     return timesteps / timesteps.index.get_level_values("env").map(spent)
 

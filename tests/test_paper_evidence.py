@@ -18,7 +18,7 @@ from benchmarks.claims import CLAIMS
 from curiosity_algos import make_evaluator
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.experiments import statistics
-from curiosity_algos.experiments.figures.evidence import TrainedRuns
+from curiosity_algos.experiments.figures.paper import TrainedRuns
 from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
 from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec

@@ -51,7 +51,7 @@ def export(
     if to == "onnx":
         for name in options:
             raise ValueError(f"`{name}` must be left out with --to onnx, for the best policy only.")
-        export_onnx(run, out, trust=trust)
+        export_onnx(run, out)
         typer.echo(out)
         return
     dataset = export_minari(run, out, **options, trust=trust)

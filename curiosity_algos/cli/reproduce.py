@@ -61,7 +61,6 @@ def reproduce(
     """
     from curiosity_algos.common.presets import PRESETS
     from curiosity_algos.experiments.figures import canvas, paper
-    from curiosity_algos.experiments.figures.evidence import TrainedRuns
     from curiosity_algos.experiments.figures.plan import BUDGETS, Plan
     from curiosity_algos.experiments.sweep import sweep
     from curiosity_gym.validation import check_choice
@@ -82,7 +81,7 @@ def reproduce(
     options.check_all(runs)
     sweep(runs, folder, jobs=jobs, interval=interval)
     for figure, path in paths.items():
-        drawing = paper.draw(figure, TrainedRuns(plan))
+        drawing = paper.draw(figure, paper.TrainedRuns(plan))
         if note := plan.note(figure):
             canvas.add_note(drawing, note)
         canvas.save_figure(drawing, path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,13 +18,19 @@ from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.mlp import Mlp, act
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.description import versions
-from curiosity_algos.experiments.export.population_run import POLICIES, PopulationRun
+from curiosity_algos.experiments.env_spec import given_or_made, make_env
+from curiosity_algos.experiments.export.policies import (
+    POLICIES,
+    Policies,
+    population_algorithm,
+    read_policies,
+)
+from curiosity_algos.experiments.run import Run
 from curiosity_gym import __version__
 from curiosity_gym.extras import import_extra
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.validation import check_at_least_one, check_choice
 
-N_POLICIES = 1000
 DESCRIBED = ("algorithm", "env", "env_kwargs", "wrappers", "seed", "settings", "versions")
 """Fields of `run.json` in the metadata of the dataset."""
 
@@ -33,7 +40,7 @@ def export_minari(
     dataset_id: str,
     *,
     policies: str = "rewarding",
-    n_policies: int = N_POLICIES,
+    n_policies: int = 1000,
     trust: bool = False,
     env: gym.Env[Any, Any] | None = None,
 ) -> Any:
@@ -66,44 +73,37 @@ def export_minari(
             trust; if the id is malformed, or the dataset exists.
     """
     minari, _ = import_extra("minari", "minari", "h5py")
-    check_choice(POLICIES, policies=policies)
+    check_choice(tuple(POLICIES), policies=policies)
     check_at_least_one(n_policies=n_policies)
     target = _new_path(dataset_id)
-    opened = PopulationRun(Path(run), trust=trust, env=env)
-    with opened.opened_env() as env:
-        _write(opened, env, policies, n_policies, dataset_id, target)
+    opened = Run(run)
+    population_algorithm(opened)  # before an environment is made
+    make = partial(make_env, opened.description, trust=trust)
+    with given_or_made(env, make) as env, TemporaryDirectory(prefix=".", dir=_root()) as folder:
+        chosen = read_policies(opened, policies, env).select(n_policies)
+        about = _describe(opened.description, env.spec, policies, chosen)
+        _write(Path(folder, "dataset"), env, chosen, {"dataset_id": dataset_id, **about})
+        _publish(Path(folder, "dataset"), target, dataset_id)
     return minari.load_dataset(dataset_id)
 
 
 def _write(
-    run: PopulationRun,
-    env: gym.Env[Any, Any],
-    policies: str,
-    n_policies: int,
-    dataset_id: str,
-    target: Path,
+    folder: Path, env: gym.Env[Any, Any], policies: Policies, metadata: dict[str, Any]
 ) -> None:
-    """Write the dataset to a folder beside its own, and rename that once it is whole."""
-    minari, storages = import_extra("minari", "minari", "minari.dataset.minari_storage")
-    chosen = run.policies(policies).distinct().draw(n_policies)
-    about = _describe(run, env.spec, policies, len(chosen.seeds))
-    with TemporaryDirectory(prefix=".export-", dir=_root()) as folder:
-        whole = Path(folder, "dataset")
-        whole.mkdir()
-        storage = storages.MinariStorage.new(
-            whole / "data",
-            numeric(env.observation_space),
-            env.action_space,
-            _as_json_spec(env.spec),
-            jpeg_encoding=False,  # which would lose bits of images
-        )
-        storage.update_metadata(
-            {"dataset_id": dataset_id, "minari_version": minari.__version__, **about}
-        )
-        pairs = zip(chosen.parameters, chosen.seeds.tolist(), strict=True)
-        # Minari takes the episodes one by one.
-        storage.update_episodes(_episode(env, run.mlp, *pair) for pair in pairs)
-        _publish(whole, target, dataset_id)
+    from minari.dataset.minari_storage import MinariStorage
+
+    folder.mkdir()
+    storage = MinariStorage.new(
+        folder / "data",
+        numeric(env.observation_space),
+        env.action_space,
+        _as_json_spec(env.spec),
+        jpeg_encoding=False,  # which would lose bits of images
+    )
+    storage.update_metadata(metadata)
+    pairs = zip(policies.parameters, policies.seeds.tolist(), strict=True)
+    # Minari takes the episodes one by one.
+    storage.update_episodes(_episode(env, policies.mlp, *pair) for pair in pairs)
 
 
 def _root() -> Path:
@@ -141,19 +141,24 @@ def _publish(whole: Path, target: Path, dataset_id: str) -> None:
     os.rename(whole, target)
 
 
-def _describe(run: PopulationRun, spec: EnvSpec | None, policies: str, n: int) -> dict[str, Any]:
+def _describe(
+    described: dict[str, Any], spec: EnvSpec | None, kind: str, policies: Policies
+) -> dict[str, Any]:
     """Minari's metadata of the run."""
-    described = run.described
+    from minari import __version__ as minari_version
+
     about = {name: described.get(name) for name in DESCRIBED}
     is_ours = spec is not None and str(spec.entry_point).startswith("curiosity_gym.")
     return {
+        "minari_version": minari_version,
         "algorithm_name": described["algorithm"],
         "description": (
-            f"Episodes of {n} policies ({policies}) of {described['algorithm']} on "
-            f"{described['env']}, seed {described.get('seed')}, after {run.timesteps} timesteps."
+            f"Episodes of {len(policies.seeds)} policies ({kind}) of {described['algorithm']} on "
+            f"{described['env']}, seed {described.get('seed')}, after {policies.timesteps} "
+            "timesteps."
         ),
         "requirements": [f"curiosity-search>={__version__}"] if is_ours else [],
-        "run": {**about, "timesteps": run.timesteps, "policies": policies},
+        "run": {**about, "timesteps": policies.timesteps, "policies": kind},
         "played_with": versions(),
     }
 
@@ -187,14 +192,15 @@ def _episode(env: gym.Env[Any, Any], mlp: Mlp, parameters: Float32Array, seed: i
         observation, *outcome, _ = env.step(action)
         observations.append(_vector(seen, observation))
         steps.append((action, *outcome))
-    actions, rewards, terminations, truncations = zip(*steps, strict=True)
+    actions, rewards, *ends = zip(*steps, strict=True)
+    terminations, truncations = np.array(ends, np.bool_)
     return EpisodeBuffer(
         seed=seed,
         observations=seen.own(np.array(observations)),
         actions=np.array(actions),
         rewards=np.array(rewards, np.float64),
-        terminations=np.array(terminations, np.bool_),
-        truncations=np.array(truncations, np.bool_),
+        terminations=terminations,
+        truncations=truncations,
         infos={},
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,9 @@ from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.evaluation.mlp import Mlp
 from curiosity_algos.evaluation.rollouts import check_parameters
-from curiosity_algos.experiments.export.population_run import PopulationRun
+from curiosity_algos.experiments.export.policies import population_algorithm
+from curiosity_algos.experiments.run import Run
+from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.extras import import_extra
 
@@ -36,30 +39,28 @@ action = Min (floored, high)
 """
 
 
-def export_onnx(
-    run: str | os.PathLike[str], path: str | os.PathLike[str], *, trust: bool = False
-) -> None:
+def export_onnx(run: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:
     """Write the best policy of a run, the one that `curiosity enjoy` plays, as an ONNX graph.
 
-    No environment is made, unless its spaces are of a class of their own. `policy_graph` describes
-    input and output.
+    No environment is made. `policy_graph` describes input and output.
 
     Args:
         run: Folder of the run, of a population algorithm.
         path: Path of the file, which ends in .onnx.
-        trust: Also run code that the run's folder names.
 
     Raises:
         gymnasium.error.DependencyNotInstalled: If the extra `onnx` is not installed.
         FileNotFoundError: If there is no run.
-        ValueError: If the run is of another algorithm, is damaged or needs trust, if no graph can
-            give its actions, or `path` ends in something else.
+        ValueError: If the run is of another algorithm or damaged, if no graph can give its actions,
+            or `path` ends in something else.
     """
     import_extra("onnx", "onnx")
     if Path(path).suffix != ".onnx":
         raise ValueError(f"`out` must end in .onnx, got {os.fspath(path)}.")
-    opened = PopulationRun(Path(run), trust=trust)
-    graph = policy_graph(opened.mlp, opened.best(), opened.action_space)
+    opened = Run(run)
+    load = partial(load_policy, cls=population_algorithm(opened), env=None)
+    policy, _ = opened.folder.read(lambda checkpoint: load(checkpoint / "model.zip"))
+    graph = policy_graph(policy.mlp, policy.vector, policy.action_space)
     with atomic_file(path) as file:
         file.write(graph.SerializeToString())
 
@@ -77,8 +78,8 @@ def policy_graph(mlp: Mlp, parameters: Float32Array, action_space: spaces.Space[
     """The ONNX model of a policy.
 
     Its input `observation` is (n, O) float32, for any n: `model.policy.seen.many` makes vectors of
-    other observations. Its output `action` is (n, A) float32 in
-    the bounds of the action space, or (n,) int64 of `Discrete` actions.
+    other observations. Its output `action` is (n, A) float32 in the bounds of the action space, or
+    (n,) int64 of `Discrete` actions.
 
     Args:
         mlp: Shape of the policy: `model.policy.mlp`.

@@ -13,7 +13,6 @@ from curiosity_algos.common.arrays import Array
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.validation import check_choice
 
-FORMATS = (".png", ".pdf", ".svg")
 DPI = 160
 HANDLE, LETTER = 0.6, 0.07
 """Inches of a line in a legend, and of a letter of its label."""
@@ -29,10 +28,9 @@ def make_panels(
     height: float = 3.2,
     layout: Literal["constrained", "compressed"] = "constrained",
 ) -> tuple[Figure, Array]:
-    """A figure and its axes (n_rows, n_columns), of `width` by `height` inches.
+    """A figure that pyplot does not know, and its axes (n_rows, n_columns) of so many inches.
 
-    pyplot does not know the figure, so that no window opens. "compressed" is the layout for axes
-    with equal scales.
+    "compressed" is the layout for axes with equal scales.
     """
     figure = Figure(figsize=(width * n_columns, height * n_rows + 0.8), layout=layout)
     return figure, figure.subplots(n_rows, n_columns, squeeze=False)
@@ -63,16 +61,12 @@ def polish(ax: Axes) -> None:
 
 
 def check_out(path: Path) -> None:
-    """Raise ValueError unless a file of this name can hold a figure."""
-    check_choice(FORMATS, out=path.suffix)
+    """Raise ValueError unless a file of this name can hold a figure: a PNG, PDF or SVG."""
+    check_choice((".png", ".pdf", ".svg"), out=path.suffix)
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG, PDF or SVG, by the file's name; it appears once it is whole.
-
-    Raises:
-        ValueError: If the name has another ending.
-    """
+    """Write a figure in the format that the file's name says; it appears once it is whole."""
     check_out(path)
     with atomic_file(path) as file:
         figure.savefig(file, format=path.suffix[1:], dpi=DPI, bbox_inches="tight")
@@ -80,10 +74,8 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 def count_of_runs(numbers: Collection[int]) -> str:
     """The numbers of runs of several lines, as text: "3 to 5 runs"."""
-    low, high = (limit(numbers, default=0) for limit in (min, max))
-    if low < high:
-        return f"{low} to {high} runs"
-    return "1 run" if high == 1 else f"{high} runs"
+    limits = sorted({min(numbers, default=0), max(numbers, default=0)})
+    return f"{' to '.join(map(str, limits))} run{'s' * (limits != [1])}"
 
 
 def short_name(env: str) -> str:

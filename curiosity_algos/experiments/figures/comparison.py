@@ -66,15 +66,13 @@ def compare(
 
     Args:
         folders: One or several folders of runs, or folders that contain such.
-        y: "coverage", "best-return" (so far), "qd-score" (of the runs with a score, a panel for
-            each archive of `with_archives`) or "survival" (share of runs without success yet, or
-            without reward if none had success; see `first_of`).
+        y: "coverage", "best-return" (so far), "qd-score" (a panel for each archive) or "survival"
+            (share of runs without success yet, or without reward if none had success).
         x: "timesteps" or "seconds".
 
     Raises:
         FileNotFoundError: If a folder holds no run.
-        ValueError: If `y` or `x` is another, if a run is damaged, if no run has a checkpoint with
-            an episode yet, if an environment has no coverage, or no run has a QD score.
+        ValueError: If `y` or `x` is another, if a run is damaged, or no run has such a curve yet.
     """
     check_choice(tuple(CURVES), y=y)
     check_choice(tuple(X), x=x)
@@ -82,7 +80,7 @@ def compare(
     if not runs["has_begun"].any():
         run = runs["run"].iloc[0]
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
-    measure, title, y_label, _ = CURVES[y]
+    measure, title, y_label, unit = CURVES[y]
     note = (NOTE if measure else SURVIVAL_NOTE) + _left_out(runs)
     runs = runs[runs["has_begun"] & ~runs["is_repeated"]]
     if y == "qd-score":
@@ -93,14 +91,21 @@ def compare(
     n_columns = min(3, len(panels))
     figure, axes = make_panels(-(-len(panels) // n_columns), n_columns)
     for ax, (env, here) in zip(axes.flat, panels, strict=False):
-        (_draw_curves if measure else _draw_survival)(ax, here, colors, y, x)
+        if measure:
+            lines = [
+                Line(str(label), colors[str(label)], read_curves(of_label, measure, x))
+                for label, of_label in here.groupby("label", sort=False)
+            ]
+            draw_lines(ax, lines, x_unit=X[x][1], y_unit=unit)
+        else:
+            _draw_survival(ax, here, colors, x)
         ax.set(title=fill(short_name(str(env)), TITLE_WIDTH), xlabel=X[x][0])
         for run in here["files"]:
             run.forget_final_states()
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
-    events = {first_of(here) or "success" for _, here in panels} if measure is None else set()
-    words = " or ".join(sorted(events, reverse=True))
+    events = {first_of(here) or "success" for _, here in panels}
+    words = " or ".join(sorted(events, reverse=True))  # "success or reward"
     for ax in axes[:, 0]:
         ax.set_ylabel(y_label.format(words))
     add_title(figure, title.format(words), legend_handles(_samples(runs, colors)))
@@ -135,17 +140,7 @@ def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
     ]
 
 
-def _draw_curves(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
-    measure, _, _, unit = CURVES[y]
-    assert measure is not None
-    lines = [
-        Line(str(label), colors[str(label)], read_curves(here, measure, x))
-        for label, here in runs.groupby("label", sort=False)
-    ]
-    draw_lines(ax, lines, x_unit=X[x][1], y_unit=unit)
-
-
-def _draw_survival(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], y: str, x: str) -> None:
+def _draw_survival(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], x: str) -> None:
     event = first_of(runs)
     if event is None:
         draw_nothing(ax)

@@ -43,11 +43,11 @@ def draw_lines(
     """Draw every run, and of every line the interquartile mean and its 95 % interval.
 
     The mean begins where all of its runs have begun, and ends with the shortest. If it ends before
-    the longest run of all, a dotted line continues its last value. Axes without lines say "none".
+    the longest run of all, a dotted line continues its last value.
 
     Args:
         ax: Axes.
-        lines: Lines with at least one run.
+        lines: Lines with at least one run; if there are none, the axes say so.
         x_unit: Timesteps or seconds of 1 on the axis.
         y_unit: Value of 1 on the axis.
     """
@@ -84,8 +84,7 @@ def draw_nothing(ax: Axes) -> None:
 
 def legend_handles(lines: Sequence[Line]) -> list[Line2D]:
     """A sample of every label, for a legend."""
-    unique = {line.label: line for line in lines}
     return [
         Line2D([], [], color=line.color, linestyle=line.style, linewidth=2.0, label=label)
-        for label, line in unique.items()
+        for label, line in {line.label: line for line in lines}.items()
     ]

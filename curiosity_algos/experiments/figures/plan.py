@@ -1,7 +1,4 @@
-"""The runs of the paper's figures, their budgets and their folders.
-
-"Curiosity creates Diversity in Policy Search", sections 4 to 7, whose figures are counted from 1.
-"""
+"""The runs of the paper's figures, their budgets and their folders."""
 
 from __future__ import annotations
 
@@ -34,10 +31,8 @@ class Budget:
 
     Args:
         seeds: Seeds of the runs.
-        maze: Timesteps on a maze.
-        control: Timesteps on a control task.
-        td3_maze: Timesteps of TD3ICM on a maze; its steps cost hundreds of a population's.
-        td3_control: Timesteps of TD3ICM on a control task.
+        population: Timesteps on a maze, and on a control task.
+        td3: Those of TD3ICM, whose steps cost hundreds of a population's.
         env_kwargs: Keywords by environment, for shorter episodes and easier goals.
         settings: Keywords by algorithm, for cheaper training.
         jobs: Runs at a time; None: one for each processor.
@@ -45,10 +40,8 @@ class Budget:
     """
 
     seeds: tuple[int, ...]
-    maze: float
-    control: float
-    td3_maze: float
-    td3_control: float
+    population: tuple[float, float]
+    td3: tuple[float, float]
     env_kwargs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     jobs: int | None = None
@@ -56,27 +49,22 @@ class Budget:
 
     def timesteps(self, algorithm: str, env: str) -> float:
         """Timesteps of a run."""
-        if algorithm == "TD3ICM":
-            return self.td3_control if env in CONTROL else self.td3_maze
-        return self.control if env in CONTROL else self.maze
+        maze, control = self.td3 if algorithm == "TD3ICM" else self.population
+        return control if env in CONTROL else maze
 
 
-GENERATIONS, POPULATION = 2_000, 56
 SMOKE_GOALS = dict(zip(MAZES, (16.5, 91.5, 120.0), strict=True))
-"""Radius of the goal, by maze."""
+"""Radius of the goal, by maze: hardly any policy misses it, so that no figure is empty."""
 SMOKE_NOTE = (
-    "Budget smoke, a trial of seconds that tells nothing of the algorithms: episodes are short, "
+    "Budget smoke, a trial of seconds that says nothing about the algorithms: episodes are short, "
     "and the goals of mazes\n"
     "are widened from a radius of 2 to 16.5 (Snake), 91.5 (US) and 120 (Hard)."
 )
 BUDGETS = {
-    # Goals that hardly any policy misses, so that no figure is empty.
     "smoke": Budget(
         seeds=(0,),
-        maze=3 * 56 * 100,
-        control=2 * 56 * 20,
-        td3_maze=800,
-        td3_control=160,
+        population=(3 * 56 * 100, 2 * 56 * 20),
+        td3=(800, 160),
         env_kwargs={
             **{env: {"horizon": 100, "goal_radius": r} for env, r in SMOKE_GOALS.items()},
             **{env: {"horizon": 20} for env in CONTROL},
@@ -85,27 +73,16 @@ BUDGETS = {
         jobs=1,  # a run takes less time than the start of a process
         note=SMOKE_NOTE,
     ),
-    "short": Budget(seeds=(0, 1, 2), maze=3e7, control=1e6, td3_maze=3e5, td3_control=1e5),
-    "tenth": Budget(seeds=(0, 1, 2), maze=2.24e7, control=1.12e7, td3_maze=2e5, td3_control=2e5),
-    "paper": Budget(
-        seeds=(0, 1, 2, 3, 4),
-        maze=GENERATIONS * POPULATION * 2_000,
-        control=GENERATIONS * POPULATION * 1_000,
-        td3_maze=1e6,
-        td3_control=1e6,
-    ),
+    "short": Budget(seeds=(0, 1, 2), population=(3e7, 1e6), td3=(3e5, 1e5)),
+    "tenth": Budget(seeds=(0, 1, 2), population=(2.24e7, 1.12e7), td3=(2e5, 2e5)),
+    "paper": Budget(seeds=(0, 1, 2, 3, 4), population=(2.24e8, 1.12e8), td3=(1e6, 1e6)),
 }
-"""By name; the paper's own is 2,000 generations of 56 individuals, a tenth of it 200."""
+"""By name; the paper's own is 2,000 generations of 56 individuals, of 2,000 or 1,000 steps each."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """An algorithm in a figure.
-
-    Args:
-        algorithm: Name of the algorithm.
-        settings: Keywords of the algorithm in the figure, beside those of the preset.
-    """
+    """An algorithm in a figure, with its keywords beside those of the preset."""
 
     algorithm: str
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -123,32 +100,31 @@ class Series:
 
 
 def series_of(figure: int) -> dict[str, list[Series]]:
-    """The series of a figure's panels, by environment."""
-    if figure in (2, 3):
-        return {env: [Series(name) for name in COMPARED] for env in MAZES}
-    if figure == 4:
-        return {env: [Series(name) for name in ("CMAME", "NSES", "CuriosityES")] for env in MAZES}
-    if figure == 5:
-        return {env: [Series(name) for name in COMPARED] for env in CONTROL}
+    """The series of a figure's panels, by environment; of the mazes themselves there are none."""
     if figure == 6:
         return {env: [exploring(name, env) for name in COMPARED] for env in CONTROL}
     if figure == 7:
-        return {env: _bottleneck(env) for env in BOTTLENECK}
-    if figure == 8:
-        return {MAZES[1]: [Series(name) for name in ("CuriosityES", "CMAME", "MAPElites")]}
-    return {}  # the mazes themselves
+        whole = {"behavior": "state"}
+        tried: list[tuple[str, dict[str, Any]]] = [
+            *((name, {}) for name in ("CuriosityES", "NSES", "NSLC")),
+            *(("NSES", whole), ("NSLC", whole), ("AURORA", {}), ("MAPElites", {})),
+        ]
+        return {env: [exploring(name, env, **kw) for name, kw in tried] for env in BOTTLENECK}
+    envs, names = {
+        1: ((), ()),
+        2: (MAZES, COMPARED),
+        3: (MAZES, COMPARED),
+        4: (MAZES, ("CMAME", "NSES", "CuriosityES")),
+        5: (CONTROL, COMPARED),
+        8: (MAZES[1:2], ("CuriosityES", "CMAME", "MAPElites")),
+    }[figure]
+    return {env: [Series(name) for name in names] for env in envs}
 
 
 def exploring(algorithm: str, env: str, **settings: Any) -> Series:
     """The series for coverage, which explores control tasks without regard to reward."""
     alone = WITHOUT_REWARD.get(algorithm, {}) if env in CONTROL else {}
     return Series(algorithm, {**settings, **alone})
-
-
-def _bottleneck(env: str) -> list[Series]:
-    series = [exploring(name, env) for name in ("CuriosityES", "NSES", "NSLC")]
-    series += [exploring(name, env, behavior="state") for name in ("NSES", "NSLC")]
-    return [*series, *(exploring(name, env) for name in ("AURORA", "MAPElites"))]
 
 
 @dataclass(frozen=True)
@@ -158,9 +134,9 @@ class Plan:
     Args:
         folder: Folder of the runs: those with the preset's settings as `curiosity sweep` puts them,
             others in a folder that is named by their settings (`phi=0.0`).
-        budget: Budget of the runs.
+        budget: Their budget.
         preset: "paper" or "tuned".
-        seeds: Seeds of the runs.
+        seeds: Their seeds.
     """
 
     folder: Path

@@ -17,7 +17,7 @@ from curiosity_algos.evaluation.evaluator import make_evaluator, replay
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.export.population_run import Policies
+from curiosity_algos.experiments.export.policies import draw
 from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.reading import REWARDING, read_arrays
@@ -35,12 +35,7 @@ NOTE = (
 
 
 class Rewarding(NamedTuple):
-    """Policies of a run that succeeded.
-
-    Attributes:
-        states: (n, N_STATES, O), the last of the policies' episodes.
-        returns: (n,) of those episodes.
-    """
+    """The last states (n, N_STATES, O) of rewarding policies' episodes, and the returns (n,)."""
 
     states: Float32Array
     returns: Float64Array
@@ -49,18 +44,16 @@ class Rewarding(NamedTuple):
 def replay_rewarding(run: Run) -> Rewarding:
     """Play rewarding policies of a run again, with the seeds of their episodes.
 
-    The last of the `N_STATES` is the one at the end of the episode. A shorter episode counts as if
-    it had waited at its start: its first state is repeated.
-
     Args:
-        run: A run with a checkpoint. `MOST_POLICIES` are drawn where there are more.
+        run: Run with a checkpoint. `MOST_POLICIES` are drawn where there are more.
 
     Raises:
         FileNotFoundError: If there is no run.
         ValueError: If it is damaged, or its environment is not one that is known here.
     """
     stored = run.folder.read(lambda last: read_arrays(last / "rewarding.npz", REWARDING))
-    parameters, seeds = Policies(stored["parameters"], stored["episode_seed"]).draw(MOST_POLICIES)
+    places = draw(np.arange(len(stored["return"])), MOST_POLICIES)
+    parameters, seeds = stored["parameters"][places], stored["episode_seed"][places]
     returns = np.empty(len(seeds))
     with closing(make_env(run.description, trust=False)) as env:
         evaluator = make_evaluator(env, run.description["settings"]["policy_kwargs"], 1)
@@ -77,18 +70,6 @@ def last_states(rollouts: Rollouts, n: int = N_STATES) -> Float32Array:
     times = rollouts.lengths[:, None] + np.arange(1 - n, 1)
     last: Float32Array = observations[np.arange(len(times))[:, None], np.maximum(times, 0)]
     return last
-
-
-def project(states: Float32Array) -> tuple[Float64Array, Float64Array]:
-    """The two principal components of states (n, T, O), n at least 3.
-
-    Returns:
-        Scores (n, 2), and the components' shares of the variance (2,).
-    """
-    from sklearn.decomposition import PCA
-
-    pca = PCA(2, svd_solver="arpack", random_state=0)  # exact, and no more than two are computed
-    return pca.fit_transform(states.reshape(len(states), -1)), pca.explained_variance_ratio_
 
 
 class Projection(NamedTuple):
@@ -110,22 +91,26 @@ class Projection(NamedTuple):
 
 
 def project_rewarding(rewarding: Mapping[str, Sequence[Rewarding]]) -> Projection:
-    """Project rewarding policies of several algorithms together.
-
-    Args:
-        rewarding: Policies of the algorithms' runs, by name.
+    """Project the rewarding policies of several algorithms' runs together.
 
     Raises:
         ValueError: If there are fewer than three policies in all.
     """
+    from sklearn.decomposition import PCA
+
     numbers = [sum(len(run.returns) for run in runs) for runs in rewarding.values()]
     if sum(numbers) < 3:
         raise ValueError("`runs` must have 3 rewarding policies, they have fewer.")
     pooled = [run for runs in rewarding.values() for run in runs]
-    scores, shares = project(np.concatenate([run.states for run in pooled]))
-    returns = np.concatenate([run.returns for run in pooled])
-    owners = np.repeat(np.arange(len(rewarding)), numbers)
-    return Projection(tuple(rewarding), owners, scores, returns, shares)
+    states = np.concatenate([run.states for run in pooled])
+    pca = PCA(2, svd_solver="arpack", random_state=0)  # exact, and no more than two are computed
+    return Projection(
+        algorithms=tuple(rewarding),
+        owners=np.repeat(np.arange(len(rewarding)), numbers),
+        scores=pca.fit_transform(states.reshape(len(states), -1)),
+        returns=np.concatenate([run.returns for run in pooled]),
+        shares=pca.explained_variance_ratio_,
+    )
 
 
 def show_projection(projection: Projection, env: str) -> Figure:
@@ -141,7 +126,10 @@ def show_projection(projection: Projection, env: str) -> Figure:
     left.set_title("by algorithm")
     right.set_title("by return")
     figure.colorbar(dots, ax=right, label="return")
-    samples = [_sample(name, n, colors[name]) for name, n in zip(algorithms, numbers, strict=True)]
+    samples = []
+    for (name, color), n in zip(colors.items(), numbers, strict=True):
+        label = f"{name} ({n:,})" if n else f"{name} (no reward)"
+        samples.append(Line2D([], [], linestyle="", marker="o", color=color, label=label))
     add_title(figure, TITLE.format(env), samples)
     add_note(figure, NOTE)
     return figure
@@ -156,8 +144,3 @@ def _scatter(ax: Axes, scores: Float64Array, shares: Float64Array, **colors: Any
     )
     polish(ax)
     return dots
-
-
-def _sample(algorithm: str, n: int, color: str) -> Line2D:
-    label = f"{algorithm} ({n:,})" if n else f"{algorithm} (no reward)"
-    return Line2D([], [], linestyle="", marker="o", color=color, label=label)

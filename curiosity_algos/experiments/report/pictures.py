@@ -29,7 +29,6 @@ from curiosity_algos.experiments.report.tables import has_coverage
 from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.statistics import Curve, curve_interval
 from curiosity_gym.core import entry_names
-from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.maze.maze_env import MazeEnv
 
 PlotlyFigure: TypeAlias = dict[str, Any]
@@ -64,10 +63,7 @@ AXIS: Properties = {"automargin": True, "gridcolor": GRID, "zerolinecolor": GRID
 
 
 def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> PlotlyFigure:
-    """Coverage, best return and share of runs without a success or reward, one above the other.
-
-    Coverage and share are left out if the environment does not report them.
-    """
+    """Coverage, best return and share of runs without a success or reward, where they are known."""
     panels: list[Panel] = [("best return so far", best_return, "~g")]
     if has_coverage(runs):
         panels.insert(0, ("coverage", coverage, "~%"))
@@ -75,13 +71,14 @@ def draw_curves(runs: pd.DataFrame, colors: dict[str, str]) -> PlotlyFigure:
 
 
 def draw_elites(runs: pd.DataFrame, colors: dict[str, str]) -> PlotlyFigure:
-    """QD score and number of elites of runs with one archive, one above the other."""
+    """QD score and number of elites of runs with one archive."""
     return _draw(runs, colors, [("QD score", qd_score, "~g"), ("elites", n_elites, "~g")])
 
 
 def _draw(
     runs: pd.DataFrame, colors: dict[str, str], panels: list[Panel], event: str | None = None
 ) -> PlotlyFigure:
+    """A panel for each measure, one above the other, and for the share without an event."""
     axes = [(title, ticks) for title, _, ticks in panels]
     traces = []
     for label, here in runs.groupby("label"):
@@ -99,12 +96,10 @@ def _draw(
 
 
 def _panels(axes: list[tuple[str, str]], n_labels: int) -> Properties:
-    """The layout of panels with one x axis, from the titles and tick formats of their y axes.
-
-    The legend has room for a line for each label, as on a narrow page.
-    """
+    """The layout of panels with one x axis, from the titles and tick formats of their y axes."""
     layout = LAYOUT | {
         "xaxis": AXIS | {"title": "timesteps", "tickformat": "~s", "anchor": f"y{len(axes)}"},
+        # The legend has room for a line for each label, as on a narrow page.
         "height": 90 + 240 * len(axes) + LEGEND_LINE * (n_labels - 1),
         "hovermode": "x",
         "dragmode": "zoom",
@@ -113,13 +108,8 @@ def _panels(axes: list[tuple[str, str]], n_labels: int) -> Properties:
     height = 1.0 / len(axes)
     for i, (name, ticks) in enumerate(axes):
         domain = [1.0 - (i + 1) * height + (i < len(axes) - 1) * 0.06, 1.0 - i * height]
-        layout[f"yaxis{i + 1}"] = AXIS | {
-            "title": name,
-            "tickformat": ticks,
-            "domain": domain,
-            "rangemode": "tozero",
-            "fixedrange": True,
-        }
+        about = {"title": name, "tickformat": ticks, "domain": domain}
+        layout[f"yaxis{i + 1}"] = AXIS | about | {"rangemode": "tozero", "fixedrange": True}
     return layout
 
 
@@ -169,8 +159,8 @@ class Plane:
     Attributes:
         low: (2,) its lower left corner.
         high: (2,) its upper right corner.
-        names: Names of the two entries.
-        maze: The maze, if the entries are a robot's position in it.
+        names: Of the two entries.
+        maze: If the entries are a robot's position in it.
     """
 
     low: Float64Array
@@ -204,8 +194,6 @@ def plane_of(runs: pd.DataFrame) -> Plane | None:
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
     """The maze of a run; None if its environment is another, or is not registered."""
-    if not set(described.get("wrappers", {})) <= {"RepeatAction"}:
-        return None
     try:
         with closing(make_env(described, trust=False)) as wrapped:
             env = wrapped.unwrapped
@@ -215,11 +203,7 @@ def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
 
 
 def _ends(run: Run) -> tuple[Float64Array, Float64Array]:
-    """The finite final states (n, 2 or fewer) of a run, and their timesteps (n,).
-
-    Raises:
-        ValueError: If final states are missing.
-    """
+    """The finite final states (n, 2 or fewer) of a run, and their timesteps (n,)."""
     states = final_states(run)
     points = states["behavior"][:, :2].astype(np.float64)
     is_finite = np.isfinite(points).all(axis=1)
@@ -227,10 +211,7 @@ def _ends(run: Run) -> tuple[Float64Array, Float64Array]:
 
 
 def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> PlotlyFigure:
-    """The cells in which episodes ended, with the color of the first episode of any run.
-
-    The last color is that of `longest` timesteps.
-    """
+    """The cells in which episodes ended, colored by the first of any run, up to `longest` steps."""
     first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
     for points, timesteps in map(_ends, runs["files"]):
         np.fmin.at(first, plane.cells(points), timesteps)
@@ -246,31 +227,26 @@ def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> PlotlyFigure:
         "hovertemplate": "first after %{z:,.0f} timesteps<br>"
         f"{x_name}: %{{x:.3~g}}<br>{y_name}: %{{y:.3~g}}<extra></extra>",
     }
-    return {"data": [cells, *_start(plane)], "layout": _plane_layout(plane)}
-
-
-def _start(plane: Plane) -> list[Properties]:
-    if plane.maze is None:
-        return []
-    marker = {"color": START, "size": 9, "line": {"color": "white", "width": 1}}
-    x, y = np.array(plane.maze.layout.start)[:, None]
-    return [_line(x, y, mode="markers", marker=marker, hovertemplate="start<extra></extra>")]
-
-
-def _plane_layout(plane: Plane) -> Properties:
     layout = LAYOUT | {"plot_bgcolor": FLOOR}
-    if plane.maze is not None:
-        hidden = {"visible": False, "fixedrange": True}
-        x, y = ({"range": [0.0, side], **hidden} for side in plane.high.tolist())
-        margin = {"l": 1, "r": 1, "t": 1, "b": 1}
-        return layout | {"xaxis": x, "yaxis": y, "shapes": _shapes(plane.maze), "margin": margin}
-    x, y = (AXIS | {"title": name, "zeroline": False, "fixedrange": True} for name in plane.names)
-    return layout | {"xaxis": x, "yaxis": y}
+    if plane.maze is None:
+        fixed = AXIS | {"zeroline": False, "fixedrange": True}
+        axes = {"xaxis": fixed | {"title": x_name}, "yaxis": fixed | {"title": y_name}}
+        return {"data": [cells], "layout": layout | axes}
+    x, y = ({"range": [0.0, side], "visible": False, "fixedrange": True} for side in plane.high)
+    margin = {"l": 1, "r": 1, "t": 1, "b": 1}
+    layout |= {"xaxis": x, "yaxis": y, "shapes": _shapes(plane.maze), "margin": margin}
+    return {"data": [cells, _start(plane.maze)], "layout": layout}
+
+
+def _start(maze: MazeEnv) -> Properties:
+    marker = {"color": START, "size": 9, "line": {"color": "white", "width": 1}}
+    x, y = np.array(maze.layout.start)[:, None]
+    return _line(x, y, mode="markers", marker=marker, hovertemplate="start<extra></extra>")
 
 
 def _shapes(maze: MazeEnv) -> list[Properties]:
     """Goal, walls and border."""
-    layout: MazeLayout = maze.layout
+    layout = maze.layout
     (x, y), r = layout.goal, maze.maze.goal_radius
     walls = "".join(
         f"M{x:.6g},{y:.6g}H{x + width:.6g}V{y + height:.6g}H{x:.6g}Z"

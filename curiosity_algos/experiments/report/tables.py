@@ -29,37 +29,37 @@ NOTHING = "\N{EN DASH}"
 AHEAD, BEHIND = "\N{BLACK UP-POINTING TRIANGLE}", "\N{BLACK DOWN-POINTING TRIANGLE}"
 """Marks of a pair whose interval is above one half, and below."""
 MARK = '\N{NO-BREAK SPACE}<span role="img" aria-label="the {} is ahead">{}</span>'
-FIRST = "First {}"
 ABOUT = "How likely a run of one algorithm is ahead of a run of another, with 95 % intervals"
 
 
 def summary(runs: pd.DataFrame, colors: dict[str, str]) -> str:
     """A row for each label, with successes or rewards of its runs, best returns and coverage."""
     event = first_of(runs)
-    rows = {
-        f"{swatch(colors[str(label)])}{escape(str(label))}": _row(here, event)
-        for label, here in runs.groupby("label")
-    }
-    return scrolling(rows, "Interquartile means (IQM) of runs, with 95 % intervals")
+    groups = runs.groupby("label")
+    rows = {named(str(label), colors): _row(here, event) for label, here in groups}
+    return _scrolling(rows, "Interquartile means (IQM) of runs, with 95 % intervals")
 
 
-def scrolling(rows: dict[str, dict[str, str]], about: str, kind: str = "") -> str:
+def named(label: str, colors: dict[str, str]) -> str:
+    """A label, after a dot of its color."""
+    return f'<span class="swatch" style="background: {colors[label]}"></span>{escape(label)}'
+
+
+def _scrolling(rows: dict[str, dict[str, str]], about: str, kind: str = "") -> str:
     """A table of HTML rows by name, which scrolls within itself if it is wide."""
-    table = pd.DataFrame.from_dict(rows, orient="index")
-    html = table.rename_axis(index=None, columns=None).to_html(escape=False, border=0)
+    html = pd.DataFrame.from_dict(rows, orient="index").to_html(escape=False, border=0)
     place = f'class="scroll {kind}" role="region" tabindex="0" aria-label="{about}"'
     return f"<div {place}>{html}</div>"
-
-
-def swatch(color: str) -> str:
-    """A dot of a label's color."""
-    return f'<span class="swatch" style="background: {color}"></span>'
 
 
 def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
     n_reached = first_timesteps(runs, event or "success").notna().sum()
     ends = sorted({runs["timesteps"].min(), runs["timesteps"].max()})
     median = times_to_first(runs, event).median if event else None
+    areas = []
+    if has_coverage(runs):
+        budgets = zip(runs["files"], runs["timesteps"], strict=True)
+        areas = [area_under_curve(*coverage(run), timesteps) for run, timesteps in budgets]
     return {
         "Runs": f"{len(runs)}",
         "Timesteps of a run": " to ".join(f"{end:,.0f}" for end in ends),
@@ -69,7 +69,7 @@ def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
         else f"{median:,.0f}",
         "Best return, IQM": _interval(runs["best_return"], "{:,.3f}".format),
         "Coverage, IQM": _interval(_coverage(runs), percent),
-        "Area under coverage, IQM": _interval(_areas(runs), percent),
+        "Area under coverage, IQM": _interval(areas, percent),
     }
 
 
@@ -80,14 +80,6 @@ def has_coverage(runs: pd.DataFrame) -> bool:
 
 def _coverage(runs: pd.DataFrame) -> pd.Series:
     return runs.reindex(columns=["coverage.reachable"])["coverage.reachable"]
-
-
-def _areas(runs: pd.DataFrame) -> list[float]:
-    """Mean coverage of each run from its first timestep to its last."""
-    if not has_coverage(runs):
-        return []
-    budgets = zip(runs["files"], runs["timesteps"], strict=True)
-    return [area_under_curve(*coverage(run), timesteps) for run, timesteps in budgets]
 
 
 def _interval(values: npt.ArrayLike, text: Callable[[float], str]) -> str:
@@ -118,32 +110,22 @@ def pairs(runs: pd.DataFrame, colors: dict[str, str]) -> str:
     first success or reward, where the earlier is ahead.
     """
     event = first_of(runs)
-    first = FIRST.format(event or "success")
-    scores = _scores(runs, event).rename(columns={FIRST: first}).groupby(runs["label"])
-    known = {str(label): here for label, here in scores if len(here) >= LEAST_RUNS}
-    names = {label: f"{swatch(colors[label])}{escape(label)}" for label in known}
+    first = f"First {event or 'success'}"
+    later = -first_timesteps(runs, event).fillna(np.inf) if event else np.nan
+    # The higher the better; NaN: not known.
+    scores = {"Best return": runs["best_return"], "Coverage": _coverage(runs), first: later}
+    groups = pd.DataFrame(scores, index=runs.index).groupby(runs["label"])
+    known = {str(label): here for label, here in groups if len(here) >= LEAST_RUNS}
     budgets, rows = runs.groupby("label")["timesteps"].min(), {}
     for one, other in combinations(known, 2):
         # After the shortest run has ended, nobody knows which success would have been earlier.
         last = -1.0 - min(budgets[one], budgets[other])
         pair = [
-            known[label].assign(**{first: known[label][first].clip(last)}) for label in (one, other)
+            each.assign(**{first: each[first].clip(last)}) for each in (known[one], known[other])
         ]
-        cells = {title: _cell(pair[0][title], pair[1][title]) for title in known[one]}
-        rows[f"{names[one]}<br>over {names[other]}"] = cells
-    return scrolling(rows, ABOUT, kind="pairs") if rows else ""
-
-
-def _scores(runs: pd.DataFrame, event: str | None) -> pd.DataFrame:
-    """The scores of runs that are compared, the higher the better; NaN: not known."""
-    return pd.DataFrame(
-        {
-            "Best return": runs["best_return"],
-            "Coverage": _coverage(runs),
-            FIRST: -first_timesteps(runs, event).fillna(np.inf) if event else np.nan,
-        },
-        index=runs.index,
-    )
+        cells = {title: _cell(pair[0][title], pair[1][title]) for title in scores}
+        rows[f"{named(one, colors)}<br>over {named(other, colors)}"] = cells
+    return _scrolling(rows, ABOUT, kind="pairs") if rows else ""
 
 
 def _cell(one: pd.Series, other: pd.Series) -> str:

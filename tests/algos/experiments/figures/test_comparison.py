@@ -62,19 +62,16 @@ def test_settings_that_differ_are_lines_of_their_own(runs, make_runs):
 
 
 @pytest.mark.parametrize("y", ["coverage", "survival"])
-def test_fewer_than_three_runs_have_no_interval(runs, y):
-    for folders, is_shown in ((runs, True), (runs[:2], False)):
-        band, *_ = compare(folders, y=y).axes[0].collections
-        assert bool(band.get_paths()) == is_shown
-
-
-def test_a_seed_counts_once(runs, tmp_path):
+def test_a_seed_counts_once_and_two_runs_have_no_interval(runs, y, tmp_path):
     shutil.copytree(runs[0], tmp_path / "again")
-    for y in ("coverage", "survival"):
-        figure = compare([*runs, tmp_path], y=y)
-        assert labels(figure) == ["MAPElites (3 runs)"]
-        assert "1 with the seed of another run" in figure.get_supxlabel()
-        assert "seed" not in compare(runs, y=y).get_supxlabel()
+    figure = compare([*runs, tmp_path], y=y)
+    assert labels(figure) == ["MAPElites (3 runs)"]
+    assert "1 with the seed of another run" in figure.get_supxlabel()
+    few = compare(runs[:2], y=y)
+    assert "seed" not in few.get_supxlabel()
+    for drawn, has_band in ((figure, True), (few, False)):
+        band, *_ = drawn.axes[0].collections
+        assert bool(band.get_paths()) == has_band
 
 
 def test_survival_keeps_the_runs_that_found_nothing(runs, lost):
@@ -111,20 +108,17 @@ def train_on(env_id, folder):
     CanonicalES(env, seed=0, **settings).learn(100, SaveRun(folder))
 
 
-def test_survival_is_of_rewards_where_there_is_no_success(runs, tmp_path):
-    train_on("CartPole-v1", tmp_path)
-    figure = compare([tmp_path], y="survival")
-    assert thick(figure.axes[0])[0].get_ydata()[-1] == 0.0
-    assert figure.axes[0].get_ylabel() == "runs without reward (%)"
+def test_survival_is_of_rewards_where_there_is_no_success_and_of_costs_there_is_none(
+    runs, tmp_path
+):
+    for env_id in ("CartPole-v1", "Pendulum-v1"):
+        train_on(env_id, tmp_path / env_id)
     figure = compare([tmp_path, *runs], y="survival")
-    assert figure.axes[0].get_ylabel() == "runs without success or reward (%)"
-
-
-def test_a_task_of_costs_has_no_survival(tmp_path):
-    train_on("Pendulum-v1", tmp_path)
-    (ax,) = compare([tmp_path], y="survival").axes
-    assert not thick(ax)
-    assert [text.get_text() for text in ax.texts] == ["none"]
+    of_rewards, of_costs, _ = figure.axes
+    assert of_rewards.get_ylabel() == "runs without success or reward (%)"
+    assert thick(of_rewards)[0].get_ydata()[-1] == 0.0
+    assert not thick(of_costs)
+    assert [text.get_text() for text in of_costs.texts] == ["none"]
 
 
 def test_curves_over_seconds(runs):
@@ -138,15 +132,15 @@ def test_curves_over_seconds(runs):
     assert 0.0 < first <= progress["time/seconds"].max()
 
 
-@pytest.mark.parametrize("axis", [{"y": "cov"}, {"x": "steps"}])
-def test_axes_are_those_that_there_are(axis, runs):
-    with pytest.raises(ValueError, match=r"`[xy]` must be one of"):
-        compare(runs, **axis)
-
-
-def test_runs_must_be_there(tmp_path, runs):
+def test_wrong_arguments(tmp_path, runs):
+    for axis in ({"y": "cov"}, {"x": "steps"}):
+        with pytest.raises(ValueError, match=r"`[xy]` must be one of"):
+            compare(runs, **axis)
     with pytest.raises(FileNotFoundError, match="`folders` must hold runs"):
         compare([tmp_path])
+
+
+def test_runs_that_have_not_begun_are_named(tmp_path, runs):
     RunFolder(tmp_path / "new").begin(
         {"algorithm": "NSES", "env": "CuriosityMaze-US-v0", "seed": 0, "settings": {}}
     )

@@ -13,23 +13,14 @@ from curiosity_gym.built_in import BUILT_IN
 ENVS = ["CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0"]
 
 
-def is_free(x, y, layout):
-    """Whether a point is in the world and outside of every wall."""
-    inside = 0.0 < x < layout.width and 0.0 < y < layout.height
-    return inside and not any(
-        left < x < left + width and bottom < y < bottom + height
-        for left, bottom, width, height in layout.walls
-    )
-
-
 def walk(start, angle, reach, layout):
-    """Length of a beam, by small steps until a wall is met."""
-    length = 0.0
-    while length < reach and is_free(
-        start[0] + length * math.cos(angle), start[1] + length * math.sin(angle), layout
-    ):
-        length += 0.01
-    return min(length, reach)
+    """Length of a beam, by small steps until a wall or the border is met."""
+    lengths = np.arange(0.0, reach, 0.01)
+    x, y = start[0] + lengths * math.cos(angle), start[1] + lengths * math.sin(angle)
+    is_hit = (x <= 0.0) | (x >= layout.width) | (y <= 0.0) | (y >= layout.height)
+    for left, bottom, width, height in layout.walls:
+        is_hit |= (left < x) & (x < left + width) & (bottom < y) & (y < bottom + height)
+    return lengths[is_hit.argmax()] if is_hit.any() else reach
 
 
 def test_beams_end_where_a_wall_begins(has_ink):

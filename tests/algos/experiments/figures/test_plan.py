@@ -13,9 +13,11 @@ from curiosity_algos.experiments.figures.plan import (
     series_of,
 )
 
+FIGURES = range(1, 9)
 
-def make_plan(budget="paper", seeds=(3, 4)):
-    return Plan(Path("runs"), BUDGETS[budget], "paper", seeds)
+
+def make_plan(budget="paper"):
+    return Plan(Path("runs"), BUDGETS[budget], "paper", (3, 4))
 
 
 def folders(figure):
@@ -27,14 +29,14 @@ def test_figures_share_runs():
     assert set(folders(2)) == set(folders(3))
     assert len(folders(2)) == len(COMPARED) * len(MAZES) * 2
     assert set(folders(4)) | set(folders(8)) < set(folders(2))
-    us = {folder.split("/")[1] for folder in folders(8)}
-    assert us == {"CuriosityES", "CMAME", "MAPElites"}
+    assert {folder.split("/")[1] for folder in folders(8)} == {"CuriosityES", "CMAME", "MAPElites"}
     assert len(folders(4)) == 9 * 2
+    assert set(folders(5)) & set(folders(6))  # those that have nothing to switch off
 
 
 def test_no_two_runs_share_a_folder():
     runs = {}
-    for figure in range(1, 9):
+    for figure in FIGURES:
         for run in make_plan().runs(figure):
             assert runs.setdefault(run.folder("runs"), run) == run
 
@@ -46,7 +48,6 @@ def test_coverage_of_control_tasks_is_without_reward():
     assert not {"phi", "extrinsic"} & (settings["MAPElites"].keys() | settings["CMAME"].keys())
     assert not any({"phi", "extrinsic"} & run.settings.keys() for run in make_plan().runs(5))
     assert "runs/phi=0.0/NSES/CuriosityControl-Finger-v0/3" in folders(6)
-    assert set(folders(5)) & set(folders(6))  # those that have nothing to switch off
 
 
 def test_the_bottleneck_compares_behaviors():
@@ -59,7 +60,7 @@ def test_the_bottleneck_compares_behaviors():
     assert "runs/behavior=state/NSES/CuriosityMaze-US-v0/3" in folders(7)
 
 
-def test_the_papers_budget():
+def test_budgets():
     assert BUDGETS["paper"].seeds == (0, 1, 2, 3, 4)
     for env, horizon in [(MAZES[0], 2000), (CONTROL[0], 1000)]:
         run = make_plan().run(Series("NSES"), env, 0)
@@ -67,13 +68,10 @@ def test_the_papers_budget():
         assert run.settings["preset"] == "paper"
         assert not run.env_kwargs
         assert make_plan().run(Series("TD3ICM"), env, 0).timesteps < run.timesteps / 100
-
-
-def test_every_budget_is_of_every_run():
-    for budget in BUDGETS:
-        for figure in range(1, 9):
-            for run in make_plan(budget).runs(figure):
-                assert run.timesteps > 0
+    for name, budget in BUDGETS.items():
+        plan = make_plan(name)
+        assert all(run.timesteps > 0 for figure in FIGURES for run in plan.runs(figure))
+        assert bool(budget.env_kwargs) == bool(plan.note(2))
 
 
 def test_figures_of_easier_tasks_say_so():
@@ -81,5 +79,3 @@ def test_figures_of_easier_tasks_say_so():
         assert BUDGETS["smoke"].env_kwargs[env]["goal_radius"] == radius
         assert f"{radius:g} ({env.split('-')[1]})" in make_plan("smoke").note(2)
     assert not make_plan("smoke").note(1)  # the mazes as they are
-    for name, budget in BUDGETS.items():
-        assert bool(budget.env_kwargs) == bool(make_plan(name).note(2))

@@ -1,6 +1,7 @@
 """Small runs of several algorithms and environments, and the report of them, made once."""
 
 import json
+from functools import partial
 
 import gymnasium as gym
 import pytest
@@ -12,26 +13,16 @@ from curiosity_gym import BehaviorWrapper
 
 POPULATION = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 STRATEGY = POPULATION | {"n_parents": 3}
-MAZE, MOUNTAIN, POLE = "CuriosityMaze-Hard-v0", "MountainCarContinuous-v0", "CartPole-v1"
-
-
-def make_hard():
-    return gym.make(MAZE, horizon=50)
+MAZE, MOUNTAIN = "CuriosityMaze-Hard-v0", "MountainCarContinuous-v0"
+BEHAVIORS = gym.spaces.Box(-2.0, 2.0, (2,))
+make_hard = partial(gym.make, MAZE, horizon=50)
+make_pole = partial(gym.make, "CartPole-v1", max_episode_steps=50)
 
 
 def make_mountain():
     """No maze, and with a wrapper that cannot be made again."""
     env = gym.make(MOUNTAIN, max_episode_steps=50)
-    return BehaviorWrapper(env, first_two, gym.spaces.Box(-2.0, 2.0, (2,)))
-
-
-def make_pole():
-    """A dense task, without success and without behaviors."""
-    return gym.make(POLE, max_episode_steps=50)
-
-
-def first_two(env, observation, info):
-    return observation[:2]
+    return BehaviorWrapper(env, lambda env, observation, info: observation[:2], BEHAVIORS)
 
 
 @pytest.fixture(scope="session")
@@ -63,7 +54,7 @@ def runs(runs_folder):
 
 @pytest.fixture
 def maze(runs):
-    return runs[runs["env"] == "CuriosityMaze-Hard-v0"]
+    return runs[runs["env"] == MAZE]
 
 
 @pytest.fixture

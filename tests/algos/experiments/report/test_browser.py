@@ -70,7 +70,7 @@ def driver():
 
 @pytest.fixture
 def show(driver, page):
-    """Opens the page, as wide and high and in the colors that one asks for."""
+    """Opens the page in a size and a color scheme."""
 
     def show(width=1600, scheme="light", height=9000):
         features = [{"name": "prefers-color-scheme", "value": scheme}]
@@ -111,13 +111,6 @@ def find(driver, selector):
     return driver.find_element("css selector", selector)
 
 
-def press(driver, *keys):
-    from selenium.webdriver.common.action_chains import ActionChains
-
-    for key in keys:
-        ActionChains(driver).send_keys(key).perform()
-
-
 def contrast(text, background):
     """Of two colors, 1 to 21, as the Web Content Accessibility Guidelines define it."""
     high, low = sorted((luminance(text), luminance(background)), reverse=True)
@@ -130,11 +123,6 @@ def luminance(color):
         c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (red, green, blue)
     )
     return sum(weight * c for weight, c in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
-
-
-def test_contrast():
-    assert contrast("rgb(0, 0, 0)", "rgb(255, 255, 255)") == pytest.approx(21.0)
-    assert contrast("rgb(119, 119, 119)", "rgb(255, 255, 255)") == pytest.approx(4.48, abs=0.01)
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1300, "light")])

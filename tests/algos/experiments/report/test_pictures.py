@@ -7,14 +7,12 @@ from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import load_final_states, load_progress
 from curiosity_algos.experiments.description import describe_env
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.pictures import (
     N_CELLS,
     Plane,
     draw_curves,
     draw_elites,
     draw_map,
-    evenly,
     plane_of,
 )
 from curiosity_algos.experiments.run import Run
@@ -22,13 +20,14 @@ from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym import BehaviorWrapper, MazeLayout
 
 SQUARE = Plane(np.zeros(2), np.ones(2), ("x (m)", "y (m)"))
+BOX = gym.spaces.Box(-1.0, 1.0, (2,))
 
 
 @pytest.fixture
 def write_run(tmp_path):
     """Writes a run of one environment whose episodes ended in places (n, B) at timesteps (n,)."""
 
-    def write(places, timesteps, env="Unknown-v0", **described):
+    def write(places, timesteps=(1,), env="Unknown-v0", **described):
         run = RunFolder(tmp_path / f"{len([*tmp_path.iterdir()])}")
         run.begin({"algorithm": "A", "env": env, "seed": 0} | described)
         zeros = np.zeros(len(places))
@@ -54,8 +53,7 @@ def test_curves_are_those_of_the_runs(maze):
     assert np.isnan(thin["x"]).sum() == 3
     assert (low["y"] <= mean["y"] + 1e-9).all()
     assert (mean["y"] <= high["y"] + 1e-9).all()
-    survival = traces_of(figure, 3)
-    assert survival[0]["y"].tolist() == [1.0, 1.0]
+    assert traces_of(figure, 3)[0]["y"].tolist() == [1.0, 1.0]
 
 
 def test_elites_are_those_of_the_log(maze):
@@ -68,14 +66,9 @@ def test_elites_are_those_of_the_log(maze):
         assert mean["y"][-1] == pytest.approx(log[column].iloc[-1])
 
 
-def test_indices_are_evenly_spaced():
-    assert evenly(3, 5).tolist() == [0, 1, 2]
-    assert evenly(101, 3).tolist() == [0, 50, 100]
-    assert evenly(0, 5).tolist() == []
-
-
 def test_a_maze_is_drawn_with_its_walls(maze):
     plane = plane_of(maze)
+    assert plane.names == ("x (maze units)", "y (maze units)")
     figure = draw_map(maze, plane, 1500.0)
     assert figure["layout"]["xaxis"]["range"] == [0.0, 200.0]
     goal, walls, _ = figure["layout"]["shapes"]
@@ -108,51 +101,42 @@ def test_another_environment_is_drawn_around_most_final_states(mountain, write_r
     assert plane.maze is None
     far = write_run([*np.random.default_rng(0).random((500, 2)), [1e9, 0.0]], np.arange(501))
     assert (plane_of(far).high < 1.01).all()
-    same = plane_of(write_run([[0.1, 0.2]], [1]))
+    same = plane_of(write_run([[0.1, 0.2]]))
     np.testing.assert_allclose(same.high, [1.1, 1.2])
+    for places in ([[0.1]], [[]], [[np.nan, 1.0]]):
+        assert plane_of(write_run(places)) is None
 
 
-def axes_of(plane, runs):
-    layout = draw_map(runs, plane, 1.0)["layout"]
-    return [layout[name]["title"] for name in ("xaxis", "yaxis")]
-
-
-def test_axes_have_the_names_of_the_behavior(maze, mountain, write_run):
+def test_axes_have_the_names_of_the_behavior(write_run):
+    old = write_run([[0.1, 0.2, 0.0]])  # of a folder that was written before there were names
     names = {"behavior_names": ["ball x (m)", "ball z (m)", "cup x (m)"]}
-    old = write_run([[0.1, 0.2, 0.0]], [1])  # of a folder that was written before there were names
-    named = pd.concat([old, write_run([[0.1, 0.2, 0.0]], [1], **names)])
-    plane = plane_of(named)
-    assert axes_of(plane, named) == ["ball x (m)", "ball z (m)"]
-    assert "ball z (m): %{y:.3~g}" in draw_map(named, plane, 1.0)["data"][0]["hovertemplate"]
-    for runs in (old, mountain):
-        assert axes_of(plane_of(runs), runs) == ["behavior 1", "behavior 2"]
-    assert plane_of(maze).names == ("x (maze units)", "y (maze units)")
-
-
-def test_names_that_no_run_would_have_written_are_one_sentence(write_run):
-    for names in (["x (m)"], [1, 2]):
-        with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
-            plane_of(write_run([[0.1, 0.2]], [1], behavior_names=names))
-
-
-PLANE = gym.spaces.Box(-1.0, 1.0, (2,))
-
-
-def described(env):
-    return describe_env(TD3ICM._wrap_env(env))
+    for runs, expected in [
+        (old, ["behavior 1", "behavior 2"]),
+        (pd.concat([old, write_run([[0.1, 0.2, 0.0]], **names)]), ["ball x (m)", "ball z (m)"]),
+    ]:
+        figure = draw_map(runs, plane_of(runs), 1.0)
+        assert [figure["layout"][axis]["title"] for axis in ("xaxis", "yaxis")] == expected
+        assert f"{expected[1]}: %{{y:.3~g}}" in figure["data"][0]["hovertemplate"]
+    with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
+        plane_of(write_run([[0.1, 0.2]], behavior_names=[1, 2]))
 
 
 def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):
+    def maze_of(**described):
+        return plane_of(write_run([[0.1, 0.2]], **described)).maze
+
+    def described(env):
+        return describe_env(TD3ICM._wrap_env(env))
+
     hard = gym.make("CuriosityMaze-Hard-v0")
-    held = gym.wrappers.RepeatAction(hard, 10)
-    assert plane_of(write_run([[0.1, 0.2]], [1], **described(held))).maze is not None
-    other = BehaviorWrapper(hard, lambda env, observation, info: observation[:2], PLANE)
+    assert maze_of(**described(gym.wrappers.RepeatAction(hard, 10))) is not None
+    other = BehaviorWrapper(hard, lambda env, observation, info: observation[:2], BOX)
     for run in ({"env": "Unknown-v0"}, {"env": None}, described(other)):
-        assert plane_of(write_run([[0.1, 0.2]], [1], **run)).maze is None
-    # A folder from a stranger makes no environment, and imports no module, that is not known here.
-    monkeypatch.setattr(pictures.gym, "make", lambda *args, **kwargs: pytest.fail("made"))
-    spec = {"id": "Mine-v0", "entry_point": "my_module:Mine", "additional_wrappers": []}
-    assert plane_of(write_run([[0.1, 0.2]], [1], env="Mine-v0", env_spec=spec)).maze is None
+        assert maze_of(**run) is None
+    # A stranger's folder makes no environment, and imports no module, that is not known here.
+    monkeypatch.setattr(gym, "make", lambda *args, **kwargs: pytest.fail("made"))
+    spec = {"id": "Mine-v0", "entry_point": "antigravity:Mine", "additional_wrappers": []}
+    assert maze_of(env="Mine-v0", env_spec=described(hard)["env_spec"] | spec) is None
 
 
 def test_walls_are_those_that_the_file_had(write_run, tmp_path):
@@ -160,9 +144,5 @@ def test_walls_are_those_that_the_file_had(write_run, tmp_path):
     drawn.to_json(tmp_path / "own.json")
     env = gym.make("CuriosityMaze-v0", layout=str(tmp_path / "own.json"))
     moved.to_json(tmp_path / "own.json")
-    assert plane_of(write_run([[0.1, 0.2]], [1], **described(env))).maze.layout == drawn
-
-
-def test_behaviors_of_fewer_than_two_entries_have_no_plane(write_run):
-    for places in ([[0.1]], [[]], [[np.nan, 1.0]]):
-        assert plane_of(write_run(places, [1])) is None
+    run = write_run([[0.1, 0.2]], **describe_env(TD3ICM._wrap_env(env)))
+    assert plane_of(run).maze.layout == drawn

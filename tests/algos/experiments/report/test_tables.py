@@ -1,4 +1,3 @@
-import itertools
 import re
 
 import numpy as np
@@ -11,8 +10,8 @@ from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, pairs, percent, summary
 
 NOTHING = "\N{EN DASH}"
-TITLES = ["Best return", "Coverage", "First success"]
 NEVER = float("nan")
+THREE = ([1.0] * 3, [0.5] * 3, [1.0] * 3)
 
 
 def rows_of(runs):
@@ -23,33 +22,32 @@ def rows_of(runs):
 
 def test_a_row_for_each_label(maze):
     found = maze["algorithm"] == "NSES"
-    maze.loc[found, "first_success_timesteps"] = [600.0, float("nan"), 900.0]
+    maze.loc[found, "first_success_timesteps"] = [600.0, NEVER, 900.0]
     maze.loc[found, "best_return"] = [0.6, 0.0, 0.3]
     rows = rows_of(maze)
     assert [*rows] == ["MAPElites", "NSES"]
-    row = rows["NSES"]
-    assert row[:5] == ["3", "1,500", "2 of 3", "900", "0.300 (0.000 to 0.600)"]
-    for text in row[5:]:
+    assert rows["NSES"][:5] == ["3", "1,500", "2 of 3", "900", "0.300 (0.000 to 0.600)"]
+    for text in rows["NSES"][5:]:
         assert re.fullmatch(r"[\d.]+\s% \([\d.]+\s% to [\d.]+\s%\)", text)
     assert rows["MAPElites"][2:4] == ["0 of 1", NOTHING]
-
-
-def test_fewer_than_three_runs_have_no_interval(maze):
-    rows = rows_of(maze[maze["seed"] < 2])
-    assert not [text for text in rows["NSES"] if " to " in text]
+    few = rows_of(maze[maze["seed"] < 2])
+    assert not [text for text in few["NSES"] if " to " in text]
 
 
 def test_what_is_not_known_is_a_dash(mountain):
-    mountain["coverage.reachable"] = float("nan")
+    mountain["coverage.reachable"] = NEVER
     (row,) = rows_of(mountain).values()
     best = mountain["best_return"].item()
     assert row[2:] == [NOTHING, NOTHING, f"{best:.3f}", NOTHING, NOTHING]
 
 
-def test_shares_are_told_in_three_digits():
+def test_shares_have_three_digits():
     shares = {0.1234: "12.3", 1.0: "100", 0.0: "0", 0.005: "0.5", 0.000123: "0.0123"}
     for share, text in shares.items():
         assert percent(share) == f"{text}\N{NO-BREAK SPACE}%"
+
+
+# -- who is ahead of whom -------------------------------------------------------------------------
 
 
 def make_runs(**groups):
@@ -63,12 +61,8 @@ def pairs_of(runs):
     """By pair of labels the texts of its row, without spaces that do not break."""
     html = pairs(runs, color_labels(runs["label"]))
     head, *rows = first_table(html.replace("<br>", " ").replace("\N{NO-BREAK SPACE}", " "))
-    assert head[1:] == TITLES
+    assert head[1:] == ["Best return", "Coverage", "First success"]
     return {tuple(name.split(" over ")): texts for name, *texts in rows}
-
-
-def share_of_wins(one, other):
-    return mannwhitneyu(one, other).statistic / (len(one) * len(other))
 
 
 def test_estimates_are_those_of_mann_and_whitney():
@@ -84,8 +78,9 @@ def test_estimates_are_those_of_mann_and_whitney():
         (*more, first), (*more_other, first_other) = groups[one], groups[other]
         latest = [-np.where(np.isnan(each), 1e9, each) for each in (first, first_other)]
         scores = [*zip(more, more_other, strict=True), latest]
-        for text, score in zip(texts, scores, strict=True):
-            assert text.split()[0] == f"{share_of_wins(*score):.2f}"
+        for text, (x, y) in zip(texts, scores, strict=True):
+            share = mannwhitneyu(x, y).statistic / (len(x) * len(y))
+            assert text.split()[0] == f"{share:.2f}"
     assert found["A", "C"][1] == f"0.00 {BEHIND} (0.00 to 0.00)"
 
 
@@ -99,46 +94,35 @@ def test_intervals_that_exclude_one_half_are_marked_beside_their_text():
     assert [html.count(name) for name in ("the first is ahead", "the second is ahead")] == [1, 1]
 
 
-def test_runs_without_a_success_are_later_than_all_that_had_one():
-    runs = make_runs(
-        A=([1.0] * 3, [0.5] * 3, [9e9, 9e9, 9e9]),
-        B=([1.0] * 3, [0.5] * 3, [NEVER, NEVER, NEVER]),
-        C=([1.0] * 3, [0.5] * 3, [NEVER, NEVER, NEVER]),
-    )
-    found = {pair: texts[2].split()[0] for pair, texts in pairs_of(runs).items()}
-    assert found == {("A", "B"): "1.00", ("A", "C"): "1.00", ("B", "C"): "0.50"}
-
-
-def test_what_came_after_the_shortest_run_is_of_no_account():
-    early, late = (np.ones(3), np.ones(3), [NEVER] * 3), (np.ones(3), np.ones(3), [800, 900, 1000])
-    runs = make_runs(A=early, B=late)
-    assert pairs_of(runs)["A", "B"][-1].startswith("0.00")
-    runs.loc[runs["label"] == "A", "timesteps"] = 850
-    assert pairs_of(runs)["A", "B"][-1].startswith("0.33")
-    runs.loc[runs["label"] == "A", "timesteps"] = 100
-    assert pairs_of(runs)["A", "B"][-1].startswith("0.50")
-    runs = pd.concat([make_runs(A=early, B=late), runs.tail(1).assign(label="C", timesteps=1)])
-    assert pairs_of(runs.reset_index())["A", "B"][-1].startswith("0.00")  # C is none of them
+@pytest.mark.parametrize(
+    ("first", "second", "end", "share"),
+    [
+        ([9e9] * 3, [NEVER] * 3, 1e10, "1.00"),
+        ([NEVER] * 3, [NEVER] * 3, 1e10, "0.50"),
+        ([NEVER] * 3, [800, 900, 1000], 1e10, "0.00"),
+        ([NEVER] * 3, [800, 900, 1000], 850, "0.33"),
+        ([NEVER] * 3, [800, 900, 1000], 100, "0.50"),
+    ],
+)
+def test_who_has_no_success_is_later_than_those_with_one_before_the_shorter_end(
+    first, second, end, share
+):
+    runs = make_runs(A=(*THREE[:2], first), B=(*THREE[:2], second))
+    runs.loc[runs["label"] == "A", "timesteps"] = end
+    third = runs.tail(1).assign(label="C", timesteps=1, first_success_timesteps=1.0)  # another
+    assert pairs_of(pd.concat([runs, third], ignore_index=True))["A", "B"][2].startswith(share)
 
 
 def test_what_is_not_known_of_a_pair_is_a_dash():
     nothing = [NEVER] * 3
     dense = make_runs(A=([9.0] * 3, nothing, nothing), B=([8.0] * 3, nothing, nothing))
-    (texts,) = pairs_of(dense).values()
-    assert texts[1:] == [NOTHING, NOTHING]
-    (texts,) = pairs_of(dense.drop(columns="coverage.reachable")).values()
-    assert texts[1:] == [NOTHING, NOTHING]
+    for runs in (dense, dense.drop(columns="coverage.reachable")):
+        (texts,) = pairs_of(runs).values()
+        assert texts[1:] == [NOTHING, NOTHING]
 
 
-def test_a_label_with_fewer_than_three_runs_has_no_row():
-    three, two = ([1.0] * 3, [0.5] * 3, [1.0] * 3), ([1.0] * 2, [0.5] * 2, [1.0] * 2)
-    assert [*pairs_of(make_runs(A=three, B=two, C=three))] == [("A", "C")]
-    assert pairs(make_runs(A=three, B=two), {"A": "#000000", "B": "#000000"}) == ""
-
-
-@pytest.mark.parametrize("n", [2, 5])
-def test_each_two_labels_have_a_row(n):
-    labels = [f"<{i}>" for i in range(n)]
-    runs = make_runs(**{label: ([1.0] * 3, [0.5] * 3, [1.0] * 3) for label in labels})
-    assert len(pairs_of(runs)) == len([*itertools.combinations(labels, 2)])
-    assert "<0>" not in pairs(runs, color_labels(labels))
+def test_each_two_labels_with_three_runs_have_a_row():
+    two = ([1.0] * 2, [0.5] * 2, [1.0] * 2)
+    runs = make_runs(**{"<a>": THREE, "b": two, "c": THREE, "d": THREE})
+    assert [*pairs_of(runs)] == [("&lt;a&gt;", "c"), ("&lt;a&gt;", "d"), ("c", "d")]
+    assert pairs(make_runs(A=THREE, B=two), {"A": "#000000", "B": "#000000"}) == ""

@@ -108,8 +108,7 @@ def _without(key: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def spec_of(env: VecEnv) -> EnvSpec | None:
     """The spec of the first single environment, without SB3's Monitor and how to render."""
-    is_vector = isinstance(env, GymnasiumView)
-    spec = env.vector_env.spec if is_vector else env_attribute(env, "spec")
+    spec = env.vector_env.spec if isinstance(env, GymnasiumView) else env_attribute(env, "spec")
     if spec is None:
         return None
     left_out = {*VECTOR_KEYWORDS, "render_mode"}
@@ -117,7 +116,7 @@ def spec_of(env: VecEnv) -> EnvSpec | None:
     kwargs |= _layouts(env, kwargs)
     limit = spec.max_episode_steps
     # A vector environment has it among its keywords, a single one not.
-    if is_vector or "num_envs" in spec.kwargs:
+    if isinstance(env, GymnasiumView) or "num_envs" in spec.kwargs:
         limit = kwargs.pop("max_episode_steps", limit)
     wrappers = tuple(w for w in spec.additional_wrappers if w.name != "Monitor")
     found: EnvSpec = replace(

@@ -5,6 +5,7 @@ Vectors stay as they are. Numbers keep their unit: images are not scaled.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from functools import cached_property
@@ -244,7 +245,7 @@ def _rows(space: Space, values: Any) -> Array:
     if values.shape[1:] != space.shape:
         raise _wrong(space, values)
     if isinstance(space, spaces.Box | spaces.MultiBinary):
-        numbers: Array = values.astype(space.dtype).reshape(n, -1)
+        numbers: Array = values.astype(space.dtype).reshape(n, math.prod(space.shape))
         return numbers
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     n_choices = np.ravel(space.n if isinstance(space, spaces.Discrete) else space.nvec)

@@ -1,4 +1,4 @@
-"""The base of evaluators. They play populations, and play large ones in blocks.
+"""The base of evaluators, which play large populations in blocks.
 
 The trajectories of 10,000 episodes in a maze take 3 gigabytes; what a search reads of them takes a
 tenth of one. Blocks are also faster: they use the same memory again.

@@ -1,8 +1,7 @@
-"""Batches step several episodes at once, in environments of any kind.
+"""Batches step several episodes that began together, in environments of any kind.
 
-The episodes of a `SingleEnvBatch`, `GymnasiumBatch` or `Sb3Batch` begin together. A batch gives the
-true last observation of an episode, never the first of the next. What it gives of an episode after
-its end is undefined. Observations are vectors; actions are as the environment takes them.
+A batch gives the true last observation of an episode, never the first of the next. What it gives of
+an episode after its end is undefined. Observations are vectors; actions are the environment's.
 """
 
 from __future__ import annotations
@@ -21,10 +20,6 @@ from curiosity_algos.evaluation.environments import monitors
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_info
-
-Actions = Array
-
-_FINAL = ("final_obs", "final_info")
 
 
 @dataclass(frozen=True)
@@ -67,7 +62,7 @@ class SingleEnvBatch:
             self._observations[i] = self._seen.one(observation)
         return self._observations.copy()
 
-    def step(self, actions: Actions, active: Mask) -> Step:
+    def step(self, actions: Array, active: Mask) -> Step:
         """Step the `active` (n,) episodes, those that have not ended, by actions (n, ...)."""
         rewards = np.zeros(self.n)
         ended, at_end = np.zeros(self.n, dtype=np.bool_), np.zeros(self.n, dtype=np.bool_)
@@ -101,7 +96,7 @@ class GymnasiumBatch:
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         return self._seen.many(observations)
 
-    def step(self, actions: Actions, active: Mask) -> Step:
+    def step(self, actions: Array, active: Mask) -> Step:
         """See `SingleEnvBatch`."""
         observations, rewards, terminated, truncated, infos = self._env.step(actions)
         observations = self._seen.many(observations)
@@ -135,7 +130,7 @@ class Sb3Batch:
         began = self._env.env_method("reset", seed=seed)
         return np.stack([self._seen.one(observation) for observation, _ in began])
 
-    def step(self, actions: Actions, active: Mask) -> Step:
+    def step(self, actions: Array, active: Mask) -> Step:
         """See `SingleEnvBatch`."""
         observations, rewards, ended, infos = self._env.step(actions)
         observations = self._seen.many(observations)
@@ -178,11 +173,11 @@ def has_generators(env: VectorEnv[Any, Any, Any]) -> bool:
 def info_rows(infos: Mapping[str, Any], n: int) -> list[dict[str, Any]]:
     """Infos of a VectorEnv as one dictionary for each env, without those of ended episodes.
 
-    `_key` masks which envs have `key`; in a dictionary that has a mask, its own may have none.
+    `_key` masks which envs have `key`, if it is there.
     """
     rows: list[dict[str, Any]] = [{} for _ in range(n)]
     for key, values in infos.items():
-        if key in _FINAL or (key.startswith("_") and key[1:] in infos):
+        if key in ("final_obs", "final_info") or (key.startswith("_") and key[1:] in infos):
             continue
         mask = infos.get(f"_{key}")
         has = [True] * n if mask is None else mask.tolist()

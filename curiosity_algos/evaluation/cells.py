@@ -1,8 +1,4 @@
-"""The cells of a grid over behaviors that episodes visited in any step.
-
-A step visits the cell that it ends in. A reset visits none: vector environments that reset by
-themselves give no behavior of it, and it says nothing about the policies.
-"""
+"""The cells of a grid over behaviors that episodes visited: those that a step ended in."""
 
 from __future__ import annotations
 
@@ -34,10 +30,8 @@ class CompiledGrid(NamedTuple):
 def compiled_grid(grid: CoverageGrid) -> CompiledGrid:
     """`grid` for the compiled functions."""
     low = np.asarray(grid.low, dtype=np.float64)
-    extents = (grid.high - low).tolist()
-    return CompiledGrid(
-        tuple(zip(grid.dimensions, low.tolist(), extents, strict=True)), grid.n_cells
-    )
+    axes = zip(grid.dimensions, low.tolist(), (grid.high - low).tolist(), strict=True)
+    return CompiledGrid(tuple(axes), grid.n_cells)
 
 
 @compiled
@@ -68,8 +62,7 @@ class VisitedCells:
     def add(self, behaviors: Float64Array) -> None:
         """Count the cells of behaviors (k, B), an array that is not written to any more.
 
-        A behavior that is not finite, or lacks the entries that count, has no cell: an environment
-        must give behaviors at the ends of episodes, and may know none before.
+        A behavior that is not finite, or lacks the entries that count, has no cell.
         """
         if self._grid is None or behaviors.shape[1] <= max(self._grid.dimensions):
             return
@@ -78,7 +71,7 @@ class VisitedCells:
         self._waiting.append(behaviors)
 
     def add_each(self, behaviors: Sequence[Any]) -> None:
-        """Count the cells of behaviors (B,) as infos hold them; None has none."""
+        """Count the cells of behaviors (B,) as infos have them; None has none."""
         known = [behavior for behavior in behaviors if behavior is not None]
         if self._grid is not None and known:
             self.add(as_behaviors(known))

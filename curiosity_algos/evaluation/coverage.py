@@ -34,12 +34,7 @@ class Coverage:
         return f"<{type(self).__name__}: {shares or 'nothing is counted'}>"
 
     def add(self, behaviors: Float64Array, visited: Int64Array | None = None) -> None:
-        """Count episodes.
-
-        Args:
-            behaviors: (P, B), those that they ended with.
-            visited: (V,) the cells that they visited; None: those of `behaviors` alone.
-        """
+        """Count episodes that ended with behaviors (P, B), and the cells (V,) that they visited."""
         if self.grid is None:
             return
         cells = self.grid.cells(behaviors)
@@ -105,8 +100,7 @@ class Coverage:
 def coverage_grid(env: EnvObject) -> CoverageGrid | None:
     """The cells to count: the env's own `coverage_grid`, or one over its whole behavior space.
 
-    None where the env has no bounded behavior space, or one of so many dimensions (11) that 64 bits
-    cannot number the cells.
+    None where that has no bounds, or so many dimensions that 64 bits cannot number the cells.
     """
     grid = env_attribute(env, "coverage_grid")
     if grid is not None:
@@ -127,10 +121,7 @@ def behavior_space(env: EnvObject) -> spaces.Box[Any] | None:
 
 
 def goal_space(env: EnvObject) -> spaces.Box[Any] | None:
-    """The bounds of what a goal task has achieved: its behavior, unless it has a `behavior_space`.
-
-    Goal tasks observe a Dict with the vector `achieved_goal`, as those of Gymnasium-Robotics.
-    """
+    """The bounds of a goal task's `achieved_goal`: its behavior, if it has no `behavior_space`."""
     space = describe(env)[0]
     if _own_behavior_space(env) is not None or not isinstance(space, spaces.Dict):
         return None

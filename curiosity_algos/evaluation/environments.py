@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -88,18 +87,10 @@ def open_env(env: Any, **kwargs: Any) -> Any:
         assert first.spec is not None
         # Of the spec: in another process nobody may have registered the id.
         return FactoryVecEnv(first, partial(gym.make, first.spec))
-    if isinstance(env, gym.Env | VectorEnv | VecEnv) or not _needs_no_arguments(env):
+    if isinstance(env, gym.Env | VectorEnv | VecEnv) or not callable(env):
         return env
     first = env()
     return FactoryVecEnv(first, env) if isinstance(first, gym.Env) else first
-
-
-def _needs_no_arguments(function: Any) -> bool:
-    try:
-        inspect.signature(function).bind()
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 class GymnasiumView(SingleVecEnv):
@@ -148,11 +139,7 @@ def monitors(env: Any) -> Iterator[Monitor]:
 
 
 def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-    """Observation and action space of a single env of `env`.
-
-    Raises:
-        ValueError: If `env` is no environment.
-    """
+    """Observation and action space of a single env; ValueError if `env` is no environment."""
     if isinstance(env, VectorEnv):
         return env.single_observation_space, env.single_action_space
     if isinstance(env, SingleVecEnv):  # which may have left entries out
@@ -176,10 +163,7 @@ def step_limit(env: EnvObject) -> int | None:
 
 
 def env_attributes(env: EnvObject, name: str) -> list[Any]:
-    """The attribute of each single env, whatever wraps it; none unless all have it.
-
-    A vector environment without single ones has it once.
-    """
+    """The attribute of each single env, or of a native VectorEnv; none unless all have it."""
     # Ask first: a worker process dies of an attribute that is not there.
     if isinstance(env, VecEnv):
         return env.get_attr(name) if _has_attr(env, name) else []

@@ -44,10 +44,7 @@ class Firsts:
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
-        for name in vars(self):
-            if not isinstance(state[name], int | None):
-                raise ValueError(f"`{name}` must be a number of timesteps or None.")
-            setattr(self, name, state[name])
+        self.reward, self.success = state["reward"], state["success"]
 
 
 class EpisodeRecord:
@@ -70,7 +67,7 @@ class EpisodeRecord:
     def add(self, infos: Sequence[Mapping[str, Any]], dones: Array, num_timesteps: int) -> None:
         """Count one step of a VecEnv, `num_timesteps` of the run, and the episodes that ended."""
         ended = [info for info, done in zip(infos, dones, strict=True) if done]
-        self.coverage.add_steps(_behaviors(infos))
+        self.coverage.add_steps([info["behavior"] for info in infos if "behavior" in info])
         with_behavior = [info for info in ended if "behavior" in info]
         if with_behavior and self.coverage.grid is not None:
             self.coverage.add(final_behaviors(with_behavior))
@@ -94,8 +91,3 @@ class EpisodeRecord:
         self.coverage.load_state_dict(state["coverage"])
         self.best_return = state["best_return"]
         self.firsts.load_state_dict(state["firsts"])
-
-
-def _behaviors(infos: Sequence[Mapping[str, Any]]) -> list[Any]:
-    """The behaviors of the infos that have one."""
-    return [info["behavior"] for info in infos if "behavior" in info]

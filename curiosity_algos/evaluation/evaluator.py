@@ -70,12 +70,9 @@ def make_evaluator(
 def replay(
     evaluator: Evaluator, parameters: Float32Array, seeds: Array | None
 ) -> Iterator[tuple[Int64Array, Rollouts]]:
-    """Play policies again, a few at a time that begin alike: their indices and episodes.
+    """Play policies (n, n_parameters) again, with the seeds (n,) of their episodes, if any.
 
-    Args:
-        evaluator: The evaluator.
-        parameters: (n, n_parameters).
-        seeds: (n,) seeds of their episodes; None: no seed.
+    Yields indices, and the episodes of these policies: a few at a time that begin alike.
     """
     begins = [None] if seeds is None or not evaluator.draws else np.unique(seeds)
     for seed in begins:

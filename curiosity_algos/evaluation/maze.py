@@ -10,11 +10,7 @@ from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.base import Evaluator, KnownTask
 from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_grid
 from curiosity_algos.evaluation.mlp import Mlp, forward, scratch
-from curiosity_algos.evaluation.rollouts import (
-    Rollouts,
-    check_parameters,
-    sparse_returns,
-)
+from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, sparse_returns
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
 

@@ -1,9 +1,8 @@
 """A multilayer perceptron as one flat parameter vector, evaluated by one compiled function.
 
 The layout of the vector: for each layer its weights (inputs, outputs) row by row, then its biases.
-Hidden layers are ReLU. For a `Box` action space the output is `tanh` scaled to the box; for others
-it is a score for each choice, of which the policy takes the largest. Spaces that are no vectors are
-flattened, see `flat_spaces`.
+Hidden layers are ReLU. For a `Box` of actions the output is `tanh` scaled to the box; for others it
+is a score for each choice, of which the policy takes the largest.
 """
 
 from __future__ import annotations
@@ -34,20 +33,20 @@ _ZERO, _ONE, _TWO, _FOUR = np.float32(0.0), np.float32(1.0), np.float32(2.0), np
 
 
 class Mlp(NamedTuple):
-    """Shape and output range of a policy, as the compiled functions take it."""
+    """Shape and output range of a policy, as the compiled functions take it.
+
+    Attributes:
+        sizes: (n_layers + 1,), widths from the observation to the output.
+        center, half_range, low, high: (n_outputs,), of the action box.
+        is_discrete: Whether outputs are scores of choices, not actions in the box.
+    """
 
     sizes: npt.NDArray[np.uint64]
-    """(n_layers + 1,): widths from the observation to the output."""
     center: Float32Array
-    """(n_outputs,): middle of the action box."""
     half_range: Float32Array
-    """(n_outputs,): half the width of the action box."""
     low: Float32Array
-    """(n_outputs,): lower bounds of the action box."""
     high: Float32Array
-    """(n_outputs,): upper bounds of the action box."""
     is_discrete: bool
-    """Whether outputs are scores of choices, not actions in the box."""
 
     @property
     def n_parameters(self) -> int:
@@ -64,18 +63,22 @@ def build_mlp(
     """The network that maps `observation_space` to `action_space`.
 
     Raises:
-        ValueError: If a space is not supported (supported: what `FlatObservations` and
-            `FlatActions` take, of at most `MAX_ENTRIES` numbers where it is flattened, and a
-            bounded Box of actions, of floats or of integers that float32 tells apart), or a layer's
-            width is no whole number from 1 to 1e9.
+        ValueError: If a space is not supported: an observation that `FlatObservations` does not
+            take or flattens to more than `MAX_ENTRIES` numbers, or a Box of actions without bounds,
+            or of integers that float32 does not tell apart; if a layer's width is out of range.
     """
     for width in net_arch:
         check_at_least_one(net_arch=width)
-    n_inputs = _n_inputs(observation_space)
+    n_inputs = FlatObservations(observation_space).size
+    if n_inputs > MAX_ENTRIES and not is_vector(observation_space):
+        raise ValueError(
+            f"The observation space {observation_space} is not supported: it must have at most "
+            f"{MAX_ENTRIES} entries, it has {n_inputs} (gymnasium.wrappers.ResizeObservation makes "
+            "images smaller)."
+        )
     low, high, is_discrete = _output_range(action_space)
-    sizes = np.array([n_inputs, *net_arch, low.size], dtype=np.uint64)
     return Mlp(
-        sizes,
+        np.array([n_inputs, *net_arch, low.size], dtype=np.uint64),
         center=((high + low) / 2.0).astype(np.float32),
         half_range=((high - low) / 2.0).astype(np.float32),
         low=low.astype(np.float32),
@@ -84,27 +87,16 @@ def build_mlp(
     )
 
 
-def _n_inputs(observation_space: spaces.Space[Any]) -> int:
-    n = FlatObservations(observation_space).size
-    if n > MAX_ENTRIES and not is_vector(observation_space):
-        raise ValueError(
-            f"The observation space {observation_space} is not supported: it must have at most "
-            f"{MAX_ENTRIES} entries, it has {n} (gymnasium.wrappers.ResizeObservation makes images "
-            "smaller)."
-        )
-    return n
-
-
 def _output_range(action_space: spaces.Space[Any]) -> tuple[Float64Array, Float64Array, bool]:
     if FlatActions(action_space).has_scores:
         n = spaces.flatdim(action_space)
         return np.zeros(n), np.ones(n), True
     assert isinstance(action_space, spaces.Box)
     low, high = action_space.low.ravel(), action_space.high.ravel()
-    is_integer = np.issubdtype(action_space.dtype, np.integer)
-    is_float = np.issubdtype(action_space.dtype, np.floating)
     low, high = low.astype(np.float64), high.astype(np.float64)
-    fits = is_float or (is_integer and max(-low.min(), high.max()) <= LARGEST_INTEGER)
+    fits = np.issubdtype(action_space.dtype, np.floating)
+    if np.issubdtype(action_space.dtype, np.integer):
+        fits = max(-low.min(), high.max()) <= LARGEST_INTEGER
     if not (fits and action_space.is_bounded()):
         raise ValueError(
             f"The action space {action_space} is not supported: a Box must be bounded, of floats "
@@ -162,14 +154,9 @@ def forward(
     memory: Float32Array,
     output: Float32Array,
 ) -> None:
-    """One forward pass.
+    """One forward pass of (n_parameters,) on (n_inputs,), with `scratch` as memory.
 
-    Args:
-        mlp: The network's shape.
-        parameters: (n_parameters,)
-        observation: (n_inputs,)
-        memory: (2, widest layer) scratch.
-        output: (n_outputs,) overwritten: actions scaled to the box, or a score for each action.
+    It overwrites `output`, (n_outputs,): actions scaled to the box, or a score for each choice.
     """
     last = mlp.sizes.shape[0] - 2
     offset = np.uint64(0)

@@ -17,9 +17,7 @@ from curiosity_algos.evaluation.mlp import DEFAULT_NET_ARCH, act, build_mlp
 
 
 class MlpPolicy(BasePolicy):
-    """The flat-vector MLP as an SB3 policy, deterministic.
-
-    `predict` runs the same compiled function as the evaluators.
+    """The flat-vector MLP as a deterministic SB3 policy, by the evaluators' compiled function.
 
     Args:
         observation_space: See `FlatObservations`, and `MAX_ENTRIES`.

@@ -31,6 +31,10 @@ SHARDS_PER_WORKER = 2
 MAX_RETRIES = 5
 """Times that Ray plays a shard again: an episode may kill its process each time."""
 _PLAY_SHARD = ray.remote(play_shard)
+_LATE = (
+    "Ray has ended no shard of a generation for {:g} seconds: machines may be gone or busy, or "
+    "episodes longer. A saved model goes on where it was saved."
+)
 
 MakeEvaluator = Callable[[], Evaluator]
 
@@ -86,9 +90,8 @@ class RayEvaluator(Evaluator):
         self.local = opened if is_own else make_evaluator(opened, policy_kwargs, int(num_cpus) or 1)
         self._packed = _pickled(env if is_own else _maker(self.local), "env")
         self.n_parameters = self.local.n_parameters
-        self.n_workers = n_workers
+        self.n_workers, self.shard_size = n_workers, shard_size
         self.num_cpus = num_cpus
-        self.shard_size = shard_size
         self.timeout = timeout
         self.address = address
         self.n_live = 0
@@ -160,24 +163,18 @@ class RayEvaluator(Evaluator):
         try:
             while waiting or running:
                 while waiting and len(running) < at_once:
-                    running[task.remote(generation, waiting[0])] = waiting.popleft()
-                ended = self._next_ended(list(running))
-                worker, parts[running.pop(ended).start] = _result(ended)
+                    shard = waiting.popleft()
+                    running[task.remote(generation, shard)] = shard
+                ended, _ = ray.wait(list(running), timeout=self.timeout)
+                if not ended:
+                    raise RuntimeError(_LATE.format(self.timeout))
+                worker, parts[running.pop(ended[0]).start] = _result(ended[0])
                 workers.add(worker)
         finally:
-            for shard in running:  # after an error, or Ctrl-C
-                ray.cancel(shard)
+            for unfinished in running:  # after an error, or Ctrl-C
+                ray.cancel(unfinished)
         self.n_live = len(workers)
         return concatenate([parts[begin] for begin in sorted(parts)])
-
-    def _next_ended(self, running: list[Any]) -> Any:
-        ended, _ = ray.wait(running, timeout=self.timeout)
-        if not ended:
-            raise RuntimeError(
-                f"Ray has ended no shard of a generation for {self.timeout:g} seconds: machines "
-                "may be gone or busy, or episodes longer. A saved model goes on where it was saved."
-            )
-        return ended[0]
 
 
 def _result(ended: Any) -> tuple[str, Rollouts]:

@@ -20,11 +20,7 @@ MakeSummarizers = Callable[[int], Mapping[str, Summarizer]]
 
 
 def check_parameters(parameters: Array, n_parameters: int) -> Float32Array:
-    """The population as evaluators need it: contiguous float32.
-
-    Raises:
-        ValueError: If it is not (P, n_parameters) with at least one individual, or not finite.
-    """
+    """The population as contiguous float32; ValueError unless it is finite and of the shape."""
     array = np.ascontiguousarray(parameters, dtype=np.float32)
     if array.ndim != 2 or array.shape[1] != n_parameters or len(array) == 0:
         raise ValueError(
@@ -42,11 +38,7 @@ def check_observations(observations: Array) -> None:
 
 
 def as_behaviors(behaviors: Sequence[Any]) -> Float64Array:
-    """Behaviors, at least one, as an array (P, B).
-
-    Raises:
-        ValueError: If they are not all numbers, of the same shape (B,).
-    """
+    """Behaviors, at least one, as an array (P, B); ValueError unless they are like numbers."""
     try:
         array = np.array(behaviors, dtype=np.float64)
     except (TypeError, ValueError):  # text, or shapes that differ
@@ -130,11 +122,7 @@ class Rollouts:
 
     @property
     def trajectories(self) -> tuple[Float32Array, Float32Array | Int64Array]:
-        """Observations and actions.
-
-        Raises:
-            ValueError: If the evaluator recorded none.
-        """
+        """Observations and actions; raises ValueError if the evaluator recorded none."""
         if self.observations is None or self.actions is None:
             raise ValueError(
                 "These rollouts hold no trajectories: `evaluator` must give them here."

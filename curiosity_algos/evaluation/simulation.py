@@ -47,10 +47,7 @@ class SimulationEvaluator(Evaluator):
         self._simulation: Any = None
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
-        """One episode of each policy (P, n_parameters).
-
-        A random start is that of the env's reset with `seed`, the same for all; None: a new one.
-        """
+        """One episode of each policy (P, n_parameters), all from the start that `seed` draws."""
         parameters = check_parameters(parameters, self.n_parameters)
         rngs = [seeding.np_random(seed)[0]] if self.draws else []
         n = min(len(parameters), MAX_SIMULATIONS)
@@ -63,10 +60,7 @@ class SimulationEvaluator(Evaluator):
         return concatenate(waves)
 
     def _play(
-        self,
-        simulation: Any,
-        parameters: Float32Array,
-        rngs: Sequence[np.random.Generator],
+        self, simulation: Any, parameters: Float32Array, rngs: Sequence[np.random.Generator]
     ) -> Rollouts:
         """Play one episode of each policy: at most as many as there are simulations."""
         task, horizon = self.known.task, self.known.horizon

@@ -34,8 +34,6 @@ _TRANSPARENT = (
     wrappers.TimeLimit,
 )
 """Wrappers that change neither dynamics nor rewards nor observations; `max_steps` reads limits."""
-
-
 SIMULATIONS = {
     MazeEnv: None,
     MazeVectorEnv: None,
@@ -112,7 +110,7 @@ def known_task(env: Any) -> KnownTask | None:
     Subclasses, and an assignment such as `env.reset_model = mine`, may change steps and rewards.
 
     Raises:
-        ValueError: If the horizon is no whole number.
+        ValueError: If an attribute was set of a wrapper, or the horizon is no whole number.
     """
     inner = layers(env)[-1]
     make_task = task_class(inner)
@@ -122,6 +120,12 @@ def known_task(env: Any) -> KnownTask | None:
     is_changed |= env.action_space is not inner.action_space
     if is_changed or (make_task is None and type(inner) not in SIMULATIONS):
         return None
+    shadowed = [name for layer in layers(env)[:-1] for name in vars(layer) if hasattr(inner, name)]
+    if shadowed:
+        raise ValueError(
+            f"`{shadowed[0]}` was set of a wrapper, which {type(inner).__name__} does not read: "
+            f"set `env.unwrapped.{shadowed[0]}`."
+        )
     if type(inner) in SIMULATIONS:
         check_at_least_one(horizon=inner.horizon)  # which may be set
         is_maze = SIMULATIONS[type(inner)] is None
@@ -139,10 +143,7 @@ def known_task(env: Any) -> KnownTask | None:
 
 
 def max_steps(env: Any) -> int:
-    """Steps after which an episode of a maze or task ends: its horizon, or a lower limit.
-
-    A limit does not change the reward, which knows the horizon alone.
-    """
+    """Steps after which an episode of a maze or task ends: its horizon, or a lower limit."""
     inner = layers(env)[-1]
     own = getattr(inner, "max_episode_steps", None)  # of a vector env, which no TimeLimit fits
     limits: list[int | None] = [inner.horizon, time_limit(env), own]
@@ -151,7 +152,5 @@ def max_steps(env: Any) -> int:
 
 def _are_alike(envs: list[gym.Env[Any, Any]]) -> bool:
     """Whether there is one env, or all are the same maze, task or robot."""
-    if len(envs) == 1:
-        return True
     first, *others = map(known_task, envs)
-    return first is not None and all(map(first.is_same, others))
+    return not others or (first is not None and all(map(first.is_same, others)))

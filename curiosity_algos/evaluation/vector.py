@@ -58,10 +58,7 @@ class VectorEvaluator(Evaluator):
 
     Episodes begin together, as many as there are envs, and every reset is seeded: results do not
     depend on the number of envs, unless a VectorEnv draws all its starts from one generator, or an
-    env remembers in an episode those before it.
-
-    Episodes must end: it is an error if one has not ended after `MAX_EPISODE_STEPS` steps, or after
-    a higher limit of the env (a TimeLimit, or a `horizon`).
+    env remembers in an episode those before it. Episodes must end, see `most_steps`.
 
     Args:
         env: The environment. A single env plays one episode after the other, unless an id or a
@@ -109,8 +106,7 @@ class VectorEvaluator(Evaluator):
         """One episode of each policy (P, n_parameters), each reset with the same seed.
 
         Raises:
-            ValueError: If the env's episodes do not end, or it gives what it must not; if
-                `parameters` are not finite.
+            ValueError: If an episode does not end, or observations are not finite.
             RuntimeError: If the env has ended a process that played it.
         """
         parameters = check_parameters(parameters, self.n_parameters)

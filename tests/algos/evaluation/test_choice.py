@@ -95,6 +95,15 @@ def test_a_method_that_only_the_env_in_sight_has_is_played(make_model, learn):
     assert learn(model) == {9}
 
 
+@pytest.mark.parametrize("n_envs", [1, 2])
+def test_what_a_monitor_gets_in_its_place_is_refused(n_envs, make_model):
+    model = make_model(CanonicalES, make_vec_env(MAZE, n_envs))
+    model.get_env().set_attr("horizon", 50)
+    with pytest.raises(ValueError, match="`horizon` was set of a wrapper, which MazeEnv does not"):
+        model.learn(1)
+    assert model.num_timesteps == 0
+
+
 @pytest.mark.extra("locomotion")
 @pytest.mark.parametrize("change", ["gravity", "weight", "limit", "method"])
 def test_a_robot_of_gymnasium_is_played_as_it_is_now(change, make_model):

@@ -79,20 +79,20 @@ def test_an_evaluation_leaves_the_next_alone(make_easy_maze, assert_same_rollout
     assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))
 
 
-@pytest.mark.parametrize("shape", [(2, 5), (1746,), (0, 1746), (2, 1, 1746)])
-def test_parameters_of_another_shape_are_refused(shape):
-    evaluator = make_evaluator("CuriosityMaze-Hard-v0")
-    with pytest.raises(ValueError, match=r"`parameters` must be of shape \(P, "):
-        evaluator.evaluate(np.zeros(shape))
-
-
-@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300])
-def test_parameters_that_are_not_finite_are_refused(value):
-    evaluator = make_evaluator("CuriosityMaze-Hard-v0")
-    parameters = np.zeros((3, evaluator.n_parameters))
-    parameters[1, 5] = value
-    with np.errstate(over="ignore"), pytest.raises(ValueError, match="`parameters` must be finite"):
-        evaluator.evaluate(parameters)
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (np.zeros((2, 5)), r"of shape \(P, 1746\)"),
+        (np.zeros((0, 1746)), r"of shape \(P, 1746\)"),
+        (np.full((2, 1746), np.nan), "finite"),
+        (np.full((2, 1746), 1e300), "finite"),
+    ],
+    ids=str,
+)
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_parameters_are_checked(parameters, message):
+    with pytest.raises(ValueError, match=f"`parameters` must be {message}"):
+        make_evaluator("CuriosityMaze-Hard-v0").evaluate(parameters)
 
 
 def test_parameters_that_overflow_give_finite_actions():

@@ -4,11 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from curiosity_algos import CanonicalES, MAPElites, make_evaluator
+from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation import simulation
 from curiosity_algos.evaluation.base import KnownTask
 from curiosity_algos.evaluation.mlp import build_mlp
@@ -16,7 +15,6 @@ from curiosity_algos.evaluation.simulation import SimulationEvaluator
 from curiosity_algos.evaluation.transparent import known_task
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.tasks import Stacker
 from curiosity_gym.core import SimulationError
 
 pytestmark = pytest.mark.extra("control", "locomotion")
@@ -53,24 +51,9 @@ class TestEveryTask:
         for other in others:
             assert_same_rollouts(one, other)
 
-    def test_equals_the_generic_evaluator(self, name, assert_same_rollouts):
-        env, mlp, parameters = make(name, 5, horizon=100)
-        envs = gym.make_vec(env.spec.id, num_envs=2, horizon=100)
-        generic = VectorEvaluator(envs, mlp).evaluate(parameters)
-        assert_same_rollouts(evaluate(env, mlp, parameters), generic)
-
-    def test_is_chosen_for_every_way_to_pass_the_env(self, name):
-        env = make(name)[0]
-        vector = gym.make_vec(env.spec.id, num_envs=2, vectorization_mode="vector_entry_point")
-        copies = DummyVecEnv([lambda: Monitor(make(name)[0])] * 2)
-        for each in (env.spec.id, env, env.unwrapped, Monitor(env), vector, copies):
-            assert isinstance(make_evaluator(each), SimulationEvaluator)
-        changed = gym.wrappers.TransformReward(env, lambda reward: 2.0 * reward)
-        assert isinstance(make_evaluator(changed), VectorEvaluator)
-
 
 class TestRandomStarts:
-    @pytest.mark.parametrize("name", NAMES)
+    @pytest.mark.parametrize("name", ["BallInCup", "Finger"])
     def test_are_those_of_the_envs_reset_with_the_seed(self, name, play, assert_equal_episodes):
         env, mlp, parameters = make(name, 5, horizon=100, random_start=True)
         for seed in (3, 4):
@@ -84,13 +67,6 @@ class TestRandomStarts:
         monkeypatch.setattr(simulation, "MAX_SIMULATIONS", 3)
         for threads in (1, 2):
             assert_same_rollouts(whole, evaluate(env, mlp, parameters, threads, seed=5))
-
-    def test_without_a_seed_are_new_and_still_the_same_for_all(self, monkeypatch):
-        env, mlp, parameters = make("BallInCup", 4, horizon=5, random_start=True)
-        monkeypatch.setattr(simulation, "MAX_SIMULATIONS", 2)
-        one, other = (evaluate(env, mlp, parameters).observations[:, 0] for _ in range(2))
-        assert len(np.unique(one, axis=0)) == len(np.unique(other, axis=0)) == 1
-        assert (one != other).any()
 
     def test_equal_those_of_the_generic_evaluator(self, assert_same_rollouts):
         keywords = {"horizon": 60, "random_start": True}
@@ -108,12 +84,6 @@ class TestRandomStarts:
         assert isinstance(make_evaluator(envs), VectorEvaluator)
         alike = DummyVecEnv([lambda: make("BallInCup", random_start=True)[0]] * 2)
         assert isinstance(make_evaluator(alike), SimulationEvaluator)
-
-    def test_give_elites_their_returns_again(self, make_model):
-        env = make("BallInCup", horizon=40, random_start=True)[0]
-        model = make_model(MAPElites, env).learn(3000)
-        assert len(np.unique(model.archive.data("seed"))) > 1
-        assert model.archive.verify(env).share == 1.0
 
 
 def test_a_time_limit_ends_episodes_and_leaves_rewards(play, assert_equal_episodes):
@@ -198,25 +168,6 @@ def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
         np.testing.assert_array_equal(rollouts.behaviors, expected.behaviors[:n])
 
 
-def test_the_parts_of_a_behavior_are_logged(make_model):
-    model = make_model(CanonicalES, make("BallInCup", horizon=30)[0])
-    logged = {}
-    model.set_logger(Logger(None, [Keep(logged)]))
-    model.learn(200)
-    assert logged["coverage/ball"] == model.coverage_shares["ball"]
-    assert logged["coverage/reachable"] < logged["coverage/ball"] < 1.0
-
-
-class Keep(KVWriter):
-    """Keeps what was logged last."""
-
-    def __init__(self, logged):
-        self.logged = logged
-
-    def write(self, key_values, key_excluded, step=0):
-        self.logged |= key_values
-
-
 def test_many_individuals_are_played_in_waves(monkeypatch, assert_same_rollouts):
     env, mlp, parameters = make("Stacker", 11, success_threshold=1e-45, horizon=60)
     whole = evaluate(env, mlp, parameters)
@@ -238,27 +189,9 @@ def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))
 
 
-def test_a_stricter_success_reaches_the_evaluator_whatever_is_passed():
-    env, mlp, parameters = make("Stacker", 16, success_threshold=0.5)
-    strict = evaluate(env, mlp, parameters)
-    loose = evaluate(make("Stacker", success_threshold=1e-45)[0], mlp, parameters)
-    assert strict.success.sum() < loose.success.sum()
-    kind = {"num_envs": 2, "vectorization_mode": "vector_entry_point"}
-    vector = gym.make_vec(env.spec.id, success_threshold=0.5, **kind)
-    for each in (env, vector, DummyVecEnv([lambda: Monitor(env)])):
-        assert make_evaluator(each).known.task == Stacker(0.5)
-
-
 def test_stackers_of_different_thresholds_are_not_taken_for_one():
     envs = DummyVecEnv([lambda t=t: make("Stacker", success_threshold=t)[0] for t in (0.1, 0.5)])
     assert isinstance(make_evaluator(envs), VectorEvaluator)
-
-
-def test_parameters_that_overflow_give_finite_actions():
-    evaluator = make_evaluator(gym.make("CuriosityControl-Finger-v0", horizon=20))
-    rollouts = evaluator.evaluate(np.full((3, evaluator.n_parameters), 1e38))
-    assert np.isfinite(rollouts.behaviors).all()
-    assert (np.abs(rollouts.actions) <= 1.0).all()
 
 
 ROBOTS = ["Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d"]
@@ -316,9 +249,3 @@ class TestRobots:
             [lambda b=b: gym.make(env_id, behavior=b) for b in ("position", "feet")]
         )
         assert isinstance(make_evaluator(others), VectorEvaluator)
-
-    def test_learn_and_keep_their_elites(self, make_model):
-        env = gym.make("CuriosityLocomotion-Walker2d-v0", behavior="feet", horizon=60)
-        model = make_model(MAPElites, env).learn(2000)
-        assert len(model.archive) > 3
-        assert model.archive.verify(env).share == 1.0

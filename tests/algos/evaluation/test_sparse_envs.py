@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.wrappers import TimeLimit
-from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -20,8 +19,6 @@ HORIZON = 30
 ENV_IDS = [
     env_id for env_id in SPECS if env_id.startswith(("CuriosityControl-", "CuriositySparse-"))
 ]
-OFF_POLICY = {"learning_starts": 20, "buffer_size": 500, "batch_size": 16, "train_freq": 4}
-PEERS = {PPO: {"n_steps": 64, "n_epochs": 2}, SAC: OFF_POLICY}
 
 
 def make_copies(env_id):
@@ -64,16 +61,6 @@ class TestEveryTask:
         assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters, seed=5))
 
 
-@pytest.mark.extra("control")
-@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.__name__)
-def test_stable_baselines3s_algorithms_run(peer):
-    env = gym.make("CuriositySparse-CartPoleSwingUp-v0", horizon=HORIZON)
-    model = peer("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=0, **PEERS[peer])
-    model.learn(200)
-    assert model.num_timesteps >= 200
-    assert len(model.ep_info_buffer) >= 6
-
-
 @pytest.mark.parametrize("wrap", WRAPPERS.values(), ids=WRAPPERS)
 class TestWrappers:
     def test_coverage_counts_the_behavior_space(self, wrap):
@@ -88,11 +75,3 @@ class TestWrappers:
         grid = coverage_grid(DummyVecEnv([lambda: Monitor(env)]))
         assert grid.dimensions == (0, 1)
         assert grid.reachable is None
-
-    def test_many_in_an_evaluator_are_a_plain_loop(self, wrap, play, assert_equal_episodes):
-        evaluator = make_evaluator(lambda: wrap(gym.make("CartPole-v1")))
-        rng = np.random.default_rng(0)
-        parameters = rng.standard_normal((20, evaluator.n_parameters)).astype(np.float32)
-        rollouts = evaluator.evaluate(parameters, seed=1)
-        env = wrap(gym.make("CartPole-v1"))
-        assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters, seed=1))

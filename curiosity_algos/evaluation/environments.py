@@ -103,7 +103,7 @@ class GymnasiumView(SingleVecEnv):
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
         self.vector_env = vector_env
-        super().__init__(_single_env_maker(vector_env)())
+        super().__init__(_single_env(vector_env))
         self._close_own = weakref.finalize(self, self.envs[0].close)
 
     def close(self) -> None:
@@ -112,14 +112,13 @@ class GymnasiumView(SingleVecEnv):
             self._close_own()
 
 
-def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
-    """A function that makes one env like those of `env`."""
+def _single_env(env: Any) -> Any:
+    """Make one env like those of a VectorEnv."""
     makers = getattr(env, "env_fns", None)
     if isinstance(makers, list | tuple):  # gymnasium 1.2 leaves a spent generator
-        maker: MakeEnv = makers[0]
-        return maker
+        return makers[0]()
     if isinstance(env, EpisodicVectorEnv):
-        return env.make_single_env
+        return env.make_single_env()
     spec = None if isinstance(env, VectorWrapper) else env.spec  # that of what it wraps
     if spec is None:
         raise ValueError(
@@ -127,7 +126,7 @@ def _single_env_maker(env: VectorEnv[Any, Any, Any]) -> MakeEnv:
             "no wrapper of all its envs, so that a single env like its own can be made."
         )
     kwargs = {key: value for key, value in spec.kwargs.items() if key not in VECTOR_KEYWORDS}
-    return lambda: gym.make(spec.id, **kwargs)
+    return gym.make(spec.id, **kwargs)
 
 
 def monitors(env: Any) -> Iterator[Monitor]:

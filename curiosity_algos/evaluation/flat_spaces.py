@@ -145,15 +145,12 @@ class FlatObservations:
 class FlatActions:
     """Makes actions of a policy's outputs, and numbers of actions for a bonus.
 
-    A Discrete begins at 0, a Box has one dimension, a MultiBinary gives its bits, and a
-    MultiDiscrete the one-hot of each choice.
-
     Args:
         space: Box, Discrete, MultiBinary or MultiDiscrete.
 
     Attributes:
-        space: The space of what a bonus sees: Discrete, or a Box (A,).
-        has_scores: Whether outputs are scores of choices, and not the numbers of a Box.
+        space: The space of what a bonus sees: Discrete from 0, or a Box (A,), which has the bits of
+            a MultiBinary, and the one-hot of each choice of a MultiDiscrete.
 
     Raises:
         ValueError: If the space is another, or empty.
@@ -168,7 +165,6 @@ class FlatActions:
                 "MultiBinary or a Box, of at least one entry."
             )
         self._own = space
-        self.has_scores = not isinstance(space, spaces.Box)
         flat: Any = space
         if isinstance(space, spaces.Discrete):
             flat = space if space.start == 0 else spaces.Discrete(int(space.n))
@@ -224,7 +220,7 @@ def _entries(space: spaces.Dict | spaces.Tuple[Any]) -> list[tuple[str | int, Sp
 
 
 def _leaves(space: Space, name: str = "") -> Iterator[tuple[str, Space]]:
-    """The entries that hold no others, with whole names such as "robot.arm"."""
+    """The entries without entries of their own, by whole names such as "robot.arm"."""
     if not isinstance(space, spaces.Dict | spaces.Tuple):
         yield name, space
         return

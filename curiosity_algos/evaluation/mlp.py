@@ -88,10 +88,10 @@ def build_mlp(
 
 
 def _output_range(action_space: spaces.Space[Any]) -> tuple[Float64Array, Float64Array, bool]:
-    if FlatActions(action_space).has_scores:
+    FlatActions(action_space)  # raises where there is no such output
+    if not isinstance(action_space, spaces.Box):
         n = spaces.flatdim(action_space)
         return np.zeros(n), np.ones(n), True
-    assert isinstance(action_space, spaces.Box)
     low, high = action_space.low.ravel(), action_space.high.ravel()
     low, high = low.astype(np.float64), high.astype(np.float64)
     fits = np.issubdtype(action_space.dtype, np.floating)

@@ -17,8 +17,7 @@ Space = spaces.Space[Any]
 class ObservationRows:
     """Puts observations into one array as Stable-Baselines3's buffers do, and takes them out.
 
-    Those of a Dict are records (structured arrays of NumPy): `observations["name"]` is an entry's
-    array, as in SB3's `DictReplayBuffer`, and one buffer serves them all.
+    Those of a Dict are records (structured arrays of NumPy), so that one buffer serves all spaces.
 
     Args:
         space: What SB3's policies take, see `check_sb3_takes`.
@@ -57,7 +56,7 @@ class ObservationRows:
     def load(self, column: Array, saved: Any) -> None:
         """Write what `sampled` gave of the first rows of a column."""
         for name in column.dtype.names or (...,):
-            part = saved if column.dtype.names is None else saved[name]
+            part = saved if name is ... else saved[name]
             column[name][: len(part)] = part
 
     def own(self, rows: Array) -> Any:

@@ -42,7 +42,7 @@ def lengths_of(n):
 
 
 @pytest.mark.parametrize(("n", "sizes"), [(4, [4]), (9, [4, 4, 1])])
-def test_more_than_a_block_are_cut(n, sizes):
+def test_more_than_a_block_are_cut(n, sizes, assert_same_rollouts):
     evaluator = Counting(block_size=4)
     rollouts = evaluator.play(make_population(evaluator, n), 0, lengths_of(n))
     assert evaluator.sizes == sizes
@@ -51,9 +51,7 @@ def test_more_than_a_block_are_cut(n, sizes):
     np.testing.assert_array_equal(lengths, rollouts.lengths)
     np.testing.assert_array_equal(places, np.arange(n))
     whole = make_evaluator(make_maze()).evaluate(make_population(evaluator, n), 0)
-    same = ("returns", "lengths", "success", "terminated", "behaviors", "final_observations")
-    for name in (*same, "visited"):
-        np.testing.assert_array_equal(getattr(rollouts, name), getattr(whole, name))
+    assert_same_rollouts(rollouts, whole)
 
 
 def test_whole_trajectories_are_played_in_one_block():

@@ -105,7 +105,7 @@ def test_what_a_monitor_gets_in_its_place_is_refused(n_envs, make_model):
 
 
 @pytest.mark.extra("locomotion")
-@pytest.mark.parametrize("change", ["gravity", "weight", "limit", "method"])
+@pytest.mark.parametrize("change", ["gravity", "limit", "method"])
 def test_a_robot_of_gymnasium_is_played_as_it_is_now(change, make_model):
     def altered():
         env = make(ROBOT)
@@ -115,8 +115,6 @@ def test_a_robot_of_gymnasium_is_played_as_it_is_now(change, make_model):
     def alter(env):
         if change == "gravity":
             env.unwrapped.model.opt.gravity[0] = 9.0
-        elif change == "weight":
-            env.unwrapped._ctrl_cost_weight = 100.0
         elif change == "limit":
             env.set_wrapper_attr("_max_episode_steps", 9)
         else:

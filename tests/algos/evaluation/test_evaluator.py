@@ -1,7 +1,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium import spaces, wrappers
+from gymnasium import wrappers
 from gymnasium.vector import AsyncVectorEnv
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
@@ -12,12 +12,9 @@ from stable_baselines3.common.vec_env import (
     VecNormalize,
 )
 
-from curiosity_algos import CanonicalES, CuriosityES, make_evaluator
-from curiosity_algos.evaluation.base import Evaluator
+from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.mlp import act
-from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.maze.maze_env import MazeEnv
 from curiosity_gym.maze.vector_env import MazeVectorEnv
@@ -99,10 +96,8 @@ def test_changed_mazes_keep_their_change(
 
 
 LIMITS = {
-    "one": lambda env: wrappers.TimeLimit(env, 30),
+    "one": lambda env: Monitor(wrappers.TimeLimit(env, 30)),
     "none that counts": lambda env: wrappers.TimeLimit(env, 1000),
-    "monitored": lambda env: Monitor(wrappers.TimeLimit(env, 30)),
-    "dummy": lambda env: DummyVecEnv([lambda: wrappers.TimeLimit(env, 30)]),
     "native vector": lambda env: gym.make_vec(
         "CuriosityMaze-v0",
         num_envs=2,
@@ -226,48 +221,3 @@ def test_the_single_env_of_a_vector_env_has_its_keywords():
     env.reset()
     ends = [env.step(np.zeros(2, dtype=np.float32))[3] for _ in range(6)]
     assert ends == [False] * 5 + [True]
-
-
-class Target(gym.Env):
-    """One step, rewarded by how near the action is to .5."""
-
-    observation_space = spaces.Box(-1.0, 1.0, (1,))
-    action_space = spaces.Box(-1.0, 1.0, (1,))
-
-    def reset(self, *, seed=None, options=None):
-        return np.ones(1, dtype=np.float32), {}
-
-    def step(self, action):
-        return np.zeros(1, dtype=np.float32), -abs(float(action[0]) - 0.5), True, False, {}
-
-
-class TargetEvaluator(Evaluator):
-    """All individuals' steps at once."""
-
-    def __init__(self, mlp):
-        self.mlp = mlp
-        self.n_parameters = mlp.n_parameters
-
-    def evaluate(self, parameters, seed=None):
-        n = len(parameters)
-        actions = act(self.mlp, parameters, np.ones((n, 1)))
-        return Rollouts(
-            returns=-np.abs(actions[:, 0].astype(np.float64) - 0.5),
-            lengths=np.ones(n, dtype=np.int64),
-            success=np.zeros(n, dtype=np.bool_),
-            terminated=np.zeros(n, dtype=np.bool_),
-            behaviors=np.empty((n, 0)),
-            final_observations=np.zeros((n, 1), dtype=np.float32),
-        )
-
-
-def test_an_algorithm_learns_the_same_with_an_evaluator_of_ones_own():
-    settings = {"population_size": 6, "n_parents": 3, "seed": 0}
-    plain = CanonicalES(Target(), **settings).learn(60)
-    own = TargetEvaluator(plain.policy.mlp)
-    model = CanonicalES(Target(), evaluator=own, **settings).learn(60)
-    assert model.best_return == plain.best_return < 0.0
-    np.testing.assert_array_equal(model.policy.vector, plain.policy.vector)
-    curious = CuriosityES(Target(), evaluator=own, device="cpu", **settings)
-    with pytest.raises(ValueError, match="no trajectories: `evaluator` must give them"):
-        curious.learn(60)

@@ -114,13 +114,7 @@ def test_individuals_that_succeed_are_stepped_no_more(monkeypatch):
 
 
 class Passing:
-    """Simulations that succeed in their second step alone, with which the first ends.
-
-    Args:
-        task: Its sizes.
-        n: Simulations.
-        n_threads: Unused.
-    """
+    """Simulations that succeed in their second step alone, with which the first ends."""
 
     def __init__(self, task, n, n_threads):
         self.n = n
@@ -189,11 +183,6 @@ def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     assert_same_rollouts(first, evaluator.evaluate(parameters.astype(np.float64), seed=9))
 
 
-def test_stackers_of_different_thresholds_are_not_taken_for_one():
-    envs = DummyVecEnv([lambda t=t: make("Stacker", success_threshold=t)[0] for t in (0.1, 0.5)])
-    assert isinstance(make_evaluator(envs), VectorEvaluator)
-
-
 ROBOTS = ["Ant", "HalfCheetah", "Hopper", "Humanoid", "Swimmer", "Walker2d"]
 
 
@@ -225,17 +214,6 @@ class TestRobots:
     )
     def test_others_are_left_to_the_generic_one(self, make_env):
         assert isinstance(make_evaluator(make_env()), VectorEvaluator)
-
-    @pytest.mark.parametrize("env_id", ["Hopper-v5", "CuriosityLocomotion-Hopper-v0"])
-    def test_one_whose_methods_were_replaced_is_another(self, env_id):
-        env = gym.make(env_id)
-        env.unwrapped.step = env.unwrapped.step
-        assert isinstance(make_evaluator(env), VectorEvaluator)
-
-    def test_of_other_options_are_not_taken_for_one(self):
-        bodies = [{"main_body": name} for name in ("torso", "aux_1")]
-        makers = [lambda b=b: gym.make("CuriosityLocomotion-Ant-v0", env_kwargs=b) for b in bodies]
-        assert isinstance(make_evaluator(DummyVecEnv(makers)), VectorEvaluator)
 
     def test_are_known_in_stable_baselines_and_gymnasiums_vectors(self):
         env_id = "CuriosityLocomotion-Hopper-v0"

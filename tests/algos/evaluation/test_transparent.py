@@ -68,25 +68,10 @@ def robots(*keywords):
 def test_robots_that_are_the_same_become_one():
     alike = robots({}, {}, {})
     assert as_played(alike) is alike.envs[0]
-
-
-@pytest.mark.extra("locomotion")
-@pytest.mark.parametrize("given", [{"reset_noise_scale": 0.0}, {"max_episode_steps": 9}])
-def test_robots_that_differ_stay_together(given):
-    different = robots({}, given)
+    different = robots({}, {"reset_noise_scale": 0.0})
     assert as_played(different) is different
-
-
-@pytest.mark.extra("locomotion")
-def test_robots_that_were_changed_stay_together():
-    for change in ("gravity", "method"):
-        changed = robots({}, {})
-        last = changed.envs[1].unwrapped
-        if change == "gravity":
-            last.model.opt.gravity[2] = -3.0
-        else:
-            last.set_state = lambda qpos, qvel: None
-        assert as_played(changed) is changed
+    alike.envs[1].unwrapped.set_state = lambda qpos, qvel: None
+    assert as_played(alike) is alike
 
 
 def test_a_window_is_no_part_of_a_task():

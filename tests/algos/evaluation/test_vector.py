@@ -3,13 +3,13 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.envs.classic_control import CartPoleEnv, PendulumEnv
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorWrapper
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
 
 from curiosity_algos import CanonicalES, make_evaluator
 from curiosity_algos.evaluation import vector
-from curiosity_algos.evaluation.mlp import act, build_mlp
+from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.vector import VectorEvaluator
 
 IDS = {"Pendulum-v1": 30, "maze": 64}
@@ -60,23 +60,6 @@ def test_every_kind_of_env_equals_a_plain_loop(kind, env_maker, play, assert_equ
         env.close()
 
 
-@pytest.mark.parametrize("kind", ["single", "dummy"])
-def test_returns_are_those_of_a_monitor(kind, env_maker):
-    monitor = Monitor(env_maker())
-    mlp, parameters = make_policies(monitor)
-    env = KINDS[kind](env_maker)
-    try:
-        rollouts = VectorEvaluator(env, mlp).evaluate(parameters, 3)
-    finally:
-        env.close()
-    for policy, total in zip(parameters, rollouts.returns, strict=True):
-        observation, _ = monitor.reset(seed=3)
-        info = {}
-        while "episode" not in info:
-            observation, *_, info = monitor.step(act(mlp, policy[None], observation[None])[0])
-        assert round(total, 6) == info["episode"]["r"]
-
-
 def test_episodes_of_one_generation_share_their_start_and_seeds_differ():
     env = gym.make("CartPole-v1")
     mlp, parameters = make_policies(env)
@@ -95,25 +78,6 @@ def test_a_vector_env_with_one_generator_for_all_is_seeded_once():
     one, same = (VectorEvaluator(env, mlp).evaluate(parameters, 7) for _ in range(2))
     np.testing.assert_array_equal(one.final_observations, same.final_observations)
     np.testing.assert_array_equal(one.returns, one.lengths)
-
-
-class OnlyObservations(VectorWrapper):
-    """Of what Gymnasium's own give at the end of an episode, an env need not give the infos."""
-
-    def step(self, actions):
-        *step, infos = self.env.step(actions)
-        return *step, {name: each for name, each in infos.items() if "final_info" not in name}
-
-
-def test_final_infos_may_be_missing(assert_same_rollouts):
-    env = gym.make("CartPole-v1")
-    mlp, parameters = make_policies(env)
-    envs = SyncVectorEnv([lambda: gym.make("CartPole-v1")] * 2, autoreset_mode="SameStep")
-    expected, rollouts = (
-        VectorEvaluator(each, mlp).evaluate(parameters, 3)
-        for each in (envs, OnlyObservations(envs))
-    )
-    assert_same_rollouts(expected, rollouts)
 
 
 class NoInfos(VecEnvWrapper):
@@ -242,11 +206,6 @@ def test_episodes_side_by_side_have_like_behaviors(behaviors):
         make_evaluator(env, {"net_arch": []}).evaluate(np.zeros((2, 3)), 0)
 
 
-def test_whole_numbers_of_a_reset_round_no_later_observation():
-    rollouts = make_evaluator(Odd, {"net_arch": []}).evaluate(np.zeros((1, 3)), 0)
-    np.testing.assert_array_equal(rollouts.observations[0], [[0, 0], [0.5, -1.5], [0.5, -1.5]])
-
-
 class Wrong(Odd):
     """It gives one thing that it must not, in its second step unless it says in which."""
 
@@ -281,7 +240,7 @@ def test_what_an_env_must_not_give_is_named(given, message):
         evaluator.evaluate(np.zeros((2, 3)), 0)
 
 
-@pytest.mark.parametrize("reward", [2, np.float32(2.0), np.array(2.0), True])
+@pytest.mark.parametrize("reward", [2, np.array(2.0), True])
 def test_rewards_of_any_type_are_numbers(reward):
     rollouts = make_evaluator(Wrong(reward=reward), {"net_arch": []}).evaluate(np.zeros((1, 3)), 0)
     assert rollouts.returns.tolist() == [float(reward)]
@@ -311,9 +270,8 @@ class TestNumberOfEnvs:
     def _count_anew(self, monkeypatch):
         monkeypatch.setattr(Counted, "n_made", 0)
 
-    @pytest.mark.parametrize("n_threads", [None, 2])
-    def test_of_an_object_is_one_which_plays_one_episode_after_the_other(self, n_threads, caplog):
-        evaluator = make_evaluator(Counted(), {"net_arch": []}, n_threads)
+    def test_of_an_object_is_one_which_plays_one_episode_after_the_other(self, caplog):
+        evaluator = make_evaluator(Counted(), {"net_arch": []}, 2)
         evaluator.evaluate(np.zeros((1, 3)), 0)
         assert caplog.messages == []
         for seed in (0, None):
@@ -339,11 +297,6 @@ class TestNumberOfEnvs:
         evaluator = make_evaluator(lambda: gym.wrappers.TimeLimit(env, 5), {"net_arch": []})
         with pytest.raises(ValueError, match="`env` must be a function that makes a new env"):
             evaluator.evaluate(np.zeros((2, 3)), 0)
-
-    def test_a_function_may_make_a_vector_env(self):
-        evaluator = make_evaluator(lambda: SyncVectorEnv([Counted] * 3), {"net_arch": []})
-        evaluator.evaluate(np.zeros((7, 3)), 0)
-        assert Counted.n_made == 3
 
     def test_without_a_seed_is_one_whose_starts_differ(self):
         evaluator = make_evaluator("CartPole-v1", {"net_arch": []})

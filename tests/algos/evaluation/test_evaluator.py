@@ -17,7 +17,6 @@ from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.maze.vector_env import MazeVectorEnv
 
 HARD = "CuriosityMaze-Hard-v0"
 SMALL = {"net_arch": [4]}
@@ -38,11 +37,6 @@ class TwiceRewarded(MazeEnv):
     def step(self, action):
         observation, reward, *rest = super().step(action)
         return observation, 2.0 * reward + 1.0, *rest
-
-
-class HalfSteered(MazeVectorEnv):
-    def step(self, actions):
-        return super().step(0.5 * actions)
 
 
 class HalfLimit(wrappers.TimeLimit):
@@ -128,15 +122,6 @@ def test_mazes_of_different_limits_are_not_taken_for_one():
     evaluator = make_evaluator(DummyVecEnv(makers), SMALL)
     rollouts = evaluator.evaluate(np.zeros((2, evaluator.n_parameters)))
     np.testing.assert_array_equal(rollouts.lengths, [5, 7])
-
-
-def test_changed_vector_mazes_keep_their_change():
-    env = HalfSteered("hard", num_envs=2, horizon=20)
-    evaluator = make_evaluator(env, SMALL)
-    rng = np.random.default_rng(0)
-    parameters = rng.normal(0, 0.1, (2, evaluator.n_parameters)).astype(np.float32)
-    plain = make_evaluator(MazeEnv("hard", horizon=20), SMALL).evaluate(parameters)
-    assert not np.array_equal(evaluator.evaluate(parameters).behaviors, plain.behaviors)
 
 
 WRAPPED = [

@@ -54,8 +54,7 @@ def numeric(space: Space) -> Space:
 
 def warn_of_what_is_left_out(space: Space) -> None:
     """Warn of the entries that `numeric` leaves out of a space, if there are any."""
-    kept = {name for name, _ in _leaves(numeric(space))}
-    left = [f"{name!r}, {entry}" for name, entry in _leaves(space) if name not in kept]
+    left = [f"{name!r}, {entry}" for name, entry in _leaves(space) if _is_no_number(entry)]
     if left:
         warnings.warn(
             f"Nothing is learned from what is no number in the observations: {'; '.join(left)}. "

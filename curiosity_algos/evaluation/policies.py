@@ -71,10 +71,6 @@ class MlpPolicy(BasePolicy):
         vectors = self.seen.many(observation) if is_batch else self.seen.one(observation)[None]
         return th.as_tensor(np.array(vectors)), is_batch
 
-    def forward(self, obs: PyTorchObs, deterministic: bool = True) -> th.Tensor:
-        """Actions for a batch of vectors (n, n_inputs), as `obs_to_tensor` gives them."""
-        return self._predict(obs, deterministic)
-
     def _predict(self, observation: PyTorchObs, deterministic: bool = True) -> th.Tensor:
         assert isinstance(observation, th.Tensor)  # `obs_to_tensor` makes no dictionary
         outputs = act(self.mlp, self.vector[None], observation.numpy())

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.resources
 import os
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
-from importlib.resources.abc import Traversable
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -71,18 +69,10 @@ def _keep_on_disk(dispatcher: Any, package: str) -> None:
 def _digest(package: str) -> bytes:
     """A digest of the contents of every source file in a package."""
     digest = hashlib.sha256()
-    for source in _source_files(importlib.resources.files(package)):
-        digest.update(source.name.encode() + source.read_bytes())
+    for folder in map(Path, sys.modules[package].__path__):
+        for source in sorted(folder.rglob("*.py")):
+            digest.update(source.name.encode() + source.read_bytes())
     return digest.digest()
-
-
-def _source_files(folder: Traversable) -> Iterator[Traversable]:
-    """The source files in a folder and those below it, on disk or in a zip, in a fixed order."""
-    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if entry.is_dir():
-            yield from _source_files(entry)
-        elif entry.name.endswith(".py"):
-            yield entry
 
 
 class ThreadPool:
@@ -90,17 +80,15 @@ class ThreadPool:
 
     Python threads and not Numba's own: those abort after a fork or on concurrent calls. The
     function must release the GIL and write only to its own slice: results depend on nothing else.
+
+    Args:
+        n_threads: At least 1; None: as many as this process has processors.
+
+    Raises:
+        ValueError: If `n_threads` is less than 1.
     """
 
     def __init__(self, n_threads: int | None = None) -> None:
-        """Create the pool; its threads start with the first use.
-
-        Args:
-            n_threads: At least 1; None: as many as this process has processors.
-
-        Raises:
-            ValueError: If `n_threads` is less than 1.
-        """
         if n_threads is not None:
             check_at_least_one(n_threads=n_threads)
         self.n_threads = int(n_threads or available_cpus())
@@ -112,16 +100,10 @@ class ThreadPool:
         n_slices = max(1, min(n_slices, n_items))
         bounds = [n_items * i // n_slices for i in range(n_slices + 1)]
         left = iter(list(pairwise(bounds)))  # each thread takes the next: `next` holds the GIL
-        failed = threading.Event()
 
         def work() -> None:
-            try:
-                for begin, end in left:
-                    if not failed.is_set():  # after an error nothing more begins
-                        function(begin, end)
-            except BaseException:
-                failed.set()
-                raise
+            for begin, end in left:
+                function(begin, end)
 
         # The caller's own thread is one of them, which saves a hand-over.
         others = min(self.n_threads, n_slices) - 1

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
+import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
@@ -17,7 +18,6 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
-from curiosity_gym.episode_state import checked_state, make_generators
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.validation import (
     as_float32,
@@ -45,16 +45,11 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         autoreset_mode: When an env that ended is reset: an `AutoresetMode` or its value. With
             `DISABLED`, `reset(options={"reset_mask": mask})` does it.
         max_episode_steps: Truncates episodes after so many steps, as the `TimeLimit` of
-            `gymnasium.make` does; a sparse reward stays that of the horizon. None or -1: no such
-            limit.
+            `gymnasium.make` does; a sparse reward stays that of the horizon. None: no such limit.
         render_mode: "rgb_array" or None.
         copy: Hand out new arrays each step; False: the observations of a step are overwritten by
             the next.
         n_threads: None: as many as there are processors. Results do not depend on it.
-
-    Attributes:
-        horizon: The T of the reward `1 - t / T`; no episode is longer.
-        max_episode_steps: The argument, which may be above `horizon`, or None for -1.
 
     Raises:
         ValueError: If an argument is not what it may be.
@@ -83,8 +78,6 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     ) -> None:
         check_at_least_one(num_envs=num_envs)
         num_envs = int(num_envs)  # one of numpy may have no room for what is counted with it
-        if max_episode_steps == -1:  # as `gymnasium.make` has it
-            max_episode_steps = None
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
             max_episode_steps = int(max_episode_steps)
@@ -153,29 +146,26 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """The seed of each env."""
-        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+        if seed is None or isinstance(seed, Integral):
             check_seed(seed)
             return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        seeds = list(seed)
-        if len(seeds) != self.num_envs:
-            raise ValueError(
-                f"`seed` must hold {self.num_envs} seeds, one an env, got {len(seeds)}."
-            )
-        for own in seeds:
+        for own in seed:
             check_seed(own)
-        return [None if own is None else int(own) for own in seeds]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"`seed` must hold {self.num_envs} seeds, one an env, got {seed!r}.")
+        return [None if own is None else int(own) for own in seed]
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         mask = None if options is None else options.get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, dtype=np.bool_)
-        is_mask = isinstance(mask, np.ndarray) and mask.dtype == np.bool_
-        if not is_mask or mask.shape != (self.num_envs,) or not mask.any():
+        mask = np.asarray(mask)
+        if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(
                 f'`options["reset_mask"]` must be a bool array of shape ({self.num_envs},) with at '
                 "least one True."
             )
-        return np.asarray(mask)
+        return mask
 
     def _begin(self, mask: Mask, options: dict[str, Any] | None = None) -> None:
         ids = np.flatnonzero(mask)
@@ -309,11 +299,15 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         Raises:
             ValueError: If it is not a state of such an environment; nothing has changed then.
         """
+        own = {key: _like(key, state[key], like) for key, like in self._snapshot().items()}
         longest = min(self.horizon, self.max_episode_steps or self.horizon)
-        own = checked_state(state, self._snapshot(), longest)
-        if self.autoreset_mode == AutoresetMode.SAME_STEP and own["ended"].any():
-            raise ValueError("`state` must hold no ended envs: same-step autoreset leaves none.")
-        rngs = make_generators(state["generators"], len(self._rngs))
+        if ((own["steps"] < 0) | (own["steps"] - own["ended"] >= longest)).any():
+            raise ValueError(f"`state` must be of episodes of at most {longest} steps.")
+        if len(state["generators"]) != len(self._rngs):
+            raise ValueError(f"`state` must have {len(self._rngs)} generators.")
+        rngs = [np.random.Generator(np.random.PCG64()) for _ in self._rngs]
+        for rng, generator in zip(rngs, state["generators"], strict=True):
+            rng.bit_generator.state = generator
         self.simulation.restore(own["physics"], own["observations"])
         self._steps, self._ended, self._rngs = own["steps"], own["ended"], rngs
 
@@ -332,3 +326,15 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     def close_extras(self, **kwargs: Any) -> None:
         """Close the viewer, if there is one."""
         self._single.close()
+
+
+def _like(key: str, value: Any, like: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """An entry of a state as a new array, which must be as the env's own is."""
+    array = np.array(value, order="C")
+    is_alike = array.shape == like.shape and array.dtype == like.dtype
+    if not is_alike or not np.isfinite(array).all():
+        raise ValueError(
+            f"`state` must be of the same environment: its {key} must be finite, {like.dtype}, of "
+            f"shape {like.shape}."
+        )
+    return array

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 import warnings
 from types import ModuleType
@@ -42,12 +41,4 @@ def _import(extra: str, module: str) -> ModuleType:
         raise DependencyNotInstalled(
             f"This needs {module}, which cannot be imported ({error}): run "
             f"`{install_command(extra)}`."
-        ) from error
-    except Exception as error:
-        if "MUJOCO_GL" not in os.environ:
-            raise
-        # mujoco and dm_control load the library that it names, and fail in ways of their own.
-        raise DependencyNotInstalled(
-            f"`MUJOCO_GL` must be unset or name an OpenGL library that is installed, egl, osmesa "
-            f"or glfw, got {os.environ['MUJOCO_GL']!r}: {module} cannot be imported ({error})."
         ) from error

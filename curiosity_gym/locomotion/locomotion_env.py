@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Mapping
+from contextlib import closing
 from functools import partial
 from typing import Any
 
+from gymnasium.envs.registration import load_env_creator
+
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.extras import import_extra
 from curiosity_gym.fixed import fixed
 from curiosity_gym.layouts import MazeLayout
-from curiosity_gym.locomotion.original import make_simulation
-from curiosity_gym.locomotion.tasks import TASKS
+from curiosity_gym.locomotion.simulation import LocomotionSimulation
+from curiosity_gym.locomotion.tasks import BEHAVIORS, TASKS, LocomotionTask
+from curiosity_gym.locomotion.worlds import World
 from curiosity_gym.mujoco_viewer import MujocoViewer
-from curiosity_gym.validation import check_at_least_one, check_bool, check_choice
+from curiosity_gym.validation import check_at_least_one, check_bool, check_choice, check_keywords
 
 SETTINGS = ("env_id", "task", "behavior", "world", "layout", "env_kwargs", "width", "height")
 """The settings of a robot that cannot be changed."""
@@ -85,7 +91,8 @@ class LocomotionEnv(EpisodicEnv):
         horizon: Steps after which an episode is truncated.
         width: Of a frame (pixels).
         height: Of a frame (pixels).
-        env_kwargs: Keywords of Gymnasium's environment, but for those of its pictures; None: none.
+        env_kwargs: Keywords of Gymnasium's environment, but for `render_mode`; None: none. What is
+            wrong with them, Gymnasium says.
         render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
             Gymnasium's own window.
 
@@ -116,14 +123,30 @@ class LocomotionEnv(EpisodicEnv):
             raise ValueError("`sparse` must be False where there is no `world`, and so no goal.")
         check_at_least_one(horizon=horizon, width=width, height=height)
         assert env_id is not None
-        simulation = make_simulation(env_id, behavior, world, env_kwargs)
-        self.task = simulation.task
+        self.task = _make_task(env_id, behavior, world, env_kwargs)
         self.layout = None if self.task.world is None else self.task.world.layout
         size = {"width": int(width), "height": int(height)}
         super().__init__(
-            simulation,
+            LocomotionSimulation(self.task, 1, n_threads=1),
             horizon=horizon,
             render_mode=render_mode,
             make_viewer=partial(MujocoViewer, self.task.model, **size),
             sparse=sparse,
         )
+
+
+def _make_task(
+    env_id: str,
+    behavior: str,
+    world: MazeLayout | str | os.PathLike[str] | None,
+    env_kwargs: Mapping[str, Any] | None,
+) -> LocomotionTask:
+    check_choice(BEHAVIORS, behavior=behavior)
+    check_keywords(env_kwargs=env_kwargs)
+    import_extra("locomotion", "mujoco", "imageio")
+    walls = None if world is None else World(world)
+    # Of Gymnasium's own class: anybody can register another by its id.
+    make: Any = load_env_creator(TASKS[env_id].entry_point)
+    # Python refuses the second of a keyword.
+    with closing(make(render_mode=None, **copy.deepcopy(env_kwargs or {}))) as original:
+        return TASKS[env_id](original, behavior=behavior, world=walls)

@@ -26,9 +26,6 @@ class LocomotionSimulation(MujocoSimulation):
     """n simulations of one task, bit for bit those of Gymnasium's own environment.
 
     One that MuJoCo finds unstable goes on from the model's own start, as in Gymnasium.
-
-    Raises:
-        ValueError: If `n_threads` is less than 1.
     """
 
     task: LocomotionTask
@@ -154,14 +151,6 @@ class LocomotionSimulation(MujocoSimulation):
         for data, row in zip(self.data, states, strict=True):
             self._mujoco.mj_getState(self.task.model, data, row, kind)
         return np.hstack([states, self._places, self._steps[:, None], self._touches])
-
-    def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """See `MujocoSimulation`; steps must be whole, and no more on a foot than there were."""
-        counts = state[:, -1 - self._touches.shape[1] :]
-        is_whole = np.isfinite(counts).all() and (counts == np.floor(np.abs(counts))).all()
-        if not is_whole or (counts[:, 1:] > counts[:, :1]).any():
-            raise ValueError("`state` must count whole steps, no more on a foot than there were.")
-        super().restore(state, observations)
 
     def _put(self, state: Float64Array) -> None:
         kind, model = self._mujoco.mjtState.mjSTATE_INTEGRATION, self.task.model

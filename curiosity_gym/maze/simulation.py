@@ -57,9 +57,6 @@ class MazeSimulation(BaseSimulation):
 
     Attributes:
         states: (n, 4) x, y, vx, vy.
-
-    Raises:
-        ValueError: If `n_threads` is less than 1.
     """
 
     behavior_names = (
@@ -116,8 +113,17 @@ class MazeSimulation(BaseSimulation):
     def _start(self, options: dict[str, Any] | None) -> Float64Array:
         if not options or options.get("state") is None:
             return self.maze.start
-        state = _four_numbers(options["state"])
-        self._check_robots(state[None], name='options["state"]')
+        state = np.array(options["state"], dtype=np.float64)
+        if state.shape != (4,) or not (np.abs(state[2:]) <= self.maze.max_speed).all():
+            raise ValueError(
+                '`options["state"]` must be x, y, vx, vy, of at most '
+                f"{self.maze.max_speed:g} per axis, got {state}."
+            )
+        if not are_free(self.layout, state[None, :2], NEAREST).all():
+            raise ValueError(
+                f'`options["state"]` must leave the robot {ROBOT_RADIUS:g} from walls and border, '
+                f"got {state}."
+            )
         return state
 
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
@@ -145,8 +151,7 @@ class MazeSimulation(BaseSimulation):
         return self.states.copy()
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """See `BaseSimulation`; robots must be able to stand there, and see this maze there."""
-        self._check_robots(state, name="state")
+        """See `BaseSimulation`; robots must see there what was observed."""
         expected = np.empty_like(self.observations)
         _observe(self.maze, self._all, state, expected)
         if not np.allclose(observations, expected, rtol=0.0, atol=TOLERANCE):
@@ -155,32 +160,8 @@ class MazeSimulation(BaseSimulation):
             )
         self.states[:], self.observations[:] = state, observations
 
-    def _check_robots(self, states: Float64Array, *, name: str) -> None:
-        """Raise ValueError, naming an argument, unless robots go and stand as they may."""
-        if (np.abs(states[:, 2:]) > self.maze.max_speed).any():
-            raise ValueError(f"`{name}` must not be faster than {self.maze.max_speed:g} per axis.")
-        wrong = states[~are_free(self.layout, states[:, :2], NEAREST)]
-        if len(wrong):
-            x, y = wrong[0, :2]
-            raise ValueError(
-                f"`{name}` must leave the robot {ROBOT_RADIUS:g} from walls and border, "
-                f"got ({x:g}, {y:g})."
-            )
-
     def draw(self, viewer: Any, index: int) -> Frame:
         """See `BaseSimulation`."""
         beams = self.observations[index, N_BASE_FEATURES:] * self.lidar_range
         frame: Frame = viewer.draw(self.states[index], beams)
         return frame
-
-
-def _four_numbers(value: object) -> Float64Array:
-    try:
-        state = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        state = np.empty(0)
-    if state.shape != (4,) or not np.isfinite(state).all():
-        raise ValueError(
-            f'`options["state"]` must be 4 finite numbers x, y, vx, vy, got {value!r:.60}.'
-        )
-    return state

@@ -4,8 +4,6 @@ import pickle
 import subprocess
 import sys
 import threading
-import time
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,7 +11,6 @@ import numpy as np
 import pytest
 
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.processors import available_cpus
 
 ROOT = Path(__file__).parents[2]
 
@@ -38,9 +35,6 @@ class TestThreadPool:
                     values = run_add_index(ThreadPool(n_threads), n_items, n_slices)
                     np.testing.assert_array_equal(values, np.arange(n_items))
 
-    def test_uses_the_processors_that_there_are(self):
-        assert ThreadPool().n_threads == available_cpus() >= 1
-
     def test_rejects_less_than_one_thread(self):
         for n_threads in [0, -1]:
             with pytest.raises(ValueError, match="n_threads"):
@@ -54,22 +48,6 @@ class TestThreadPool:
 
             with pytest.raises(RuntimeError, match="slice"):
                 ThreadPool(n_threads).run(fail, 4, 4)
-
-    @pytest.mark.parametrize("fails_in_the_caller", [True, False])
-    def test_after_an_error_no_slice_begins(self, fails_in_the_caller):
-        begun, failed, caller = [], threading.Event(), threading.current_thread()
-
-        def work(begin, end):
-            begun.append(begin)
-            if (threading.current_thread() is caller) == fails_in_the_caller:
-                failed.set()
-                raise RuntimeError
-            assert failed.wait(60)
-            time.sleep(0.01)
-
-        with pytest.raises(RuntimeError):
-            ThreadPool(2).run(work, 100, 100)
-        assert len(begun) <= 2
 
     def test_runs_within_runs_end(self):
         pool, n_done = ThreadPool(2), []
@@ -181,27 +159,3 @@ class TestMachineCodeOnDisk:
             assert printed == str(factor)
 
     # Numba keeps machine code of a .zip, and none of other archives.
-    @pytest.mark.parametrize(
-        ("name", "imported"),
-        [
-            ("packages.zip", "curiosity_algos"),
-            pytest.param("packages.whl", "curiosity_gym", marks=pytest.mark.nightly),
-        ],
-    )
-    def test_works_from_an_archive(self, name, imported, tmp_path):
-        archive = tmp_path / name
-        with zipfile.ZipFile(archive, "w") as file:
-            for package in ("curiosity_gym", "curiosity_algos"):
-                for source in (ROOT / package).rglob("*"):
-                    if source.suffix in (".py", ".yml"):
-                        file.write(source, source.relative_to(ROOT))
-        code = (
-            f"import {imported}, gymnasium as gym\n"
-            "import curiosity_gym.compiled as it\n"
-            "env = gym.make('CuriosityMaze-Hard-v0')\n"
-            "env.reset()\n"
-            "print(it.__file__, env.step(env.action_space.high)[4]['velocity'].tolist())"
-        )
-        home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
-        printed = run_python(code, [archive], **home)
-        assert printed == f"{archive}/curiosity_gym/compiled.py [0.5, 0.5]"

@@ -7,8 +7,7 @@ import gymnasium as gym
 from curiosity_gym.locomotion.tasks.ant import Ant
 from curiosity_gym.locomotion.tasks.base import BEHAVIORS, LocomotionTask
 from curiosity_gym.locomotion.tasks.humanoid import Humanoid
-from curiosity_gym.locomotion.tasks.planar import HalfCheetah, Hopper, Walker2d
-from curiosity_gym.locomotion.tasks.swimmer import Swimmer
+from curiosity_gym.locomotion.tasks.planar import HalfCheetah, Hopper, Swimmer, Walker2d
 
 __all__ = [
     "BEHAVIORS",

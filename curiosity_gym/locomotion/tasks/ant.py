@@ -49,10 +49,7 @@ class Ant(LocomotionTask):
     include_cfrc_ext_in_observation: bool
 
     def _prepare(self, env: Any) -> None:
-        try:
-            self._torso = env.data.body(env._main_body).id
-        except (IndexError, KeyError) as error:
-            raise ValueError(f"`main_body` must be a body of the model ({error}).") from error
+        self._torso = env.data.body(env._main_body).id
 
     def place(self, fields: Fields) -> Float64Array:
         """See `LocomotionTask`."""

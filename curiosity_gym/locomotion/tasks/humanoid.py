@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -57,11 +57,6 @@ class Humanoid(LocomotionTask):
     include_cvel_in_observation: bool
     include_qfrc_actuator_in_observation: bool
     include_cfrc_ext_in_observation: bool
-
-    def _is_flag(self, name: str, value: Any) -> bool:
-        # Gymnasium multiplies by it, and then includes nothing unless it is True itself.
-        is_half = name.startswith("include_") and value and value is not True
-        return super()._is_flag(name, value) and not is_half
 
     def place(self, fields: Fields) -> Float64Array:
         """The center of mass."""

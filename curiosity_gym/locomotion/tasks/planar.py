@@ -1,4 +1,4 @@
-"""Robots that cannot leave a vertical plane: HalfCheetah, Hopper and Walker2d."""
+"""Robots that move in a plane: HalfCheetah, Hopper, Swimmer and Walker2d."""
 
 from __future__ import annotations
 
@@ -94,3 +94,14 @@ class Hopper(Walker2d):
         """See `LocomotionTask`."""
         state = np.concatenate([fields.qpos, fields.qvel], axis=1)[:, 2:]
         return is_inside(state, self.healthy_state_range).all(axis=1) & super().healthy(fields)
+
+
+class Swimmer(LocomotionTask):
+    """Gymnasium's `Swimmer-v5`, whose documentation says what is observed and rewarded.
+
+    Behavior:
+        "position": x and y of the first link (m), within +-30. It has no feet.
+    """
+
+    env_id = "Swimmer-v5"
+    entry_point = "gymnasium.envs.mujoco.swimmer_v5:SwimmerEnv"

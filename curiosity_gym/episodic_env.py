@@ -11,11 +11,12 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from curiosity_gym.core import Float32Array, FloatArray, Frame
+from curiosity_gym.fixed import FixedSettings
 from curiosity_gym.simulation import BaseSimulation
 from curiosity_gym.validation import as_float32, check_render_mode
 
 
-class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
+class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
     """Episodes of one simulation; success in step t is rewarded `1 - t / horizon`.
 
     Args:
@@ -40,7 +41,7 @@ class EpisodicEnv(gym.Env[FloatArray, Float32Array]):
         make_viewer: Callable[[], Any],
         sparse: bool = True,
     ) -> None:
-        check_render_mode(render_mode)
+        check_render_mode(render_mode=render_mode)
         self.simulation = simulation
         self.observation_space = simulation.observation_space
         self.action_space = simulation.action_space

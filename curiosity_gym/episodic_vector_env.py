@@ -19,6 +19,7 @@ from gymnasium.wrappers import TimeLimit
 
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.fixed import COMMON, FixedSettings
 from curiosity_gym.validation import (
     as_float32,
     check_at_least_one,
@@ -28,15 +29,12 @@ from curiosity_gym.validation import (
     check_seed,
 )
 
-CONTRACT = ("behavior_space", "behavior_names", "coverage_grid", "horizon", "sparse")
-"""Attributes that single and vector environments have alike."""
 
-
-class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
+class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]):
     """`num_envs` episodes; step for step what a `SyncVectorEnv` of the single envs gives.
 
     `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. A
-    subclass says of which class the single envs are, and which of their attributes it has too.
+    subclass says of which class the single envs are. It has their settings, too.
 
     The other arguments are those of the single environment.
 
@@ -63,7 +61,6 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
     horizon: int
     sparse: bool
     single_class: ClassVar[Callable[..., EpisodicEnv]]
-    taken_over: ClassVar[tuple[str, ...]]
 
     def __init__(
         self,
@@ -81,7 +78,7 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         if max_episode_steps is not None:
             check_at_least_one(max_episode_steps=max_episode_steps)
             max_episode_steps = int(max_episode_steps)
-        check_render_mode(render_mode)
+        check_render_mode(render_mode=render_mode)
         check_bool(copy=copy)
         if not isinstance(autoreset_mode, AutoresetMode):
             check_choice(tuple(mode.value for mode in AutoresetMode), autoreset_mode=autoreset_mode)
@@ -89,12 +86,12 @@ class EpisodicVectorEnv(VectorEnv[FloatArray, Float32Array, Mask]):
         self._single = single = type(self).single_class(*args, **keywords)
         self.simulation = single.simulation.replicate(num_envs, n_threads)
         self.num_envs = num_envs
+        for name in {"behavior_names", "horizon", *COMMON, *self.settings} & vars(single).keys():
+            setattr(self, name, vars(single)[name])
         self.single_observation_space = single.observation_space
         self.single_action_space = single.action_space
         self.observation_space = batch_space(single.observation_space, num_envs)
         self.action_space = batch_space(single.action_space, num_envs)
-        for name in (*CONTRACT, *self.taken_over):
-            setattr(self, name, getattr(single, name))
         self.max_episode_steps = max_episode_steps
         self.metadata = {**single.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode

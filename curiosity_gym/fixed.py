@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
-_C = TypeVar("_C", bound=type[Any])
+from typing import Any, ClassVar
 
 COMMON = ("sparse", "observation_space", "action_space", "behavior_space", "coverage_grid")
 """Settings of every environment of this package that are fixed."""
 
 
+class FixedSettings:
+    """A base of environments: only the constructor of a class sets what its `settings` name.
+
+    A subclass may have attributes of its own by these names.
+    """
+
+    settings: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "settings" in vars(cls):
+            for name in (*COMMON, *cls.settings):
+                setattr(cls, name, _Fixed(name, cls))
+
+
 class _Fixed:
-    """An attribute of a class, but not of its subclasses, that is set in the constructor alone."""
+    """An attribute of a class, but not of its subclasses."""
 
     def __init__(self, name: str, owner: type[Any]) -> None:
         self._name = name
@@ -33,14 +45,3 @@ class _Fixed:
                 "environment with it, and give that to `set_env`."
             )
         vars(env)[self._name] = value
-
-
-def fixed(*names: str) -> Callable[[_C], _C]:
-    """A decorator of an environment's class: these settings, and `COMMON`, are read-only."""
-
-    def decorate(cls: _C) -> _C:
-        for name in (*COMMON, *names):
-            setattr(cls, name, _Fixed(name, cls))
-        return cls
-
-    return decorate

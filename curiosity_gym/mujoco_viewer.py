@@ -28,13 +28,7 @@ FURTHER_GEOMS = 1000
 class MujocoViewer:
     """Draws simulations of one model, from its first camera, or one of its own.
 
-    Args:
-        model: The model, as it is now.
-        width: Of a frame (pixels).
-        height: Of a frame (pixels).
-
-    Attributes:
-        close: Frees what OpenGL holds; called at exit at the latest.
+    `width` and `height` are those of a frame (pixels).
 
     Raises:
         gymnasium.error.DependencyNotInstalled: If there is no OpenGL to draw with.
@@ -67,23 +61,13 @@ class MujocoViewer:
         atexit.register(self.close)
 
     def draw(self, simulation: MujocoSimulation, index: int = 0) -> Frame:
-        """A frame (height, width, 3) of simulation `index`.
-
-        Raises:
-            gymnasium.error.Error: In a process forked from one that has drawn.
-        """
+        """A frame (height, width, 3) of simulation `index`."""
         _check_process()
         simulation.write_data(index, self._data)
         self._gl.make_current()
-        self._mujoco.mjv_updateScene(
-            self._model,
-            self._data,
-            self._option,
-            None,
-            self._camera,
-            self._mujoco.mjtCatBit.mjCAT_ALL.value,
-            self._scene,
-        )
+        category = self._mujoco.mjtCatBit.mjCAT_ALL.value
+        seen = self._model, self._data, self._option, None, self._camera, category
+        self._mujoco.mjv_updateScene(*seen, self._scene)
         self._mujoco.mjr_render(self._viewport, self._scene, self._renderer)
         frame = np.empty((self._viewport.height, self._viewport.width, 3), dtype=np.uint8)
         self._mujoco.mjr_readPixels(frame, None, self._viewport, self._renderer)
@@ -117,10 +101,9 @@ def _gl_context(width: int, height: int) -> Any:
     names = [chosen] if chosen else [*(("egl", "osmesa") if is_linux else ()), "glfw"]
     reasons = []
     for name in names:
-        # What they raise without a library or a device is of many kinds.
         try:
             context = _open(name, width, height)
-        except Exception as error:
+        except Exception as error:  # of many kinds, without a library or a device
             reasons.append(f"{name}: {error}")
         else:
             _processes.add(os.getpid())
@@ -133,7 +116,6 @@ def _gl_context(width: int, height: int) -> Any:
 
 
 def _open(name: str, width: int, height: int) -> Any:
-    """A context of one library."""
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if name == "glfw" and sys.platform == "linux" and not has_display:
         raise RuntimeError("no display")  # MuJoCo aborts of it only later

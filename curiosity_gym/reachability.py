@@ -17,9 +17,6 @@ IntArray = NDArray[np.integer]
 # Edges closer than this are one edge: 0.1 + 0.2 and 0.3 leave no gap for the robot.
 _DECIMALS = 9
 
-MAX_RECTANGLES = 10_000_000
-"""Most rectangles that a world is cut into: some seconds of work."""
-
 
 class Region(NamedTuple):
     """The union of the rectangles `[xs[i], xs[i + 1]] x [ys[j], ys[j + 1]]` with `mask[i, j]`."""
@@ -61,17 +58,9 @@ def reachable_region(
         size: Width and height of the world, whose border is a wall too.
         start: (x, y); where it is a corner of two pieces, both are reached.
         radius: Half-width of the robot, by which walls and border are grown.
-
-    Raises:
-        ValueError: If the walls have too many different edges.
     """
     left, right, xs = _grown_spans(walls[:, 0], walls[:, 2], size[0], radius)
     bottom, top, ys = _grown_spans(walls[:, 1], walls[:, 3], size[1], radius)
-    if xs.size * ys.size > MAX_RECTANGLES:
-        raise ValueError(
-            f"walls must have fewer different edges: {xs.size} along x and {ys.size} along y cut "
-            f"the world into more than {MAX_RECTANGLES} rectangles."
-        )
     free = _free_rectangles((xs.size - 1, ys.size - 1), (left, right), (bottom, top))
     at_start = np.outer(_holds(xs, start[0]), _holds(ys, start[1]))
     return Region(xs, ys, _flood(free, at_start & free))
@@ -115,8 +104,8 @@ def _overlaps(edges: Float64Array, others: Float64Array) -> Mask:
 
 def _flood(free: Mask, reached: Mask) -> Mask:
     """Spread over free neighbors; in plain Python, which takes less than to import what does it."""
-    left = np.pad(free & ~reached, 1)
-    is_left, row = bytearray(left), left.shape[1]
+    left, row = np.pad(free & ~reached, 1), free.shape[1] + 2
+    is_left = bytearray(left)
     pending = np.flatnonzero(np.pad(reached, 1)).tolist()
     while pending:
         place = pending.pop()
@@ -124,6 +113,6 @@ def _flood(free: Mask, reached: Mask) -> Mask:
             if is_left[other]:
                 is_left[other] = False
                 pending.append(other)
-    never_reached = np.frombuffer(is_left, dtype=bool).reshape(left.shape)[1:-1, 1:-1]
-    region: Mask = free & ~never_reached
+    still_left = np.frombuffer(is_left, dtype=bool).reshape(left.shape)
+    region: Mask = free & ~still_left[1:-1, 1:-1]
     return region

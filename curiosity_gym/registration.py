@@ -21,10 +21,10 @@ _SPARSE = {
 
 def _spec(kind: str, **kwargs: Any) -> dict[str, Any]:
     """Of the environment and the vector environment of `maze`, `control` or `locomotion`."""
-    module, name = f"curiosity_gym.{kind}", kind.capitalize()
+    module, name = f"curiosity_gym.{kind}.{kind}_env", kind.capitalize()
     return {
-        "entry_point": f"{module}.{kind}_env:{name}Env",
-        "vector_entry_point": f"{module}.vector_env:{name}VectorEnv",
+        "entry_point": f"{module}:{name}Env",
+        "vector_entry_point": f"{module}:{name}VectorEnv",
         "kwargs": kwargs,
     }
 

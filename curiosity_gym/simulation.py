@@ -18,15 +18,11 @@ Values = dict[str, Any]
 
 
 class BaseSimulation:
-    """n episodes of one task, advanced side by side.
+    """n episodes of one task, advanced side by side; spaces are those of a single environment.
 
     Attributes:
-        observation_space: Of a single environment, like the other spaces.
-        behavior_names: A name for each entry of the behavior, with its unit.
-        coverage_grid: The cells of the behavior that coverage counts.
         fps: Steps a second.
         draws: Whether episodes begin at random.
-        n: Number of episodes.
         observations: (n, O), overwritten by each step.
         rewards: (n,) rewards of the last step, if the task rewards more than success.
         success: (n,) whether that step reached the goal; False where an episode begins.
@@ -137,7 +133,6 @@ class MujocoSimulation(BaseSimulation):
         self.success = np.zeros(n, dtype=np.bool_)
 
     def replicate(self, n: int, n_threads: int | None) -> Self:
-        """See `BaseSimulation`."""
         return type(self)(self.task, n, n_threads)
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
@@ -162,7 +157,6 @@ class MujocoSimulation(BaseSimulation):
         """Write one simulation's state and derived fields into an `MjData`, to draw it."""
 
     def draw(self, viewer: Any, index: int) -> Frame:
-        """See `BaseSimulation`."""
         frame: Frame = viewer.draw(self, index)
         return frame
 

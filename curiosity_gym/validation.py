@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -16,62 +17,55 @@ LARGEST = 1e12
 """The bound of other numbers: their squares are finite in 32 bits too."""
 
 
+def _checker(what: str, is_valid: Callable[[Any], bool]) -> Callable[..., None]:
+    """A function that raises ValueError unless each of its keywords has a valid value."""
+
+    def check(**values: object) -> None:
+        for name, value in values.items():
+            if not is_valid(value):
+                raise ValueError(f"`{name}` must be {what}, got {value!r}.")
+
+    return check
+
+
 def check_whole(low: int, high: int, /, **values: object) -> None:
     """Raise ValueError unless every value is a whole number from `low` to `high`."""
-    _check(
-        lambda value: _is_whole(value, low, high), f"a whole number from {low} to {high}", values
-    )
-
-
-def check_at_least_one(**values: object) -> None:
-    """Raise ValueError unless every value is a whole number from 1 to `LARGEST_COUNT`."""
-    what = f"a whole number of at least 1, at most {LARGEST_COUNT:,}"
-    _check(lambda value: _is_whole(value, 1, LARGEST_COUNT), what, values)
-
-
-def check_positive(**values: object) -> None:
-    """Raise ValueError unless every value is above 0 and at most `LARGEST`."""
-    what = f"finite and above 0, at most {LARGEST:.0e}"
-    _check(lambda value: 0.0 < _number(value) <= LARGEST, what, values)
-
-
-def check_not_negative(**values: object) -> None:
-    """Raise ValueError unless every value is from 0 to `LARGEST`."""
-    what = f"finite and at least 0, at most {LARGEST:.0e}"
-    _check(lambda value: 0.0 <= _number(value) <= LARGEST, what, values)
-
-
-def check_share(**values: object) -> None:
-    """Raise ValueError unless every value is a number from 0 to 1."""
-    _check(lambda value: 0.0 <= _number(value) <= 1.0, "from 0 to 1", values)
+    what = f"a whole number from {low} to {high}"
+    _checker(what, lambda value: _is_whole(value, low, high))(**values)
 
 
 def check_choice(choices: tuple[str, ...], **values: object) -> None:
     """Raise ValueError unless every value is one of the choices."""
     what = f"one of {', '.join(choices)}"
-    _check(lambda value: isinstance(value, str) and value in choices, what, values)
+    _checker(what, lambda value: isinstance(value, str) and value in choices)(**values)
 
 
-def check_bool(**values: object) -> None:
-    """Raise ValueError unless every value is True or False."""
-    _check(lambda value: isinstance(value, bool | np.bool_), "True or False", values)
-
-
-def check_keywords(**values: object) -> None:
-    """Raise ValueError unless every value is None or a dictionary whose keys are names."""
-    _check(_is_keywords, "None or a dictionary of keywords", values)
-
-
-def check_render_mode(render_mode: object) -> None:
-    """Raise ValueError unless `render_mode` is None or "rgb_array"."""
-    what = 'None or "rgb_array"'
-    _check(lambda value: value in (None, "rgb_array"), what, {"render_mode": render_mode})
+check_at_least_one = _checker(
+    f"a whole number of at least 1, at most {LARGEST_COUNT:,}",
+    lambda value: _is_whole(value, 1, LARGEST_COUNT),
+)
+check_positive = _checker(
+    f"finite and above 0, at most {LARGEST:.0e}", lambda value: 0.0 < _number(value) <= LARGEST
+)
+check_not_negative = _checker(
+    f"finite and at least 0, at most {LARGEST:.0e}", lambda value: 0.0 <= _number(value) <= LARGEST
+)
+check_share = _checker("from 0 to 1", lambda value: 0.0 <= _number(value) <= 1.0)
+check_bool = _checker("True or False", lambda value: isinstance(value, bool | np.bool_))
+check_keywords = _checker(
+    "None or a dictionary of keywords",
+    lambda value: value is None or (isinstance(value, dict) and all(map(_is_name, value))),
+)
+check_render_mode = _checker('None or "rgb_array"', lambda value: value in (None, "rgb_array"))
+_check_seed = _checker(
+    "None or a whole number of at least 0",
+    lambda value: value is None or _is_whole(value, 0, math.inf),
+)
 
 
 def check_seed(seed: object) -> None:
     """Raise ValueError unless `seed` is None or a whole number of at least 0."""
-    what = "None or a whole number of at least 0"
-    _check(lambda value: value is None or _is_whole(value, 0, math.inf), what, {"seed": seed})
+    _check_seed(seed=seed)
 
 
 def as_float32(values: object) -> Float32Array:
@@ -80,12 +74,6 @@ def as_float32(values: object) -> Float32Array:
         return np.asarray(values, dtype=np.float32)
     except (TypeError, ValueError):
         return np.empty(0, dtype=np.float32)
-
-
-def _check(is_valid: Callable[[object], bool], what: str, values: Mapping[str, object]) -> None:
-    for name, value in values.items():
-        if not is_valid(value):
-            raise ValueError(f"`{name}` must be {what}, got {value!r}.")
 
 
 def _is_whole(value: object, low: float, high: float) -> bool:
@@ -103,8 +91,8 @@ def _number(value: object) -> float:
         return math.inf
 
 
-def _is_keywords(value: object) -> bool:
-    return value is None or (isinstance(value, dict) and all(isinstance(k, str) for k in value))
+def _is_name(key: object) -> bool:
+    return isinstance(key, str)
 
 
 def check_info(info: object) -> None:

@@ -14,15 +14,12 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper,
 from curiosity_algos.evaluation.base import KnownTask
 from curiosity_algos.evaluation.environments import env_attributes, monitors
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
-from curiosity_gym.control.control_env import ControlEnv
+from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.vector_env import ControlVectorEnv
-from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv, LocomotionVectorEnv
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import task_class
-from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
-from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
 from curiosity_gym.validation import check_at_least_one
 from curiosity_gym.wrappers.sparse import time_limit
 

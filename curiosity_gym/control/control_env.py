@@ -5,17 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.tasks import TASKS
+from curiosity_gym.control.tasks import TASKS, ControlTask
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.fixed import fixed
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_choice
 
-SETTINGS = ("task", "success_threshold", "random_start", "width", "height")
-"""The settings of a control task that cannot be changed."""
 
-
-@fixed(*SETTINGS)
 class ControlEnv(EpisodicEnv):
     """A task of the DeepMind Control Suite, rewarded only when it is solved.
 
@@ -80,6 +76,8 @@ class ControlEnv(EpisodicEnv):
         * v0: Initial version.
     """
 
+    settings = ("task", "success_threshold", "random_start", "width", "height")
+
     def __init__(
         self,
         task: str | None = None,
@@ -103,3 +101,14 @@ class ControlEnv(EpisodicEnv):
             render_mode=render_mode,
             make_viewer=partial(MujocoViewer, self.task.model, **size),
         )
+
+
+class ControlVectorEnv(EpisodicVectorEnv):
+    """An `EpisodicVectorEnv`; its other arguments are those of `ControlEnv`.
+
+    There is no process an env: MuJoCo's threads step them all.
+    """
+
+    task: ControlTask
+    single_class = ControlEnv
+    settings = ControlEnv.settings

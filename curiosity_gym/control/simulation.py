@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Sequence
 from types import SimpleNamespace
@@ -9,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_gym.control.starts import RandomStarts
 from curiosity_gym.control.tasks import ControlTask
 from curiosity_gym.core import Float64Array, FloatArray, Mask, SimulationError
 from curiosity_gym.extras import import_extra
@@ -20,11 +20,7 @@ from curiosity_gym.validation import check_at_least_one
 
 
 class Simulation(MujocoSimulation):
-    """n simulations of one task, bit for bit those of dm_control's own environment.
-
-    Raises:
-        ValueError: If `n_threads` is less than 1.
-    """
+    """n simulations of one task, bit for bit those of dm_control's own environment."""
 
     task: ControlTask
 
@@ -60,7 +56,6 @@ class Simulation(MujocoSimulation):
         rngs: Sequence[np.random.Generator] = (),
         options: dict[str, Any] | None = None,
     ) -> None:
-        """See `BaseSimulation`."""
         self._stay_in_process()
         ids, rows = self._select(ids)
         starts = self._start
@@ -124,7 +119,6 @@ class Simulation(MujocoSimulation):
 
     @property
     def info(self) -> Values:
-        """See `BaseSimulation`."""
         return {"behavior": self.behaviors}
 
     @property
@@ -143,10 +137,34 @@ class Simulation(MujocoSimulation):
         return has_warned
 
     def write_data(self, simulation: int, data: Any) -> None:
-        """See `MujocoSimulation`."""
         self._batch.get_data(simulation, data)
 
     def _stay_in_process(self) -> None:
         """Threads do not survive a fork: a child process makes its own batch."""
         if self._owner != os.getpid():
             self.__setstate__(self.__getstate__())
+
+
+class RandomStarts:
+    """Draws starts as dm_control does, and draws again where the task is already solved."""
+
+    def __init__(self, task: ControlTask) -> None:
+        # dm_control moves the target in the model itself.
+        (wrapper,) = import_extra("control", "dm_control.mujoco.wrapper")
+        model = wrapper.MjModel(copy.copy(task.model))
+        self._task = task
+        self._physics = task.suite.Physics.from_model(model)
+
+    def draw(self, rng: np.random.Generator) -> Float64Array:
+        """A start, (S,), as `ControlTask.state` gives it, drawn from a generator's own bits."""
+        episode = self._task.make_suite_task(np.random.RandomState(rng.bit_generator))
+        while True:
+            with self._physics.reset_context():
+                episode.initialize_episode(self._physics)
+            if not self._is_solved():
+                return self._task.state(self._physics.model.ptr, self._physics.data.ptr)
+
+    def _is_solved(self) -> bool:
+        data = self._physics.data.ptr
+        fields = {name: getattr(data, name)[None] for name in self._task.fields}
+        return bool(self._task.success(SimpleNamespace(**fields))[0])

@@ -12,8 +12,8 @@ from typing import Any
 from gymnasium.envs.registration import load_env_creator
 
 from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.extras import import_extra
-from curiosity_gym.fixed import fixed
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.locomotion.simulation import LocomotionSimulation
 from curiosity_gym.locomotion.tasks import BEHAVIORS, TASKS, LocomotionTask
@@ -21,11 +21,7 @@ from curiosity_gym.locomotion.worlds import World
 from curiosity_gym.mujoco_viewer import MujocoViewer
 from curiosity_gym.validation import check_at_least_one, check_bool, check_choice, check_keywords
 
-SETTINGS = ("env_id", "task", "behavior", "world", "layout", "env_kwargs", "width", "height")
-"""The settings of a robot that cannot be changed."""
 
-
-@fixed(*SETTINGS)
 class LocomotionEnv(EpisodicEnv):
     """A MuJoCo environment of Gymnasium, version 5, with a behavior, and with walls if asked for.
 
@@ -104,6 +100,8 @@ class LocomotionEnv(EpisodicEnv):
         * v0: Initial version.
     """
 
+    settings = ("env_id", "task", "behavior", "world", "layout", "env_kwargs", "width", "height")
+
     def __init__(
         self,
         env_id: str | None = None,
@@ -150,3 +148,14 @@ def _make_task(
     # Python refuses the second of a keyword.
     with closing(make(render_mode=None, **copy.deepcopy(env_kwargs or {}))) as original:
         return TASKS[env_id](original, behavior=behavior, world=walls)
+
+
+class LocomotionVectorEnv(EpisodicVectorEnv):
+    """An `EpisodicVectorEnv`; its other arguments are those of `LocomotionEnv`.
+
+    There is no process an env: threads step them all.
+    """
+
+    task: LocomotionTask
+    single_class = LocomotionEnv
+    settings = LocomotionEnv.settings

@@ -57,7 +57,6 @@ class LocomotionSimulation(MujocoSimulation):
         rngs: Sequence[np.random.Generator] = (),
         options: dict[str, Any] | None = None,
     ) -> None:
-        """See `BaseSimulation`."""
         ids = np.arange(self.n) if ids is None else ids
         starts = [self.task.draw(rng) for rng in rngs]
         if len(starts) == 1:
@@ -125,12 +124,10 @@ class LocomotionSimulation(MujocoSimulation):
 
     @property
     def outcome(self) -> Values:
-        """See `BaseSimulation`."""
         return {name: values.copy() for name, values in self._outcome.items()}
 
     @property
     def info(self) -> Values:
-        """See `BaseSimulation`."""
         return {**self.task.info(self._rows(slice(None))), "behavior": self.behaviors}
 
     @property
@@ -172,6 +169,5 @@ class LocomotionSimulation(MujocoSimulation):
         return any(np.count_nonzero(data.warning.number) for data in self.data)
 
     def write_data(self, simulation: int, data: Any) -> None:
-        """See `MujocoSimulation`."""
         self._mujoco.mj_copyData(data, self.task.model, self.data[simulation])
         self._mujoco.mj_forward(self.task.model, data)  # to where the step has led

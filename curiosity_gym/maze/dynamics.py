@@ -11,8 +11,7 @@ the Minkowski sum that swept collision works with.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -76,8 +75,7 @@ class Maze(NamedTuple):
 
 def same_maze(one: Maze, other: Maze) -> bool:
     """Whether two mazes have the same geometry and constants."""
-    pairs: Iterable[tuple[Any, Any]] = zip(one, other, strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
+    return all(map(np.array_equal, one, other))
 
 
 def build_maze(
@@ -226,13 +224,9 @@ def _advance(start: float, velocity: float, time: float, stop: float, is_contact
 
 @compiled
 def move(maze: Maze, state: FloatArray, acceleration_x: float, acceleration_y: float) -> None:
-    """Move the robot for one step, in place, with swept collision.
+    """Move the robot for one step with swept collision, and overwrite `state` (4,) x, y, vx, vy.
 
-    Args:
-        maze: The maze.
-        state: (4,) x, y, vx, vy; overwritten.
-        acceleration_x: In units of the maximal acceleration, already within [-1, 1].
-        acceleration_y: In the same units, within the same bounds.
+    Accelerations are in units of the maximal one, already within [-1, 1].
     """
     x, y = state[0], state[1]
     limit = maze.max_speed
@@ -260,11 +254,7 @@ def move(maze: Maze, state: FloatArray, acceleration_x: float, acceleration_y: f
 def cast_beams(maze: Maze, x: float, y: float, beams: npt.NDArray[np.float32]) -> None:
     """Distance to the nearest wall or border along each beam, in units of the lidar's range.
 
-    Args:
-        maze: The maze.
-        x: Of the robot's center.
-        y: Of the robot's center.
-        beams: (n_beams,) overwritten with values in [0, 1]; beam i points to 2 pi i / n_beams.
+    `beams` (n_beams,) are overwritten with values in [0, 1]; beam i points to 2 pi i / n_beams.
     """
     inverse_x, inverse_y = maze.inverse_x, maze.inverse_y
     n_beams = inverse_x.shape[0]
@@ -330,16 +320,10 @@ def step(
     action: npt.NDArray[np.float32],
     observation: npt.NDArray[np.float32],
 ) -> bool:
-    """One environment step: move, observe, and whether the goal is reached.
+    """One environment step: move, observe, and return whether the goal is reached.
 
-    Args:
-        maze: The maze.
-        state: (4,) x, y, vx, vy; overwritten.
-        action: (2,) clipped here to [-1, 1]; must be finite.
-        observation: (4 + n_beams,) overwritten.
-
-    Returns:
-        Whether the robot is within the goal's radius.
+    `state` (4,) and `observation` (4 + n_beams,) are overwritten; `action` (2,) must be finite, and
+    is clipped here to [-1, 1].
     """
     move(maze, state, clip_action(action[0]), clip_action(action[1]))
     observe(maze, state, observation)

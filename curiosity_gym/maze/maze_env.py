@@ -10,9 +10,9 @@ from typing import Any
 from curiosity_gym.built_in import resolve_layout
 from curiosity_gym.core import Float32Array
 from curiosity_gym.episodic_env import EpisodicEnv
-from curiosity_gym.fixed import fixed
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach
-from curiosity_gym.maze.dynamics import build_maze, step
+from curiosity_gym.maze.dynamics import Maze, build_maze, step
 from curiosity_gym.maze.simulation import MazeSimulation
 from curiosity_gym.maze.viewer import MazeViewer
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
@@ -21,14 +21,6 @@ LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
 
 
-SETTINGS = (
-    *("layout", "maze", "max_speed", "max_acceleration", "n_beams", "lidar_range", "restitution"),
-    "goal_radius",
-)
-"""The settings of a maze that cannot be changed."""
-
-
-@fixed(*SETTINGS)
 class MazeEnv(EpisodicEnv):
     """A point robot with a ring of LIDAR beams looks for the goal of a maze, rewarded only there.
 
@@ -99,6 +91,11 @@ class MazeEnv(EpisodicEnv):
 
     simulation: MazeSimulation
 
+    settings = (
+        *("layout", "maze", "max_speed", "max_acceleration", "n_beams", "lidar_range"),
+        *("restitution", "goal_radius"),
+    )
+
     def __init__(
         self,
         layout: MazeLayout | str | os.PathLike[str] | None = None,
@@ -162,3 +159,16 @@ class MazeEnv(EpisodicEnv):
     def _info(self) -> dict[str, Any]:
         state = self.simulation.states[0].copy()
         return {"position": state[:2].copy(), "velocity": state[2:].copy(), "behavior": state}
+
+
+class MazeVectorEnv(EpisodicVectorEnv):
+    """An `EpisodicVectorEnv`; its other arguments are those of `MazeEnv`.
+
+    `reset(options={"state": (x, y, vx, vy)})` starts elsewhere.
+    """
+
+    layout: MazeLayout
+    maze: Maze
+    lidar_range: float
+    single_class = MazeEnv
+    settings = MazeEnv.settings

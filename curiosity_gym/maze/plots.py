@@ -68,13 +68,7 @@ def count(positions: Float64Array, layout: MazeLayout, side: float) -> NDArray[n
 
 
 def draw_counts(axes: "Sequence[Axes]", counts: Sequence[NDArray[np.int64]], side: float) -> None:
-    """Draw counts in squares on one or several axes of a figure, with one bar of colors.
-
-    Args:
-        axes: At least one, each of a maze.
-        counts: For each of the axes, by y and x, at least one above 0 in all.
-        side: Of the squares (maze units).
-    """
+    """Draw counts, by y and x, in squares of a side on axes of a figure, with one bar of colors."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 

@@ -91,7 +91,6 @@ class MazeSimulation(BaseSimulation):
         self._pool = ThreadPool(n_threads)
 
     def replicate(self, n: int, n_threads: int | None) -> MazeSimulation:
-        """See `BaseSimulation`."""
         return MazeSimulation(self.layout, self.maze, self.lidar_range, n, n_threads)
 
     def reset(
@@ -127,7 +126,6 @@ class MazeSimulation(BaseSimulation):
         return state
 
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
-        """See `BaseSimulation`."""
         rows = self._all if ids is None else ids
         arrays = (rows, self.states, actions, self.observations, self.success)
         n_slices = min(self._pool.n_threads, len(rows) // ENVS_PER_THREAD)
@@ -141,13 +139,11 @@ class MazeSimulation(BaseSimulation):
 
     @property
     def info(self) -> Values:
-        """See `BaseSimulation`."""
         position, velocity = self.states[:, :2].copy(), self.states[:, 2:].copy()
         return {"position": position, "velocity": velocity, "behavior": self.states.copy()}
 
     @property
     def state(self) -> Float64Array:
-        """See `BaseSimulation`."""
         return self.states.copy()
 
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
@@ -161,7 +157,6 @@ class MazeSimulation(BaseSimulation):
         self.states[:], self.observations[:] = state, observations
 
     def draw(self, viewer: Any, index: int) -> Frame:
-        """See `BaseSimulation`."""
         beams = self.observations[index, N_BASE_FEATURES:] * self.lidar_range
         frame: Frame = viewer.draw(self.states[index], beams)
         return frame

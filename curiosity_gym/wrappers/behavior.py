@@ -124,13 +124,11 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; see the wrapped environment."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._accumulator.reset(self.env, observation, info)
         return observation, {**info, "behavior": self._behavior()}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Take one step; see the wrapped environment."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._accumulator.step(self.env, observation, info)
         return observation, reward, terminated, truncated, {**info, "behavior": self._behavior()}

@@ -125,11 +125,9 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         return self.env.step(action)
 
     def render(self) -> Any:
-        """See the original environment."""
         return self.env.render()
 
     def close(self) -> None:
-        """See the original environment."""
         self.env.close()
 
 

@@ -24,15 +24,6 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
 
     Args:
         env: The environment in all of its other wrappers, a Monitor among them.
-
-    Example:
-        ::
-
-            env = RecordEpisode(gym.make("Ant-v5"))
-            env.reset(seed=0)
-            env.step(env.action_space.sample())
-            other = RecordEpisode(gym.make("Ant-v5"))
-            other.load_episode_state(env.episode_state())  # stands where `env` does
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
@@ -50,7 +41,6 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; see the wrapped environment."""
         own = getattr(_generator(self), "state", None)
         self._start = own if seed is None else int(seed)
         self._options, self._actions = options, []
@@ -59,7 +49,6 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Take one step; see the wrapped environment."""
         if len(self._actions) <= LONGEST:
             self._actions.append(copy.deepcopy(action))
         observation, reward, *ends, info = self.env.step(action)

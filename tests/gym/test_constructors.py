@@ -2,17 +2,13 @@
 
 import inspect
 import re
-from pathlib import Path
 
 import pytest
 
-from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
-from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
-from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
-from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv, LocomotionVectorEnv
+from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
 from curiosity_gym.wrappers.behavior import BehaviorWrapper
 from curiosity_gym.wrappers.ready_made import SparseEnv
 from curiosity_gym.wrappers.sparse import SparseRewardWrapper
@@ -49,21 +45,3 @@ def test_vector_environments_take_what_single_ones_take_and_nothing_else():
         assert vector.single_class is single
         with pytest.raises(TypeError, match=f"{single.__name__}.*'n_beam'"):
             vector(n_beam=3)
-
-
-PAGES = {
-    **{name: {MazeEnv} for name in ["snake", "us", "hard", "labyrinth", "custom"]},
-    **{name: {ControlEnv} for name in ["ball_in_cup", "finger", "stacker"]},
-    "control": {ControlEnv, ControlVectorEnv, EpisodicVectorEnv},
-    "locomotion": {LocomotionEnv, LocomotionVectorEnv, EpisodicVectorEnv},
-    "sparse": {SparseEnv, SparseRewardWrapper, BehaviorWrapper},
-    "vector": {MazeVectorEnv, ControlVectorEnv, EpisodicVectorEnv},
-}
-
-
-def test_every_page_of_the_documentation_names_the_arguments():
-    folder = Path(__file__).parents[2] / "docs" / "environments"
-    assert {page.stem for page in folder.glob("*.md")} == {*PAGES, "index"}
-    for page, classes in PAGES.items():
-        shown = re.findall(r"^\.\. autoclass:: (\S+)", (folder / f"{page}.md").read_text(), re.M)
-        assert {f"{cls.__module__}.{cls.__qualname__}" for cls in classes} <= set(shown)

@@ -84,9 +84,3 @@ def test_distance_is_to_the_nearest_reachable_point():
     region = reachable_region(np.empty((0, 4)), SIZE, (2.0, 2.0), 1.0)
     assert region.distance((16.0, 12.0)) == pytest.approx(np.sqrt(2.0))
     assert region.distance((8.0, 0.25)) == pytest.approx(0.75)
-
-
-def test_a_start_without_free_space_reaches_nothing():
-    region = reachable_region(np.array([[0.0, 0.0, 16.0, 12.0]]), SIZE, (2.0, 2.0), 1.0)
-    assert not region.cells(SIZE, 4).any()
-    assert region.distance((2.0, 2.0)) == np.inf

@@ -11,9 +11,9 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.control.control_env import ControlVectorEnv
 from curiosity_gym.layouts import MazeLayout
-from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.maze.maze_env import MazeVectorEnv
 
 MODES = list(AutoresetMode)
 NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])

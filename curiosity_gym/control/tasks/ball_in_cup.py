@@ -67,21 +67,17 @@ class BallInCup(ControlTask):
         self._room = model.site("target").size[[0, 2]] - model.geom("ball").size[0]
 
     def make_suite_task(self, random: np.random.RandomState) -> Any:
-        """See `ControlTask`."""
         return self.suite.BallInCup(random=random)
 
     def observe(self, fields: Fields, observations: Float32Array) -> None:
-        """See `ControlTask`."""
         observations[:, :4] = fields.qpos
         observations[:, 4:] = fields.qvel
 
     def success(self, fields: Fields) -> Mask:
-        """See `ControlTask`."""
         offset = fields.site_xpos[:, self._target, ::2] - fields.xpos[:, self._ball, ::2]
         inside: Mask = (np.abs(offset) < self._room).all(axis=1)
         return inside
 
     def behavior(self, fields: Fields) -> Float64Array:
-        """See `ControlTask`."""
         behavior: Float64Array = fields.qpos[:, [2, 3, 0, 1]]
         return behavior

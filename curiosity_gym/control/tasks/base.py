@@ -33,17 +33,9 @@ class ControlTask:
 
     Attributes:
         model: The compiled MuJoCo model, the target where the fixed start has it.
-        observation_space: Unbounded: positions and velocities have no limits of their own.
-        action_space: Every actuator's range.
-        n_actions: Number of actuators.
         dt: Seconds of a control step.
         draws: Whether episodes begin at random.
-        behavior_low: (B,) lower bounds of the behavior.
-        behavior_high: (B,) upper bounds.
-        coverage_grid: The cells of the behavior that coverage counts.
-
-    Raises:
-        ValueError: If `random_start` is neither True nor False.
+        behavior_low: (B,) lower bounds of the behavior; `behavior_high` has the upper ones.
     """
 
     domain: ClassVar[str]
@@ -101,11 +93,7 @@ class ControlTask:
         return xml, assets
 
     def start_state(self, model: mujoco.MjModel) -> Float64Array:
-        """The fixed start, at rest, as `state` gives it.
-
-        Args:
-            model: The task's own, or dm_control's.
-        """
+        """The fixed start in the task's own model or dm_control's, at rest, as `state` gives it."""
         (mujoco,) = import_extra("control", "mujoco")
         data = mujoco.MjData(model)
         for joint, position in self.start.items():

@@ -77,11 +77,9 @@ class Finger(ControlTask):
         self.behavior_high = np.append(ranges[:, 1], np.pi)
 
     def make_suite_task(self, random: np.random.RandomState) -> Any:
-        """See `ControlTask`."""
         return self.suite.Turn(self._radius, random=random)
 
     def observe(self, fields: Fields, observations: Float32Array) -> None:
-        """See `ControlTask`."""
         sensors = fields.sensordata
         spinner = sensors[:, self._spinner]
         observations[:, :2] = sensors[:, :2]
@@ -98,11 +96,9 @@ class Finger(ControlTask):
         return norm(offset) - self._radius
 
     def success(self, fields: Fields) -> Mask:
-        """See `ControlTask`."""
         return self._distance(fields.sensordata) <= 0.0
 
     def behavior(self, fields: Fields) -> Float64Array:
-        """See `ControlTask`."""
         behavior: Float64Array = fields.qpos.copy()
         behavior[:, 2] = (behavior[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
         return behavior

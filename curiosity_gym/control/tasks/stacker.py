@@ -126,11 +126,9 @@ class Stacker(ControlTask):
         self._box_size = float(model.geom("target").size[0])
 
     def make_suite_task(self, random: np.random.RandomState) -> Any:
-        """See `ControlTask`."""
         return self.suite.Stack(1, fully_observable=True, random=random)
 
     def observe(self, fields: Fields, observations: Float32Array) -> None:
-        """See `ControlTask`."""
         angles = fields.qpos[:, self._joints]
         observations[:, 0:16:2] = np.sin(angles)
         observations[:, 1:16:2] = np.cos(angles)
@@ -154,10 +152,8 @@ class Stacker(ControlTask):
         return reward
 
     def success(self, fields: Fields) -> Mask:
-        """See `ControlTask`."""
         return self.reward(fields) >= self.success_threshold
 
     def behavior(self, fields: Fields) -> Float64Array:
-        """See `ControlTask`."""
         behavior: Float64Array = fields.xpos[:, self._hand, ::2].copy()
         return behavior

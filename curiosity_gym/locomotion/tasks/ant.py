@@ -52,12 +52,10 @@ class Ant(LocomotionTask):
         self._torso = env.data.body(env._main_body).id
 
     def place(self, fields: Fields) -> Float64Array:
-        """See `LocomotionTask`."""
         place: Float64Array = fields.xpos[:, self._torso, :2].copy()
         return place
 
     def healthy(self, fields: Fields) -> Mask:
-        """See `LocomotionTask`."""
         low, high = self.healthy_z_range
         z = fields.qpos[:, 2]
         is_finite = np.isfinite(fields.qpos).all(axis=1) & np.isfinite(fields.qvel).all(axis=1)
@@ -65,7 +63,6 @@ class Ant(LocomotionTask):
         return healthy
 
     def feel(self, fields: Fields) -> Float64Array:
-        """See `LocomotionTask`."""
         parts = [self.positions(fields), fields.qvel]
         if self.include_cfrc_ext_in_observation:
             parts.append(flat(self._contact_forces(fields)[:, 1:]))
@@ -76,7 +73,6 @@ class Ant(LocomotionTask):
         return forces
 
     def costs(self, fields: Fields, actions: Float32Array) -> Values:
-        """See `LocomotionTask`."""
         forces = flat(self._contact_forces(fields))
         contact = self.contact_cost_weight * np.square(forces).sum(axis=1)
         return {**super().costs(fields, actions), "reward_contact": contact}

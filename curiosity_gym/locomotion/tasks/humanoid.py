@@ -65,11 +65,9 @@ class Humanoid(LocomotionTask):
         return center[:, :2]
 
     def healthy(self, fields: Fields) -> Mask:
-        """See `LocomotionTask`."""
         return is_inside(fields.qpos[:, 2], self.healthy_z_range)
 
     def feel(self, fields: Fields) -> Float64Array:
-        """See `LocomotionTask`."""
         optional = (
             (self.include_cinert_in_observation, fields.cinert[:, 1:]),
             (self.include_cvel_in_observation, fields.cvel[:, 1:]),
@@ -81,13 +79,11 @@ class Humanoid(LocomotionTask):
         return np.concatenate([self.positions(fields), fields.qvel, *parts], axis=1)
 
     def costs(self, fields: Fields, actions: Float32Array) -> Values:
-        """See `LocomotionTask`."""
         contact = self.contact_cost_weight * np.square(flat(fields.cfrc_ext)).sum(axis=1)
         contact = np.clip(contact, *self.contact_cost_range)
         return {**super().costs(fields, fields.ctrl), "reward_contact": contact}
 
     def info(self, fields: Fields) -> Values:
-        """See `LocomotionTask`."""
         tendons = {
             "tendon_length": fields.ten_length.copy(),
             "tendon_velocity": fields.ten_velocity.copy(),

@@ -26,7 +26,6 @@ class HalfCheetah(LocomotionTask):
     draws_normal = True
 
     def info(self, fields: Fields) -> Values:
-        """See `LocomotionTask`."""
         return {"x_position": fields.qpos[:, 0].copy()}
 
 
@@ -60,18 +59,15 @@ class Walker2d(LocomotionTask):
         self._height = env.init_qpos[1]
 
     def healthy(self, fields: Fields) -> Mask:
-        """See `LocomotionTask`."""
         return is_inside(fields.qpos[:, 1], self.healthy_z_range) & is_inside(
             fields.qpos[:, 2], self.healthy_angle_range
         )
 
     def feel(self, fields: Fields) -> Float64Array:
-        """See `LocomotionTask`."""
         velocities = np.clip(fields.qvel, -10, 10)
         return np.concatenate([self.positions(fields), velocities], axis=1)
 
     def info(self, fields: Fields) -> Values:
-        """See `LocomotionTask`."""
         x, z = fields.qpos[:, :2].T
         return {"x_position": x.copy(), "z_distance_from_origin": z - self._height}
 
@@ -91,7 +87,6 @@ class Hopper(Walker2d):
     healthy_state_range: tuple[float, float]
 
     def healthy(self, fields: Fields) -> Mask:
-        """See `LocomotionTask`."""
         state = np.concatenate([fields.qpos, fields.qvel], axis=1)[:, 2:]
         return is_inside(state, self.healthy_state_range).all(axis=1) & super().healthy(fields)
 

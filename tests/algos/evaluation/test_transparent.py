@@ -7,8 +7,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.evaluation.transparent import as_played, known_task, max_steps
-from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
 
 
 def limited(n):

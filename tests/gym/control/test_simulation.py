@@ -6,8 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from curiosity_gym.control.simulation import Simulation
-from curiosity_gym.control.starts import RandomStarts
+from curiosity_gym.control.simulation import RandomStarts, Simulation
 from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.core import SimulationError
 
@@ -209,7 +208,7 @@ class TestCopies:
 FORK = """
 import gc, os, sys, time
 import numpy as np
-from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.control.control_env import ControlVectorEnv
 
 envs = ControlVectorEnv("finger", num_envs=4, n_threads=2)
 envs.reset()

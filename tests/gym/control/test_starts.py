@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.starts import RandomStarts
+from curiosity_gym.control.simulation import RandomStarts
 from curiosity_gym.control.tasks import TASKS
 
 pytestmark = pytest.mark.extra("control")

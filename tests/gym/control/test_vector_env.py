@@ -7,8 +7,7 @@ import pytest
 from gymnasium.error import Error, ResetNeeded
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
-from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 from curiosity_gym.core import SimulationError
 
 pytestmark = pytest.mark.extra("control")

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
-from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.vector_env import ControlVectorEnv
+from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 
 pytestmark = pytest.mark.extra("control")
 

@@ -11,8 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common import env_checker
 
-from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
-from curiosity_gym.locomotion.vector_env import LocomotionVectorEnv
+from curiosity_gym.locomotion.locomotion_env import LocomotionEnv, LocomotionVectorEnv
 
 pytestmark = [
     pytest.mark.extra("locomotion"),

@@ -9,8 +9,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from curiosity_gym.layouts import MazeLayout
-from curiosity_gym.maze.maze_env import MazeEnv
-from curiosity_gym.maze.vector_env import MazeVectorEnv
+from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
 
 # The goal is near enough that random actions come upon it, and far enough that they often do not.
 NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])

@@ -59,10 +59,7 @@ def resolve_layout(
 ) -> MazeLayout:
     """Return the layout itself, or what its fields, a built-in name, a .json path or a text mean.
 
-    Args:
-        layout: Which; of a text, a backslash and an n are a line break, too.
-        built_in: Those with a name.
-        name: Of the argument, for the error.
+    In a text a backslash and an n are a line break, too. An error has the argument's `name`.
 
     Raises:
         ValueError: `layout` is none of these, or the layout it means is not valid.

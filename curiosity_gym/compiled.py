@@ -24,11 +24,10 @@ def compiled(function: _F) -> _F:
     """Compile on the first call, keep the machine code on disk, release the GIL while it runs.
 
     Fast-math stays off: reordered sums would give other bits in other callers. Reference counting
-    is off too, as its atomic operations took more time than the dynamics: a compiled function works
-    on arrays that its Python caller holds, and creates none.
+    is off too, as it took more time than the dynamics: a compiled function creates no arrays.
 
-    Functions of a module that is in no package are compiled anew in every process: which other
-    modules they inline, whose change would leave their machine code wrong, is not known.
+    Functions of a module in no package are compiled in every process: which other modules they
+    inline, whose change would leave their machine code wrong, is not known.
     """
     return _compiled(function, forceinline=True, _nrt=False)
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from gymnasium.error import ResetNeeded
 
 from curiosity_gym.core import Float32Array, FloatArray, Frame
@@ -63,35 +62,22 @@ class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: Of `np_random`, as in Gymnasium, which random starts are drawn from.
-            options: The options that the class documents, if any.
+        """Begin an episode; see Gymnasium, and the class for its options.
 
         Raises:
             ValueError: If an option is not what it may be.
         """
         super().reset(seed=seed)
-        self.simulation.reset(rngs=self._generators(), options=options)
+        rngs = [self.np_random] if self.simulation.draws else []
+        self.simulation.reset(rngs=rngs, options=options)
         self._t, self._ended = 0, False
-        return self._observe(), self._info() | {"is_success": False}
+        return self.simulation.observations[0].copy(), self._info() | {"is_success": False}
 
     def _info(self) -> dict[str, Any]:
         return {name: value[0] for name, value in self.simulation.info.items()}
 
-    def _generators(self) -> list[np.random.Generator]:
-        return [self.np_random] if self.simulation.draws else []
-
-    def _observe(self) -> FloatArray:
-        observation: FloatArray = self.simulation.observations[0].copy()
-        return observation
-
     def step(self, action: Float32Array) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
-        """Act for one step.
-
-        Args:
-            action: (A,), rounded to float32. Beyond the action space it acts as far as that goes.
+        """Act for one step; an action beyond the action space acts as far as that goes.
 
         Raises:
             ValueError: If the action is not A finite numbers.
@@ -115,10 +101,10 @@ class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
         for name, values in self.simulation.outcome.items():
             info[name] = values[0]
         info["is_success"] = success
-        return self._observe(), reward, terminated, truncated, info
+        return self.simulation.observations[0].copy(), reward, terminated, truncated, info
 
     def _advance(self, action: Float32Array) -> tuple[bool, bool]:
-        """Step the simulation; whether the episode is terminated, and successful."""
+        """Step the simulation; whether the episode is terminated, and a success."""
         terminated = self.simulation.step(action[None])
         return bool(terminated[0]), bool(self.simulation.success[0])
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from numbers import Integral
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -23,8 +22,6 @@ from curiosity_gym.fixed import COMMON, FixedSettings
 from curiosity_gym.validation import (
     as_float32,
     check_at_least_one,
-    check_bool,
-    check_choice,
     check_render_mode,
     check_seed,
 )
@@ -79,9 +76,6 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
             check_at_least_one(max_episode_steps=max_episode_steps)
             max_episode_steps = int(max_episode_steps)
         check_render_mode(render_mode=render_mode)
-        check_bool(copy=copy)
-        if not isinstance(autoreset_mode, AutoresetMode):
-            check_choice(tuple(mode.value for mode in AutoresetMode), autoreset_mode=autoreset_mode)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self._single = single = type(self).single_class(*args, **keywords)
         self.simulation = single.simulation.replicate(num_envs, n_threads)
@@ -101,7 +95,6 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         draws = self.simulation.draws
         self._rngs = [seeding.np_random()[0] for _ in range(num_envs)] if draws else []
 
-    @property
     def _is_ready(self) -> bool:
         """Whether every env has an episode, under way or just ended."""
         return bool((self._steps >= 0).all())
@@ -122,9 +115,8 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         """Begin episodes.
 
         Args:
-            seed: As in Gymnasium, of what random starts are drawn from: one for each env, None to
-                leave its generator as it is, or an int for the first, from which the others' count
-                up.
+            seed: As in Gymnasium: one for each env, None to leave its generator as it is, or an int
+                for the first, from which the others' count up.
             options: `reset_mask`: (num_envs,) bool, the envs to reset, None: all; and the options
                 of a single env.
 
@@ -134,7 +126,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         """
         seeds = self._seeds(seed)
         mask = self._reset_mask(options)
-        super().reset(seed=int(seed) if isinstance(seed, Integral) else None)
+        super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         for i in np.flatnonzero(mask).tolist() if self._rngs else ():
             if (own := seeds[i]) is not None:
                 self._rngs[i] = seeding.np_random(own)[0]
@@ -143,7 +135,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """The seed of each env."""
-        if seed is None or isinstance(seed, Integral):
+        if seed is None or isinstance(seed, int | np.integer):
             check_seed(seed)
             return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         for own in seed:
@@ -193,7 +185,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
             raise ValueError(f"`actions` must be finite, of shape {self.action_space.shape}.")
         is_disabled = self.autoreset_mode == AutoresetMode.DISABLED
-        if not self._is_ready or (is_disabled and self._ended.any()):
+        if not self._is_ready() or (is_disabled and self._ended.any()):
             raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
         resets, steps = self._ended, self._steps
         self._steps = np.full(self.num_envs, -1)  # all need a reset, should the physics fail midway
@@ -208,11 +200,8 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         return self._handed_out(), rewards, terminated, truncated, infos
 
     def _truncated(self, terminated: Mask) -> Mask:
-        """Whether each episode is truncated: at the horizon, and at a limit like a `TimeLimit`.
-
-        A `TimeLimit` truncates a step that terminates, too, and the horizon does not.
-        """
         truncated: Mask = ~terminated & (self._steps >= self.horizon)
+        # A `TimeLimit` truncates a step that terminates, too.
         if self.max_episode_steps is not None:
             truncated |= self._steps >= self.max_episode_steps
         return truncated
@@ -227,7 +216,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         return observations.copy() if self.copy else observations
 
     def _reset_ended(self) -> dict[str, Any]:
-        """Same-step autoreset; the final observations and infos, for the infos."""
+        """Reset what ended; the final observations and infos, for the infos."""
         ended = self._ended
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
@@ -242,10 +231,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         }
 
     def _infos(self, mask: Mask) -> dict[str, Any]:
-        """Infos in the form that Gymnasium's vector environments give.
-
-        The envs of `mask` have entries, and those of the last step if there was one.
-        """
+        """Infos of the envs of `mask`, as Gymnasium gives them; of a last step if there was one."""
         parts = [({**self.simulation.info, "is_success": self.simulation.success.copy()}, mask)]
         stepped = mask & (self._steps > 0)
         if stepped.any():
@@ -274,7 +260,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
         """
-        if not self._is_ready:
+        if not self._is_ready():
             raise ResetNeeded("Call reset() before state_dict(): an env has no episode.")
         generators: list[Any] = [rng.bit_generator.state for rng in self._rngs]
         return {**self._snapshot(), "generators": generators}
@@ -285,13 +271,10 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         return {**own, "observations": observations, "physics": self.simulation.state}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `state_dict` gave, here or elsewhere: the same bits from there on.
-
-        No reset is needed before.
+        """Go on from what `state_dict` gave, here or elsewhere, bit for bit; no reset is needed.
 
         Args:
-            state: Of an environment made with the same keywords, `n_threads` aside; its arrays are
-                copied.
+            state: Of an environment made with the same keywords, `n_threads` aside.
 
         Raises:
             ValueError: If it is not a state of such an environment; nothing has changed then.
@@ -315,7 +298,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: make the env with one.")
             return None
-        if not self._is_ready:
+        if not self._is_ready():
             raise ResetNeeded("Call reset() before render().")
         viewer = self._single.viewer
         return tuple(self.simulation.draw(viewer, i) for i in range(self.num_envs))

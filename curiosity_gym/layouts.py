@@ -99,11 +99,9 @@ class MazeLayout:
     ) -> "MazeLayout":
         """Read a drawing: `#` wall, `.` free, `S` start, `G` goal, top row first.
 
-        Args:
-            text: Rows of equal length; blank lines around them and indentation are ignored.
-            name: What the maze is called.
-            cell_size: Side of the square that each character stands for; `S` and `G` are centers.
-                With more than 2 the robot fits through doors of one character.
+        Rows have equal length; indentation and blank lines around them are ignored. Each character
+        stands for a square of side `cell_size`, of which `S` and `G` are the centers. With more
+        than 2 the robot fits through doors of one character.
         """
         size = _number_above(0.0, "cell_size", cell_size)
         rows = [row.strip() for row in text.strip().splitlines()][::-1]  # y points up
@@ -138,11 +136,7 @@ class MazeLayout:
 
 
 def reachable_cells(layout: MazeLayout, n_cells: int = 50) -> Mask:
-    """Mark the cells of a regular grid that the robot's center can enter from the start.
-
-    Returns:
-        Which cells hold an open piece of the reachable set, (n_cells, n_cells), indexed [ix, iy].
-    """
+    """Which cells [ix, iy] of a regular grid the robot's center can enter from the start."""
     return _reachable(layout).cells((layout.width, layout.height), n_cells)
 
 

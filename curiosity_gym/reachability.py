@@ -26,11 +26,7 @@ class Region(NamedTuple):
     mask: Mask
 
     def cells(self, size: tuple[float, float], n_cells: int) -> Mask:
-        """Mark the cells of a regular grid over a world of a size that hold an open piece of it.
-
-        Returns:
-            (n_cells, n_cells), indexed [ix, iy].
-        """
+        """Which cells of a grid over a world of a size hold an open piece of it, [ix, iy]."""
         # As numbers: numpy multiplies truth values a hundred times slower.
         columns = _overlaps(self.xs, np.linspace(0.0, size[0], n_cells + 1)).astype(np.float32)
         rows = _overlaps(self.ys, np.linspace(0.0, size[1], n_cells + 1)).astype(np.float32)
@@ -49,15 +45,10 @@ class Region(NamedTuple):
 def reachable_region(
     walls: Float64Array, size: tuple[float, float], start: Sequence[float], radius: float
 ) -> Region:
-    """Return where the center of a robot can get to from a start.
+    """Return where the center of a robot of a half-width can get to from a start.
 
-    Walls that touch leave no way between them, and neither does a common corner.
-
-    Args:
-        walls: (n, 4) x, y, width, height.
-        size: Width and height of the world, whose border is a wall too.
-        start: (x, y); where it is a corner of two pieces, both are reached.
-        radius: Half-width of the robot, by which walls and border are grown.
+    Walls (n, 4), as layouts have them, that touch leave no way between them, and neither does a
+    common corner. The border of the world is a wall too.
     """
     left, right, xs = _grown_spans(walls[:, 0], walls[:, 2], size[0], radius)
     bottom, top, ys = _grown_spans(walls[:, 1], walls[:, 3], size[1], radius)

@@ -51,23 +51,15 @@ class BaseSimulation:
         rngs: Sequence[np.random.Generator] = (),
         options: dict[str, Any] | None = None,
     ) -> None:
-        """Begin episodes; the others stay as they are.
+        """Begin the episodes of `ids`, sorted, None: all; the others stay as they are.
 
-        Args:
-            ids: Which, sorted; None: all.
-            rngs: What random starts are drawn from, one for each of `ids`, or one for all of them,
-                which then begin alike. Fixed starts take none.
-            options: Those of a reset; they are checked before anything changes.
+        Random starts are drawn from `rngs`, one for each of `ids`, or one for all of them, which
+        then begin alike. The options are those of a reset.
         """
 
     @abstractmethod
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
-        """Advance episodes by a step; whether it ends each of them, (k,), a new array.
-
-        Args:
-            actions: (k, A), one row for each of `ids`.
-            ids: k of them, sorted; None: all.
-        """
+        """Advance k `ids`, sorted, by actions (k, A); whether that ends each, (k,), a new array."""
 
     def advance(self, actions: FloatArray, resets: Mask, rngs: list[np.random.Generator]) -> Mask:
         """Step all (n, A), but reset those of `resets`; whether a step ended each, (n,)."""
@@ -108,13 +100,7 @@ class BaseSimulation:
 
 
 class MujocoSimulation(BaseSimulation):
-    """n simulations of a task of MuJoCo's.
-
-    Args:
-        task: The task that is simulated.
-        n: Number of simulations.
-        n_threads: At least 1; None: as many as there are processors. Results do not depend on it.
-    """
+    """n simulations of a task of MuJoCo's, on `n_threads`; None: as many as processors."""
 
     _kept: ClassVar[tuple[str, ...]] = ("observations", "success")
     """Attributes that are pickled; the constructor makes the others, and `_put` fills them."""

@@ -11,7 +11,7 @@ the Minkowski sum that swept collision works with.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -75,7 +75,8 @@ class Maze(NamedTuple):
 
 def same_maze(one: Maze, other: Maze) -> bool:
     """Whether two mazes have the same geometry and constants."""
-    return all(map(np.array_equal, one, other))
+    pairs: Any = zip(one, other, strict=True)
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 def build_maze(

@@ -116,12 +116,7 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
     def step(
         self, action: npt.NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """See `SparseRewardWrapper`.
-
-        Raises:
-            SimulationError: If the physics of a maze became unstable.
-            dm_control.rl.control.PhysicsError: If those of another task did.
-        """
+        """See `SparseRewardWrapper`; errors of the physics are those of the original."""
         return self.env.step(action)
 
     def render(self) -> Any:
@@ -135,11 +130,6 @@ class _StableMaze(gym.Wrapper[Any, Any, Any, Any]):
     """A maze of Gymnasium-Robotics that does not go on once MuJoCo has reset its simulation."""
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Take one step.
-
-        Raises:
-            SimulationError: If MuJoCo warned since the last reset, which clears its counters.
-        """
         result = self.env.step(action)
         counts = self.unwrapped.data.warning.number  # type: ignore[attr-defined]
         if np.count_nonzero(counts):

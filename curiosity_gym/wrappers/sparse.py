@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, SupportsFloat, TypeGuard
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
@@ -56,9 +56,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
     Args:
         env: The environment. A `TimeLimit` below `horizon` warns: it would cut every episode.
         success: `success(env, observation, reward, info)`, whether the step that gave them is the
-            success; `env` is the wrapped environment, and observation and reward are its own. It
-            must be pure, as all copies of the environment call it, and a function of a module, if
-            the environment shall be pickled.
+            success; all are of the wrapped environment. It must be pure, and a function of a
+            module, if the environment shall be pickled.
         horizon: Steps after which an episode is truncated.
         behavior: `behavior(env, observation, info)`, a pure function that returns an array of B
             finite numbers, or a `BehaviorAccumulator`; see `BehaviorWrapper`. None: `env` keeps the
@@ -99,9 +98,9 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         self.horizon = int(horizon)
         self.observation_space = _flat_space(env.observation_space)
         self._is_flat = self.observation_space is env.observation_space
-        self.action_space = (
-            _as_float32(env.action_space) if _is_float_box(env.action_space) else env.action_space
-        )
+        space = env.action_space
+        self._is_clipped = isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.floating)
+        self.action_space = _as_float32(space) if self._is_clipped else space
         self._success = success
         self._played = env
         if behavior is not None and behavior_space is not None:
@@ -147,9 +146,9 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
 
     def _check_action(self, action: Any) -> Any:
         """The action as the wrapped environment takes it."""
-        space = self.env.action_space
-        if not _is_float_box(space):
+        if not self._is_clipped:
             return action
+        space: Any = self.env.action_space
         array = np.asarray(action, dtype=space.dtype)
         if array.shape != space.shape or not np.isfinite(array).all():
             raise ValueError(
@@ -183,21 +182,16 @@ def time_limit(env: gym.Env[Any, Any]) -> int | None:
     return min(limits, default=None)
 
 
-def _is_float_box(space: spaces.Space[Any]) -> TypeGuard[spaces.Box[Any]]:
-    return isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.floating)
-
-
 def _flat_space(space: spaces.Space[Any]) -> spaces.Box[np.float32]:
     """The space of flattened observations; the same object where there is nothing to flatten."""
     if isinstance(space, spaces.Box) and len(space.shape) == 1 and space.dtype == np.float32:
         return space
-    flat = spaces.flatten_space(space)
-    if not isinstance(flat, spaces.Box):
+    if not space.is_np_flattenable:
         raise ValueError(f"`env` has observations of no fixed size, which do not flatten: {space}.")
-    return _as_float32(flat)
+    return _as_float32(spaces.flatten_space(space))
 
 
-def _as_float32(space: spaces.Box[Any]) -> spaces.Box[np.float32]:
+def _as_float32(space: Any) -> spaces.Box[np.float32]:
     with np.errstate(over="ignore"):  # bounds beyond float32's largest become infinite
         low, high = space.low.astype(np.float32), space.high.astype(np.float32)
     return spaces.Box(low, high, dtype=np.float32)

@@ -6,7 +6,7 @@ from functools import cache
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.error import DependencyNotInstalled, ResetNeeded
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -156,11 +156,6 @@ class TestEveryEnvironment:
         for action in random_actions(envs.action_space, 20):
             assert_identical(act(envs, action), act(twins, action))
 
-    @pytest.mark.parametrize("env_id", KINDS)
-    def test_needs_a_reset_first(self, env_id):
-        with pytest.raises(ResetNeeded, match=r"reset\(\) before state_dict"):
-            make_vec(env_id, "NextStep").state_dict()
-
 
 @settings(max_examples=settings.default.max_examples // 2)
 @given(
@@ -195,23 +190,6 @@ def test_no_place_that_a_robot_comes_to_is_refused(layout, restitution):
         for state in envs.state_dict()["physics"]:
             one.reset(options={"state": state})
     assert (envs.state_dict()["physics"] != start).any(axis=1).all()
-
-
-class TestFrames:
-    @pytest.mark.extra("control")
-    def test_of_a_control_task_are_those_of_the_original(self):
-        env, other = (ControlVectorEnv("stacker", render_mode="rgb_array") for _ in range(2))
-        env.reset()
-        try:
-            first = env.render()
-        except DependencyNotInstalled:
-            pytest.skip("neither EGL nor OSMesa is here")
-        play(env, random_actions(env.action_space, 30))
-        other.load_state_dict(env.state_dict())
-        np.testing.assert_array_equal(other.render(), env.render())
-        assert (first[0] != env.render()[0]).any()
-        env.close()
-        other.close()
 
 
 HORIZON = 6

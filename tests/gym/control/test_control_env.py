@@ -7,7 +7,6 @@ from scripts import run_python
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from curiosity_gym.control.control_env import ControlEnv
-from curiosity_gym.control.tasks import TASKS
 from curiosity_gym.core import SimulationError
 from curiosity_gym.registration import SPECS
 
@@ -17,10 +16,6 @@ IDS = {spec["kwargs"]["task"]: env_id for env_id, spec in SPECS.items() if "Cont
 INFINITE = "error", "ignore:.*observation space (min|max)imum value is.*inf"
 """What Gymnasium's check says of positions and speeds is no error."""
 SIZES = {"ball_in_cup": (8, 2, 4, 50), "finger": (12, 2, 3, 50), "stacker": (42, 5, 2, 100)}
-
-
-def test_every_task_has_its_id():
-    assert set(IDS) == set(TASKS) == set(SIZES)
 
 
 class TestEveryTask:
@@ -80,22 +75,6 @@ class TestEveryTask:
         np.testing.assert_array_equal(kept, behaviors)
         assert len(np.unique(behaviors, axis=0)) == len(behaviors)
 
-    def test_seeds_change_nothing(self, name):
-        env = gym.make(IDS[name])
-        np.testing.assert_array_equal(env.reset(seed=0)[0], env.reset(seed=1)[0])
-
-    def test_copies_continue_on_their_own(self, name, make_actions, duplicate):
-        env = gym.make(IDS[name])
-        env.reset()
-        actions = make_actions("uniform", 60, SIZES[name][1])
-        for action in actions:
-            env.step(action)
-        twin = duplicate(env)
-        for action in actions:
-            ours, theirs = env.step(action), twin.step(action)
-            np.testing.assert_array_equal(ours[0], theirs[0])
-            assert ours[1:4] == theirs[1:4]
-
     def test_can_be_made_in_several_threads_at_once(self):
         code = (
             "from concurrent.futures import ThreadPoolExecutor\n"
@@ -133,29 +112,6 @@ class TestExtra:
         assert 'pip install "curiosity-search[control]"' in message
 
 
-class TestRandomStarts:
-    def test_are_those_of_the_seed(self, name):
-        env, other = (gym.make(IDS[name], random_start=True) for _ in range(2))
-        first, second = env.reset(seed=1)[0], env.reset()[0]
-        assert (first != second).any()
-        assert (first != other.reset(seed=2)[0]).any()
-        np.testing.assert_array_equal(other.reset(seed=1)[0], first)
-        np.testing.assert_array_equal(other.reset()[0], second)
-
-    def test_without_a_seed_are_of_fresh_entropy(self, name):
-        one, other = (gym.make(IDS[name], random_start=True).reset()[0] for _ in range(2))
-        assert (one != other).any()
-
-    def test_of_copies_are_the_same(self, name, make_actions, duplicate):
-        env = gym.make(IDS[name], random_start=True)
-        env.reset(seed=4)
-        twin = duplicate(env)
-        for _ in range(2):
-            for action in make_actions("bang-bang", 20, SIZES[name][1]):
-                np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
-            np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
-
-
 class TestStep:
     def test_refuses_actions_that_are_not_finite(self, name):
         for value in [np.nan, np.inf, -np.inf]:
@@ -170,23 +126,6 @@ class TestStep:
             good = np.zeros(SIZES[name][1])
             np.testing.assert_array_equal(env.step(good)[0], expected.step(good)[0])
 
-    def test_refuses_actions_of_another_shape(self):
-        for shape in [(), (1,), (9,), (1, 2)]:
-            env = ControlEnv("finger")
-            env.reset()
-            with pytest.raises(ValueError, match="`action` must be 2 finite numbers"):
-                env.step(np.zeros(shape))
-
-    def test_needs_an_episode(self):
-        env = ControlEnv("finger", horizon=2)
-        action = np.zeros(2)
-        with pytest.raises(ResetNeeded):
-            env.step(action)
-        env.reset()
-        assert [env.step(action)[3] for _ in range(2)] == [False, True]
-        with pytest.raises(ResetNeeded):
-            env.step(action)
-
     def test_raises_where_the_physics_fail_and_needs_a_reset_then(self):
         env = ControlEnv("ball_in_cup")
         env.reset()
@@ -197,20 +136,6 @@ class TestStep:
             env.step(np.zeros(2))
         env.reset()
         assert np.isfinite(env.step(np.zeros(2))[0]).all()
-
-    def test_ends_at_the_goal_with_the_reward_of_its_step(self, make_actions):
-        env = ControlEnv("stacker", success_threshold=1e-45, horizon=1000)
-        env.reset()
-        rewards, terminated, actions = [], False, iter(make_actions("bang-bang", 1000, 5, seed=5))
-        while not terminated:
-            action = next(actions)
-            _, reward, terminated, truncated, info = env.step(action)
-            rewards.append(reward)
-        assert not truncated
-        assert info["is_success"] is True
-        assert rewards == [0.0] * (len(rewards) - 1) + [1.0 - len(rewards) / 1000]
-        with pytest.raises(ResetNeeded):
-            env.step(action)
 
 
 def test_rejects_bad_keywords():

@@ -8,7 +8,6 @@ import pytest
 
 from curiosity_gym.control.simulation import RandomStarts, Simulation
 from curiosity_gym.control.tasks import TASKS
-from curiosity_gym.core import SimulationError
 
 pytestmark = pytest.mark.extra("control")
 
@@ -43,13 +42,6 @@ class TestAgainstDmControl:
         moved = np.abs(observations[-1] - observations[0]).max(axis=1)
         assert (moved > 0.1).all()
 
-    def test_steps_at_the_goal_are_the_same(self, make_actions, play_reference):
-        actions = np.stack([make_actions("bang-bang", 1000, 2, seed) for seed in range(6)], axis=1)
-        solved = play(Simulation(TASKS["ball_in_cup"](), 6, 2), actions)[1]
-        expected = [play_reference("ball_in_cup", actions[:, i])[1] for i in range(6)]
-        np.testing.assert_array_equal(solved, np.stack(expected, axis=1))
-        assert 0 < solved.sum() < solved.size
-
     def test_actions_out_of_range_are_clipped(self, name, make_actions):
         task = TASKS[name]()
         actions = 3.0 * make_actions("uniform", 50, task.n_actions)[:, None]
@@ -67,23 +59,6 @@ class TestReset:
         play(simulation, np.ones((15, 1, simulation.task.n_actions)))
         assert np.abs(simulation._batch.qvel).max() > 0.1
         np.testing.assert_array_equal(play(simulation, actions)[0], first)
-
-    def test_of_some_leaves_the_others_alone(self, name, make_actions):
-        task = TASKS[name]()
-        actions = make_actions("uniform", 120, task.n_actions)
-        simulation, alone = Simulation(task, 3), Simulation(task, 1)
-        simulation.reset()
-        alone.reset()
-        for t, action in enumerate(actions):
-            if t % 40 == 20:
-                before = simulation.observations.copy()
-                simulation.reset(np.array([0, 2]))
-                np.testing.assert_array_equal(simulation.observations[1], before[1])
-            simulation.step(np.tile(action, (3, 1)))
-            alone.step(action[None])
-            np.testing.assert_array_equal(simulation.observations[1], alone.observations[0])
-        np.testing.assert_array_equal(simulation.observations[0], simulation.observations[2])
-        assert (simulation.observations[0] != simulation.observations[1]).any()
 
     def test_starts_at_rest_without_contact_or_success(self, name, make_reference):
         task = TASKS[name]()
@@ -115,62 +90,10 @@ class TestRandomStarts:
         np.testing.assert_array_equal(simulation.state, expected)
         assert len(np.unique(expected, axis=0)) == self.N
 
-    def test_of_some_leave_the_others_alone(self, name):
-        simulation = Simulation(TASKS[name](random_start=True), self.N)
-        simulation.reset(rngs=self.rngs())
-        before, observations = simulation.state, simulation.observations.copy()
-        simulation.reset(np.array([1, 5]), self.rngs()[5:7])
-        others = np.delete(np.arange(self.N), [1, 5])
-        np.testing.assert_array_equal(simulation.state[others], before[others])
-        np.testing.assert_array_equal(simulation.observations[others], observations[others])
-        np.testing.assert_array_equal(simulation.state[[1, 5]], before[[5, 6]])
-        np.testing.assert_array_equal(simulation.observations[[1, 5]], observations[[5, 6]])
-
     def test_of_one_generator_are_the_same_for_all(self, name):
         simulation = Simulation(TASKS[name](random_start=True), 3)
         simulation.reset(rngs=self.rngs()[4:5])
         assert len(np.unique(simulation.state, axis=0)) == 1
-
-    def test_are_gone_on_from_wherever_a_simulation_was(self, name, make_actions):
-        task = TASKS[name](random_start=True)
-        simulation, other = Simulation(task, self.N, 2), Simulation(task, self.N)
-        simulation.reset(rngs=self.rngs())
-        other.reset(rngs=self.rngs()[::-1])
-        actions = make_actions("bang-bang", 20, task.n_actions)[:, None]
-        simulation.step(actions[0])
-        other.restore(simulation.state, simulation.observations)
-        for action in actions:
-            np.testing.assert_array_equal(simulation.step(action), other.step(action))
-            np.testing.assert_array_equal(simulation.observations, other.observations)
-
-
-class TestStep:
-    def test_of_some_leaves_the_others_where_they_are(self, name, make_actions):
-        task = TASKS[name]()
-        simulation, alone = Simulation(task, 4), Simulation(task, 2)
-        simulation.reset()
-        alone.reset()
-        ids = np.array([1, 3])
-        actions = make_actions("bang-bang", 200, 2 * task.n_actions).reshape(200, 2, -1)
-        at_start = simulation.observations[0].copy()
-        for action in actions:
-            np.testing.assert_array_equal(simulation.step(action, ids), alone.step(action))
-        np.testing.assert_array_equal(simulation.observations[ids], alone.observations)
-        np.testing.assert_array_equal(simulation.observations[[0, 2]], [at_start] * 2)
-        np.testing.assert_array_equal(simulation.behaviors[ids], alone.behaviors)
-
-    def test_raises_where_mujoco_warns_and_goes_on_after_a_reset(self, name):
-        simulation = Simulation(TASKS[name](), 3)
-        simulation.reset()
-        actions = np.zeros((3, simulation.task.n_actions))
-        expected = [simulation.step(actions), simulation.observations.copy()]
-        simulation.reset()
-        simulation._batch.bind("qvel")[1, 0] = 1e12
-        with pytest.raises(SimulationError, match=r"simulation 1 .* reset the environment"):
-            simulation.step(actions)
-        simulation.reset()
-        np.testing.assert_array_equal(simulation.step(actions), expected[0])
-        np.testing.assert_array_equal(simulation.observations, expected[1])
 
 
 class TestCopies:

@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
 
 from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 
@@ -182,10 +181,3 @@ def test_copies_of_an_env_that_has_rendered_render_too(duplicate):
     np.testing.assert_array_equal(twins.render()[1], frame)
     for each in (env, twin, envs, twins):
         each.close()
-
-
-def test_rendering_needs_a_mode_and_an_episode():
-    with pytest.raises(ResetNeeded):
-        ControlEnv("finger", render_mode="rgb_array").render()
-    with pytest.warns(UserWarning, match="render_mode"):
-        assert ControlEnv("finger").render() is None

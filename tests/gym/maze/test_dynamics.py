@@ -16,7 +16,6 @@ from curiosity_gym.maze.dynamics import (
     is_at_goal,
     move,
     observe,
-    step,
 )
 from curiosity_gym.reachability import reachable_region
 
@@ -165,19 +164,6 @@ class TestMove:
             positions.append(state[:2].copy())
         assert depth_in_grown_walls(layout, np.array(positions)).max() <= MARGIN + 1e-9
 
-    def test_never_enters_a_built_in_wall(self):
-        for name in BUILT_IN:
-            for restitution in [0.0, 1.0]:
-                for max_speed in [20.0, 500.0]:
-                    layout = BUILT_IN[name]
-                    maze = make_maze(layout, restitution=restitution, max_speed=max_speed)
-                    state = maze.start.copy()
-                    positions = []
-                    for ax, ay in bang_bang(np.random.default_rng(0), 4000):
-                        move(maze, state, ax, ay)
-                        positions.append(state[:2].copy())
-                    assert depth_in_grown_walls(layout, np.array(positions)).max() <= TOLERANCE
-
     @settings(max_examples=2 * settings.default.max_examples)
     @given(layout=layouts(), seed=st.integers(0, 2**32))
     def test_bouncing_keeps_speed_and_sliding_never_gains_any(self, layout, seed):
@@ -303,12 +289,6 @@ class TestCastBeams:
             for position in positions[depth_in_grown_walls(layout, positions) < 0.0]:
                 assert_beams_agree(layout, position)
 
-    def test_beams_turn_counterclockwise_from_the_x_axis(self):
-        maze = make_maze(make_layout([], start=(5.0, 12.0)), n_beams=4, lidar_range=100.0)
-        beams = np.empty(4, dtype=np.float32)
-        cast_beams(maze, 5.0, 12.0, beams)
-        np.testing.assert_allclose(beams * 100.0, [35.0, 18.0, 5.0, 12.0], rtol=1e-6)
-
 
 def test_observe_scales_every_entry():
     maze = make_maze(make_layout([]), max_speed=10.0, lidar_range=5.0)
@@ -326,17 +306,6 @@ def test_is_at_goal_strictly_within_the_radius():
     assert not is_at_goal(maze, np.array([21.5, 16.5, 0.0, 0.0]))
 
 
-def test_step_clips_the_action():
-    maze = make_maze(BUILT_IN["hard"])
-    results = []
-    for action in ((9.0, -3.0), (1.0, -1.0)):
-        state, observation = maze.start.copy(), np.empty(36, dtype=np.float32)
-        step(maze, state, np.array(action, dtype=np.float32), observation)
-        results.append((state, observation))
-    np.testing.assert_array_equal(results[0][0], results[1][0])
-    np.testing.assert_array_equal(results[0][1], results[1][1])
-
-
 def test_slides_along_flush_walls_from_a_start_that_touches_them():
     layout = make_layout([[5, 20, 5, 5], [10, 20, 5, 5], [15, 20, 5, 5]])
     maze = make_maze(layout)
@@ -344,12 +313,3 @@ def test_slides_along_flush_walls_from_a_start_that_touches_them():
     for _ in range(40):
         move(maze, state, 1.0, 1.0 if state[0] < 20.0 else 0.0)
     assert state[0] > 25.0
-
-
-def test_large_worlds_have_few_cells():
-    walls = [[10 * i, 10 * i, 5, 5] for i in range(1, 99)]
-    maze = make_maze(MazeLayout("large", 1000, 1000, (5, 5), (990, 5), walls))
-    assert len(maze.near_start) <= 64 * 64 + 1
-    state = np.array([985.0, 985.0, 0.0, 0.0])
-    move(maze, state, -1.0, 0.0)
-    assert state[0] < 985.0

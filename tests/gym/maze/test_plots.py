@@ -68,12 +68,6 @@ def test_squares_reach_to_the_edges_of_any_maze():
     assert counts.sum() == 2
 
 
-def test_density_draws_on_given_axes():
-    ax = plt.figure().add_subplot()
-    assert plot_density(np.array([[5.0, 5.0]]), BUILT_IN["us"], ax=ax) is ax
-    ax.figure.canvas.draw()
-
-
 def test_density_of_no_positions_is_the_layout():
     ax = plot_density(np.empty((0, 2)), BUILT_IN["us"])
     assert not counted(ax)

@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from PIL import ImageColor
@@ -94,29 +91,9 @@ class TestDraw:
         assert color_at(frame, 55.0, 112.0) == rgb("VELOCITY")
         assert color_at(frame, 55.0, 98.0) == rgb("FLOOR")
 
-    def test_frames_are_independent(self):
-        viewer = make_viewer()
-        first = viewer.draw(AT_REST, NO_BEAMS)
-        expected = first.copy()
-        first[:] = 0
-        viewer.draw((100.0, 60.0, 5.0, 5.0), NO_BEAMS + 10.0)
-        np.testing.assert_array_equal(viewer.draw(AT_REST, NO_BEAMS), expected)
-
     def test_other_worlds_keep_their_shape_on_even_sides(self):
         layout = MazeLayout("flat", 61.0, 23.0, (5, 5), (8, 5), np.array([[30, 0, 10, 10]]))
         frame = make_viewer(layout, size=301).draw((20, 10, 0, 0), NO_BEAMS)
         assert frame.shape == (114, 300, 3)
         assert color_at(frame, 35.0, 5.0, 300 / 61) == rgb("WALL")
         assert color_at(frame, 35.0, 15.0, 300 / 61) == rgb("FLOOR")
-
-    def test_any_number_of_beams(self):
-        frame = make_viewer(n_beams=0).draw(AT_REST, np.empty(0))
-        assert frame.shape == (SIZE, SIZE, 3)
-
-
-def test_import_loads_neither_pygame_nor_matplotlib():
-    code = (
-        "import sys, curiosity_gym.maze.viewer, curiosity_gym.maze.plots;"
-        "sys.exit(bool({'pygame', 'matplotlib'} & set(sys.modules)))"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)

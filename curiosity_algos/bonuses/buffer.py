@@ -106,19 +106,12 @@ class TransitionBuffer:
         empty = {name: column[:0] for name, column in self._columns.items()}
         own = {**empty, "next": 0, "generator": self._generator.get_state()}
         check_like(state, own, "buffer")
-        n = len(state["actions"])
-        if any(len(state[name]) != n for name in self._columns):
-            raise ValueError("`buffer` must be of as many rows in each column.")
-        rows, place = th.arange(n), state["next"]
-        if not 0 <= place <= n:
-            raise ValueError(f"`buffer.next` must be from 0 to {n}, got {place}.")
+        n, place = len(state["actions"]), state["next"]
+        rows = th.arange(n)
         if n != self.capacity:
             rows = rows.roll(-place)[-self.capacity :]
             place = len(rows)
-        try:
-            self._generator.set_state(state["generator"].cpu())
-        except RuntimeError as error:
-            raise ValueError("`buffer.generator` must be the state of a generator.") from error
+        self._generator.set_state(state["generator"].cpu())
         for name, column in self._columns.items():
             column[: len(rows)] = state[name][rows]
         self.size, self._next = len(rows), place % self.capacity

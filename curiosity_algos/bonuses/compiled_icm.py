@@ -86,14 +86,8 @@ def differentiate_chunk(
 ) -> None:
     """The errors of the two models, summed over n transitions, and the slopes of the loss.
 
-    Args:
-        icm: The networks.
-        work: Memory for n transitions.
-        slopes: Where those by each network's parameters go.
-        losses: Where the two sums go.
-        states: `s_1, s'_1, s_2, s'_2, ...`, standardized, (2n, O).
-        actions: Encoded, (n, A).
-        weights: Of the two sums in the loss.
+    The sums go to `losses`, the slopes by each network's parameters to `slopes`; `weights` are
+    those of the two sums in the loss.
     """
     n, n_features = len(actions), work.pairs.shape[1] // 2
     forward(icm.encoder, states, work.encoder.outputs)
@@ -128,12 +122,7 @@ def differentiate(
 
     The same bits for any number of threads: chunks of a fixed size, added in their order.
 
-    Args:
-        icm: The networks.
-        states: `s_1, s'_1, s_2, s'_2, ...`, standardized, (2n, O).
-        actions: Encoded, (n, A).
-        beta: Weight of L_F.
-        pool: Threads.
+    States are `s_1, s'_1, s_2, s'_2, ...`, standardized, (2n, O), actions encoded, (n, A).
 
     Raises:
         ValueError: If there are not as many actions as transitions.

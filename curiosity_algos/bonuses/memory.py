@@ -22,15 +22,7 @@ class FeatureMemory:
     """Keeps `size` observations, each of those seen with the same probability (Vitter 1985, R).
 
     It keeps observations, as the encoder that makes features of them learns on; what it made of
-    them last is kept beside them until it is `outdated`.
-
-    Args:
-        size: Observations kept, at most.
-        shape: Of an observation.
-        dtype: Of what is kept: bytes for images, or float32.
-        n_features: Of an observation.
-        seed: Of the draws.
-        device: Where features are.
+    them last is kept beside them until it is outdated. Images are kept as bytes, others as float32.
     """
 
     def __init__(
@@ -105,11 +97,11 @@ class FeatureMemory:
         empty = {"observations": self._kept[:0], "features": self._features[:0]}
         empty |= {"is_current": self._is_current[:0], "n_seen": 0, "rng": ""}
         check_like(state, empty, "memory")
-        n, n_seen = min(state["n_seen"], len(self._kept)), state["n_seen"]
-        if any(len(state[name]) != n for name in ("observations", "features", "is_current")):
-            raise ValueError(f"`n_seen` must fit the observations, got {n_seen}.")
+        n = len(state["observations"])
+        if n != min(state["n_seen"], len(self._kept)):
+            raise ValueError(f"`memory` must be of {len(self._kept)} observations at most.")
         load_generator_state(self._rng, state["rng"])
-        self.n_seen = n_seen
+        self.n_seen = state["n_seen"]
         self._kept[:n] = state["observations"]
         self._features[:n] = state["features"]
         self._squares[:n] = self._features[:n].square().sum(dim=1)

@@ -14,8 +14,8 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import NetworkKeywords
+from curiosity_algos.bonuses.encoders import InverseFeatures
 from curiosity_algos.bonuses.episodes import refuse_transitions
-from curiosity_algos.bonuses.inverse import InverseFeatures
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer

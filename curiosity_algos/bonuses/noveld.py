@@ -166,7 +166,5 @@ class Visits:
         """Take over what `state_dict` gave; ValueError if it is of other episodes."""
         own = {**self.state_dict(), "seen": [np.empty(0, np.int64) for _ in self._seen]}
         check_like(state, own, "episodes")
-        if (state["scale"] <= 0.0).any():
-            raise ValueError("`scale` must be above 0.")
         self._seen = [set(codes.tolist()) for codes in state["seen"]]
         self._mean, self._scale = state["mean"].copy(), state["scale"].copy()

@@ -93,15 +93,10 @@ def backward(
     by_parameters: Float32Array,
     by_inputs: Float32Array,
 ) -> None:
-    """The loss' slopes by parameters and inputs, from those by the last outputs.
+    """The loss' slopes by parameters and inputs, from those by the last outputs in `held`.
 
-    Args:
-        layers: The network.
-        inputs: As `forward` had them, (n, n_in).
-        held: What `forward` gave, and the slopes by the last outputs; those before are written.
-        by_parameters: Where `dW = dy' x` and `db`, the sum over dy, go: (n_parameters,), in torch's
-            order.
-        by_inputs: Where `dx = dy W` goes, (n, n_in), or (0, n_in) where nobody needs it.
+    `dW = dy' x` and `db`, the sum over dy, go to `by_parameters` in torch's order, and `dx = dy W`
+    to `by_inputs`, unless that is (0, n_in), as nobody needs it.
     """
     n, end = len(inputs), len(by_parameters)
     for k in range(len(held.outputs) - 1, -1, -1):

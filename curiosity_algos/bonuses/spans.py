@@ -18,15 +18,9 @@ ARRAYS = ("observations", "actions", "lengths")
 
 
 class RecentSteps:
-    """The last steps of several environments, to draw a transition from of each that ends now.
+    """The last `horizon` steps of several environments.
 
-    Args:
-        n_envs: Environments.
-        horizon: Steps kept of each.
-        shape: Of an observation.
-        dtype: Of observations.
-        n_actions: Numbers stored of an action.
-        seed: Of the draws.
+    Of each it draws a transition that ends now.
     """
 
     def __init__(
@@ -73,11 +67,6 @@ class RecentSteps:
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError where it is other environments'."""
         check_like(state, self.state_dict(), "recent")
-        lengths = state["lengths"]
-        if not 0 <= state["next"] < self.horizon or np.any(
-            lengths != lengths.clip(0, self.horizon)
-        ):
-            raise ValueError(f"`recent` must have numbers of steps from 0 to {self.horizon}.")
         load_generator_state(self._rng, state["rng"])
         self._next = state["next"]
         for name in ARRAYS:

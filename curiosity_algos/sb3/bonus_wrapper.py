@@ -247,21 +247,10 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         """Take over what `state_dict` of a wrapper with the same settings gave.
 
         Raises:
-            ValueError: If it is another's; nothing has changed then.
+            ValueError: If it is another's; parts may have changed then.
         """
-        before = self.state_dict()
-        try:
-            self._load(state)
-        except Exception:
-            self._load(before)
-            raise
-
-    def _load(self, state: Mapping[str, Any]) -> None:
-        parts = ("curiosity", "buffer", "recent", "episodes", "observations")
-        check_keys(state, parts, "wrapper")
+        check_keys(state, ("curiosity", "buffer", "recent", "episodes", "observations"), "wrapper")
         check_like(state["observations"], self._observations[:0], "observations")
-        if len(state["observations"]) not in (0, self.num_envs):
-            raise ValueError(f"`observations` must be of {self.num_envs} environments, or none.")
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])
         if self._episodes is not None:

@@ -28,9 +28,6 @@ class ExplorationCallback(BaseCallback):
     `intrinsic/max` of the steps since the last log, and the losses of the last training of a
     `BonusVecEnvWrapper`; of a `BonusReplayBuffer` all are those of its last training.
 
-    Args:
-        verbose: As in SB3.
-
     Attributes:
         coverage: Its `reachable` and `all` are the shares of cells in which episodes ended, its
             `visited` that of the cells in which any step ended.
@@ -110,9 +107,6 @@ class ExplorationCallback(BaseCallback):
 class FinalBehaviors(BaseCallback):
     """Keeps the behavior that each episode ends with, of any algorithm: in a maze, where.
 
-    Args:
-        verbose: As in SB3.
-
     Attributes:
         behaviors: (n, B) float64, of the n episodes that ended with an `info["behavior"]`, in their
             order; (0, 0) before the first.
@@ -140,14 +134,6 @@ class BonusCheckpointCallback(CheckpointCallback):
 
     Beside `{name_prefix}_{timesteps}_steps.zip` there is a file for `BonusVecEnvWrapper.load`,
     `{name_prefix}_bonus_{timesteps}_steps.npz`. All arguments are SB3's.
-
-    Args:
-        save_freq: Calls of the callback from one checkpoint to the next.
-        save_path: Folder of the files.
-        name_prefix: Beginning of their names.
-        save_replay_buffer: Save the model's replay buffer, too.
-        save_vecnormalize: Save the statistics of a `VecNormalize`, too.
-        verbose: 2: say what is saved.
 
     Raises:
         ValueError: When `learn` begins, if the model's environment has no such wrapper.

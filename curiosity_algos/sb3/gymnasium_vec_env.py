@@ -113,11 +113,7 @@ class GymnasiumVecEnv(VecEnv):
     # -- what the single envs have ----------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """The attribute of each env; a native VectorEnv has it for all of them.
-
-        Raises:
-            AttributeError: If they have none.
-        """
+        """The attribute of each env; a native VectorEnv has it for all of them."""
         values = env_attributes(self.vector_env, attr_name)
         if not values:
             raise AttributeError(f"The envs have no attribute {attr_name!r}.")
@@ -125,11 +121,7 @@ class GymnasiumVecEnv(VecEnv):
         return [each[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set the attribute of each env.
-
-        Raises:
-            AttributeError: If the VectorEnv has no single envs.
-        """
+        """Set the attribute of each env; AttributeError where there are no single ones."""
         chosen = set(self._get_indices(indices))
         values = self.get_attr(attr_name) if len(chosen) < self.num_envs else [None] * self.num_envs
         values = [value if i in chosen else values[i] for i in range(self.num_envs)]
@@ -138,12 +130,7 @@ class GymnasiumVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
     ) -> list[Any]:
-        """Call a method of each env.
-
-        Raises:
-            AttributeError: If the VectorEnv has no single envs.
-            ValueError: If not all envs are chosen of those that have processes.
-        """
+        """Call a method of each env; AttributeError where there are no single ones."""
         inner: Any = self.vector_env.unwrapped
         chosen = list(self._get_indices(indices))
         if hasattr(inner, "envs"):

@@ -67,8 +67,6 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
             sees images as they are, and others as vectors.
         action_space: Box with bounds, or Discrete.
         device: Where samples go, and the networks of a bonus that is named.
-        n_envs: Environments side by side.
-        optimize_memory_usage: As in SB3.
         handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`. Without it no
             end of an episode is known to be the task's, and the bonus observes none.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
@@ -360,16 +358,9 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         check_keys(state, ("curiosity", "rng", "transitions"))
         columns, rng = dict(state["transitions"]), np.random.default_rng(0)
         check_like(columns, {**self._stored(0), "pos": 0, "full": False}, "transitions")
-        pos, full = columns.pop("pos"), columns.pop("full")
-        parts = [part.values() if isinstance(part, dict) else [part] for part in columns.values()]
-        lengths = {len(part) for each in parts for part in each}
-        # The row after the newest is stored, too, which may be where that leads.
-        n_rows = self.buffer_size if full else pos + 1 if pos else max(lengths)
-        if lengths != {n_rows} or not pos < self.buffer_size:
-            raise ValueError(f"`transitions.pos` and `full` must fit the rows, got {pos}.")
         load_generator_state(rng, state["rng"])
         self.curiosity.load_state_dict(state["curiosity"])
-        self._rng, self.pos, self.full = rng, pos, full
+        self._rng, self.pos, self.full = rng, columns.pop("pos"), columns.pop("full")
         for name, column in columns.items():
             self._rows.load(getattr(self, name), column)
 

@@ -15,7 +15,6 @@ from stable_baselines3.common.vec_env import (
     VecTransposeImage,
 )
 
-from curiosity_algos.state.check import check_like
 from curiosity_algos.state.tree import encode
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -55,9 +54,6 @@ def load_episode_states(venv: VecEnv, state: State | None) -> bool:
     Returns:
         Whether all environments stand where the others stood. If not, begin new episodes.
 
-    Raises:
-        ValueError: If `episode_states` gives no such state.
-
     Warns:
         UserWarning: If the same actions lead to other observations here.
     """
@@ -72,9 +68,6 @@ def load_episode_states(venv: VecEnv, state: State | None) -> bool:
             stacklevel=3,
         )
         return False
-    check_like(
-        state["counts"], [[m.episode_returns, m.episode_lengths] for m in monitors], "counts"
-    )
     for monitor, (returns, lengths) in zip(monitors, state["counts"], strict=True):
         monitor.episode_returns[:], monitor.episode_lengths[:] = returns, lengths
     return True

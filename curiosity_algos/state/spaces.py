@@ -2,47 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from gymnasium import spaces
 
 Space = spaces.Space[Any]
-Describe = Callable[[Any], tuple[Any, ...]]
 
-_KINDS: dict[str, tuple[type[Space], Describe, Callable[..., Space]]] = {
-    "Box": (
-        spaces.Box,
-        lambda box: (box.low, box.high),
-        lambda low, high: spaces.Box(low, high, low.shape, low.dtype.type),
-    ),
-    "Discrete": (
-        spaces.Discrete,
-        lambda space: (int(space.n), int(space.start)),
-        lambda n, start: spaces.Discrete(n, start=start),
-    ),
-    "MultiBinary": (
-        spaces.MultiBinary,
-        lambda space: (space.n if isinstance(space.n, int) else list(map(int, space.n)),),
-        spaces.MultiBinary,
-    ),
-    "MultiDiscrete": (
-        spaces.MultiDiscrete,
-        lambda space: (space.nvec, space.start),
-        lambda nvec, start: spaces.MultiDiscrete(nvec, nvec.dtype.type, start=start),
-    ),
-    "Dict": (
-        spaces.Dict,
-        lambda space: tuple((key, _encode(part)) for key, part in space.spaces.items()),
-        lambda *items: spaces.Dict([(key, _decode(part)) for key, part in items]),
-    ),
-    "Tuple": (
-        spaces.Tuple,
-        lambda space: tuple(map(_encode, space.spaces)),
-        lambda *parts: spaces.Tuple(map(_decode, parts)),
-    ),
+_ARGUMENTS = {
+    "Box": ("low", "high"),
+    "Discrete": ("n", "start"),
+    "MultiBinary": ("n",),
+    "MultiDiscrete": ("nvec", "start"),
 }
-"""By name, the class, the arguments that make one again, and what makes it of them."""
+"""By class, the attributes that make a space again."""
 
 
 def encode_space(space: Space | None) -> Any:
@@ -53,12 +25,15 @@ def encode_space(space: Space | None) -> Any:
         return None
 
 
-def _encode(space: Space | None) -> Any:
+def _encode(space: Any) -> Any:
     kind = type(space).__name__
-    cls, describe, _ = _KINDS[kind]
-    if type(space) is not cls:
+    if type(space) is not getattr(spaces, kind, None):
         raise KeyError(kind)
-    return {kind: describe(space)}
+    if kind == "Dict":
+        return {kind: [(key, _encode(part)) for key, part in space.items()]}
+    if kind == "Tuple":
+        return {kind: list(map(_encode, space))}
+    return {kind: [getattr(space, name) for name in _ARGUMENTS[kind]]}
 
 
 def decode_space(tree: Any) -> Space | None:
@@ -74,5 +49,13 @@ def decode_space(tree: Any) -> Space | None:
 
 
 def _decode(tree: Any) -> Space:
-    ((kind, arguments),) = tree.items()
-    return _KINDS[kind][2](*arguments)
+    ((kind, parts),) = tree.items()
+    if kind == "Dict":
+        return spaces.Dict([(key, _decode(part)) for key, part in parts])
+    if kind == "Tuple":
+        return spaces.Tuple(map(_decode, parts))
+    given = dict(zip(_ARGUMENTS[kind], parts, strict=True))
+    if kind in ("Box", "MultiDiscrete"):
+        given["dtype"] = parts[0].dtype.type
+    made: Space = getattr(spaces, kind)(**given)
+    return made

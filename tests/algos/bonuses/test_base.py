@@ -125,13 +125,6 @@ def test_a_state_resumes_training(name, kind):
     np.testing.assert_array_equal(*scores)
 
 
-def test_the_learning_rate_is_the_constructors(name, kind):
-    one, other = (make_bonus(name, kind, learning_rate=rate) for rate in (0.1, 0.2))
-    one.update(*tensors(make_batch(kind)))
-    other.load_state_dict(one.state_dict())
-    assert [each.optimizer.param_groups[0]["lr"] for each in (one, other)] == [0.1, 0.2]
-
-
 def test_a_state_of_another_bonus_is_refused(name, kind, assert_same):
     bonus = make_bonus(name, kind)
     before = bonus.state_dict()

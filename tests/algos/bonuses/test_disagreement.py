@@ -25,13 +25,6 @@ def test_it_is_the_variance_of_the_models(numpy_network):
     np.testing.assert_allclose(bonus.score(before, actions, after), expected, rtol=1e-4)
 
 
-def test_where_a_step_leads_to_does_not_enter():
-    bonus, (before, actions, after) = make(), make_batch()
-    np.testing.assert_array_equal(
-        bonus.score(before, actions, after), bonus.score(before, actions, -after)
-    )
-
-
 def test_models_agree_on_the_mean_of_noise():
     """The ICM's error would stay: what comes next is drawn anew each time."""
     bonus = make(n_features=4, hidden=16, normalize=False)

@@ -57,13 +57,3 @@ def test_features_learn_what_actions_change(actions):
         batch = (before, given.astype(np.float32), after)
         losses.append(e3b.update(*map(th.from_numpy, batch))["loss"])
     assert np.mean(losses[-20:]) < 0.5 * np.mean(losses[:20])
-
-
-def test_a_memory_of_other_episodes_is_refused():
-    episodes, others = make_e3b().episodes(3), make_e3b().episodes(2)
-    with pytest.raises(ValueError, match="inverses` must be of"):
-        episodes.load_state_dict(others.state_dict())
-    state = episodes.state_dict()
-    state["inverses"][0, 0, 0] = th.nan
-    with pytest.raises(ValueError, match="inverses` must be finite"):
-        episodes.load_state_dict(state)

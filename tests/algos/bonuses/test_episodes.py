@@ -7,7 +7,6 @@ from observations import make_observations
 
 from curiosity_algos import BonusReplayBuffer, CuriosityMAPElites
 from curiosity_algos.bonuses.checks import check_episodes
-from curiosity_algos.bonuses.episodes import EpisodicBonus
 from curiosity_algos.bonuses.make import BONUSES
 
 SPACES = spaces.Box(-1, 1, (6,)), spaces.Box(-1, 1, (2,))
@@ -17,10 +16,6 @@ EVERY = pytest.mark.parametrize("name", NAMES)
 
 def maker(name):
     return partial(BONUSES[name], n_features=4, seed=0, device="cpu")
-
-
-def test_which_bonuses_remember_episodes():
-    assert [name for name in BONUSES if isinstance(maker(name)(*SPACES), EpisodicBonus)] == NAMES
 
 
 @EVERY

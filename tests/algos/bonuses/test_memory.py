@@ -112,18 +112,3 @@ class TestState:
             memory.add(column(*range(25, 60)))
         assert one.n_seen == other.n_seen == 60
         assert np.array_equal(one.observations, other.observations)
-
-    @pytest.mark.parametrize(
-        ("name", "value"),
-        [
-            ("n_seen", 3),
-            ("observations", np.full((10, 1), np.nan, np.float32)),
-            ("is_current", np.zeros(25)),
-        ],
-    )
-    def test_the_state_of_another_is_refused(self, name, value):
-        one, other = make_memory(), make_memory(seed=1)
-        one.add(column(*range(25)))
-        with pytest.raises(ValueError, match=f"{name}` must"):
-            other.load_state_dict(one.state_dict() | {name: value})
-        assert len(other) == 0

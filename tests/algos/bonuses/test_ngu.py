@@ -105,18 +105,3 @@ def test_both_factors_are_of_where_a_step_leads():
     np.testing.assert_allclose(scores, within * ngu.ratios(led_to), rtol=1e-4)
     learned = ngu.losses(*map(th.from_numpy, (observations[:-1], np.zeros((20, 1)), led_to)))
     assert learned["rnd_loss"] == ngu.errors(th.from_numpy(led_to)).mean()
-
-
-def test_a_memory_goes_on_from_its_state():
-    ngu, observations = make_ngu(), make_observations(30).reshape(10, 3, 6)
-    actions = np.zeros(3, dtype=np.int64)
-    one, other = ngu.episodes(3), ngu.episodes(3)
-    for t in range(5):
-        one.score(observations[t], actions, observations[t + 1])
-    one.end(np.array([False, True, False]))
-    state = one.state_dict()
-    other.score(observations[7], actions, observations[8])
-    other.load_state_dict(state)
-    for t in range(5, 9):
-        step = observations[t], actions, observations[t + 1]
-        np.testing.assert_array_equal(one.score(*step), other.score(*step))

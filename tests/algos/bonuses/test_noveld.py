@@ -53,13 +53,6 @@ def test_what_is_not_normalized_has_places_too():
     check_episodes(lambda *spaces: make_noveld(*spaces, normalize=False))
 
 
-@pytest.mark.parametrize(("n_entries", "least"), [(1, 10), (2, 60)])
-def test_few_entries_have_many_places_too(n_entries, least):
-    space = spaces.Box(-1, 1, (n_entries,))
-    observations = np.random.default_rng(0).normal(0, 1, (10_000, n_entries)).astype(np.float32)
-    assert len(set(codes(make_noveld(space, SPACE[1]), observations))) >= least
-
-
 def test_a_place_stays_the_same_while_statistics_change():
     noveld, places = make_noveld(beta=0.1, n_bits=62), make_observations(6)
     rng, episodes = np.random.default_rng(1), noveld.episodes(2)

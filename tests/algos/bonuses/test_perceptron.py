@@ -13,7 +13,6 @@ from curiosity_algos.bonuses.perceptron import (
     backward,
     blas_limit,
     forward,
-    set_gradients,
     single_blas_thread,
 )
 from curiosity_algos.common.networks import mlp
@@ -50,14 +49,6 @@ def test_it_gives_the_outputs_and_slopes_of_autograd(sizes, n, spare, seed):
     np.testing.assert_allclose(by_inputs, inputs.grad.numpy(), **close)
     expected = np.concatenate([each.grad.numpy().ravel() for each in network.parameters()])
     np.testing.assert_allclose(slopes, expected, **close)
-
-
-def test_slopes_become_the_gradients_of_networks():
-    networks = [mlp(3, 4, 2, generator=th.Generator().manual_seed(0)) for _ in range(2)]
-    slopes = np.arange(52, dtype=np.float32)
-    set_gradients(networks, slopes)
-    np.testing.assert_array_equal(networks[0][0].weight.grad.ravel(), slopes[:12])
-    np.testing.assert_array_equal(networks[1][2].bias.grad, slopes[50:])
 
 
 def linear(n_in, n_out, **settings):

@@ -65,14 +65,3 @@ class TestRecentSteps:
             for steps in (one, other):
                 steps.add(np.full((2, 1), t, dtype=np.float32), np.full((2, 2), t))
             np.testing.assert_equal(one.draw(), other.draw())
-
-    @pytest.mark.parametrize(
-        ("changed", "message"),
-        [
-            ({"horizon": 6}, "observations` must be of float32 and shape"),
-            ({"n_actions": 3}, "actions` must be of float32 and shape"),
-        ],
-    )
-    def test_the_state_of_others_is_refused(self, changed, message):
-        with pytest.raises(ValueError, match=message):
-            make_steps().load_state_dict(make_steps(**changed).state_dict())

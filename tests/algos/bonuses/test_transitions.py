@@ -61,13 +61,6 @@ class TestDrawnTransitions:
                 for end in range(begin + 1, min(begin + horizon, length) + 1)
             }
 
-    def test_every_transition_is_as_likely(self):
-        rollouts = make_rollouts()
-        observations, _, _ = sample(rollouts, 12_000, 0)
-        _, counts = np.unique(observations[0], axis=0, return_counts=True)
-        assert len(counts) == LENGTHS[0]
-        assert np.abs(counts - 1000).max() < 5 * np.sqrt(1000)
-
     def test_the_last_step_is_the_highest_that_a_place_can_be(self):
         rollouts = make_rollouts()
         places = np.full((len(LENGTHS), 1), np.nextafter(1.0, 0.0))

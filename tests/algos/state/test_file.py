@@ -3,7 +3,6 @@
 import collections
 import io
 import json
-import os
 import pickle
 import zipfile
 
@@ -173,13 +172,3 @@ def test_what_unpacks_to_more_than_it_is_stays_packed(path):
     rewrite(path, with_member("zeros.npy", bytes(10**7)), zipfile.ZIP_DEFLATED)
     with pytest.raises(ValueError, match="must be a saved Thing"):
         read(path, "Thing")
-
-
-def test_a_link_is_replaced_and_leads_nowhere(path, tmp_path):
-    link = tmp_path / "link.zip"
-    os.symlink(path, link)
-    before = path.read_bytes()
-    assert read(link, "Thing")[0]["sigma"] == 0.3
-    save(link, "Thing", {}, {})
-    assert read(link, "Thing") == ({}, {})
-    assert path.read_bytes() == before

@@ -2,7 +2,6 @@
 
 import inspect
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from ribs.emitters import GaussianEmitter
@@ -12,7 +11,6 @@ from curiosity_algos import (
     CMAME,
     NSES,
     NSLC,
-    RND,
     CuriosityES,
     MAPElites,
 )
@@ -116,12 +114,6 @@ def test_who_recombines_follows_from_the_population(
     model.learn(1)
 
 
-def test_load_halves_another_population(make_maze, tmp_path):
-    NSES(make_maze(), population_size=6, seed=0).learn(1).save(tmp_path / "model")
-    loaded = NSES.load(tmp_path / "model", env=make_maze(), population_size=4)
-    assert loaded.learn(1)._search.n_parents == 2
-
-
 class TestWithoutEffect:
     def test_on_a_search_of_ones_own(self, make_model, make_easy_maze):
         own = make_model(NSES, make_easy_maze())._search
@@ -160,15 +152,3 @@ def test_what_it_may_be_is_said_before_it_is_in_force(
         model.learn(400, reset_num_timesteps=False)
     setattr(model, name, right)
     assert_same_run(model, twin)
-
-
-def test_a_subclass_may_set_what_it_was_given():
-    class Annealed(RND):
-        def __init__(self, *spaces, coef=1.0, seed=0, **kwargs):
-            super().__init__(*spaces, seed=seed, **kwargs)
-            self.coef, self.seed = coef, seed
-
-    bonus = Annealed(gym.spaces.Box(-1, 1, (3,)), gym.spaces.Discrete(2), device="cpu")
-    bonus.coef = 0.5
-    with pytest.raises(ValueError, match="`learning_rate` must stay"):
-        bonus.learning_rate = 1.0

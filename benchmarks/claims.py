@@ -188,7 +188,7 @@ _SAID: dict[str, dict[str, Judge]] = {
             )
             for name in ("NSES", "NSLC")
         },
-        "Curiosity-ES, which is told no behavior, explores as much as NS-ES, up to a tenth, "
+        "Curiosity-ES, which knows no behavior, explores as much as NS-ES, up to a tenth, "
         "or more.": _explores_as_much("CuriosityES", "NSES", *BOTTLENECK),
     },
     "6": {

@@ -29,7 +29,7 @@ LEVEL = 0.05
 """Chance at which one is ahead of another."""
 LEAST_SHARE = 0.01
 """Of the paper's steps: what runs with fewer do not find may come later."""
-REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "cannot be told"
+REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "undecided"
 
 
 class Verdict(NamedTuple):
@@ -37,7 +37,7 @@ class Verdict(NamedTuple):
 
     Attributes:
         word: `REPRODUCED`, `NOT_REPRODUCED` or `UNKNOWN`.
-        numbers: What that was told by.
+        numbers: The numbers that decide it.
     """
 
     word: str
@@ -62,7 +62,7 @@ def _short_of(env: str, *numbers: Float64) -> Verdict | None:
         return _not_trained(env)
     n = min(np.isfinite(each).sum() for each in numbers)
     if n < LEAST_RUNS:
-        return Verdict(UNKNOWN, f"{short_name(env)}: only {n} runs have it")
+        return Verdict(UNKNOWN, f"{short_name(env)}: only {n} run{'' if n == 1 else 's'} with it")
     return None
 
 

@@ -62,8 +62,8 @@ def main(
                 sweep(**{**settings, **pair}, seeds=str(run.seed))
                 folder = runs / name / run.algorithm / run.env
                 total = keep_policy(folder, out / f"{run.algorithm}_{run.env}.npz")
-                told = f"{total:.4f}, {run.best_return:.4f} there"
-                print(f"{run.algorithm} {run.env} {run.seed}: {told}")
+                returns = f"{total:.4f}, {run.best_return:.4f} in the results"
+                print(f"{run.algorithm} {run.env} {run.seed}: {returns}")
                 if total > 0.0:
                     break
 

@@ -53,9 +53,9 @@ def headline() -> str:
     (speed,) = filled(HEADLINES[:1])
     rows = [
         [
-            "Goals of three mazes found, told nothing",
+            "Goals of three mazes found, without knowing positions",
             f"CuriosityES: {_found(mazes, 'CuriosityES')}",
-            f"MAP-Elites, told position and velocity: {_found(mazes, 'MAPElites')}",
+            f"MAP-Elites, which knows position and velocity: {_found(mazes, 'MAPElites')}",
         ],
         [
             "The same by Stable-Baselines3's PPO, with a bonus around its environment",
@@ -82,9 +82,9 @@ def robots() -> str:
     """In how many runs CuriosityES found a goal among walls, and from how many starts it holds."""
     found = partial(_found_and_held, read_runs("locomotion_long"), read_rows(UNSEEN))
     return (
-        "Told nothing, with ten million steps, CuriosityES finds a way around the U in AntTrap in "
-        f"single episodes of {found('AntTrap')}; it finds one for a humanoid in those of "
-        f"{found('HumanoidTrap')}."
+        "With ten million steps, and without knowing positions, CuriosityES finds a way around the "
+        f"U in AntTrap in single episodes of {found('AntTrap')}; for a humanoid it finds one in "
+        f"those of {found('HumanoidTrap')}."
     )
 
 
@@ -98,7 +98,7 @@ def _found_and_held(runs: pd.DataFrame, starts: pd.DataFrame, name: str) -> str:
     found = f"{runs['first_success_timesteps'].notna().sum()} of {len(runs)} runs"
     *solved, last = starts["solved"]
     solved = f"{', '.join(map(str, solved))} and {last} of {n_starts} other starts"
-    return f"{found}, and the best policies of the {len(starts)} come there from {solved}"
+    return f"{found}, and the best policies of the {len(starts)} reach it from {solved}"
 
 
 def summary(runs: pd.DataFrame) -> str:
@@ -201,7 +201,7 @@ def _percent(share: Interval) -> str:
 
 
 def comparison(runs: pd.DataFrame) -> str:
-    """How likely a run of CuriosityES is ahead of one of a search that is told what matters.
+    """How likely a run of CuriosityES is ahead of one of a search that knows what matters.
 
     Probabilities of improvement in percent with their 95 % intervals, in each maze and over all.
     """

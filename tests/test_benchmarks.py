@@ -334,12 +334,12 @@ class TestPoliciesAndPortraits:
             lambda name: pd.DataFrame(rows | {"best_return": [0.0, 0.5, 0.9]}),
         )
         pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
-        told = [line for line in capsys.readouterr().out.splitlines() if line.endswith(" there")]
+        told = [line for line in capsys.readouterr().out.splitlines() if line.endswith("results")]
         with np.load(tmp_path / "NSES_CuriosityMaze-Hard-v0.npz") as file:
             assert file["parameters"].shape == (1746,)
             assert file["net_arch"].tolist() == [32, 16]
             assert file["return"] == 0.98
-        assert told == ["NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 there"]
+        assert told == ["NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 in the results"]
 
     def test_the_pages_have_theirs(self):
         for name in learning.ALGORITHMS:

@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
-import gymnasium as gym
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
@@ -15,7 +14,6 @@ from scipy.stats import mannwhitneyu
 
 from benchmarks import judging, paper, paper_tables, reasons, run_numbers
 from benchmarks.claims import CLAIMS
-from curiosity_algos import make_evaluator
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.experiments import statistics
 from curiosity_algos.experiments.figures.paper import TrainedRuns
@@ -116,17 +114,12 @@ def test_between_two_times_the_mean_of_generations_counts(monkeypatch):
 
 def test_every_final_state_is_in_its_square(plan, collected):
     runs, tables = TrainedRuns(plan), paper.Tables("paper", collected)
-
-    def folders(series, env):
-        return [plan.run(series, env, seed).folder(plan.folder) for seed in plan.seeds]
-
     for env, panel in series_of(4).items():
         for series in panel:
             counts = tables.final_states(series, env)
             np.testing.assert_array_equal(counts, runs.final_states(series, env))
-            ends = np.concatenate(
-                [load_final_states(run)["behavior"] for run in folders(series, env)]
-            )
+            folders = [plan.run(series, env, seed).folder(plan.folder) for seed in plan.seeds]
+            ends = np.concatenate([load_final_states(run)["behavior"] for run in folders])
             assert counts.sum() == len(ends)
             x, y = (ends[-1, :2] // 2).astype(int)
             assert counts[y, x] >= 1
@@ -189,54 +182,28 @@ def test_an_unfinished_run_is_left_out(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def pictures(folder):
-    """The pictures of a folder in gray, by name."""
-    return {
-        path.name: np.asarray(Image.open(path).convert("L")).astype(float)
-        for path in folder.glob("*_figure_*.png")
-    }
+def test_the_committed_data_draws_every_figure_light_and_dark(tmp_path, monkeypatch):
+    def save_a_sketch(figure, path):
+        figure.set_layout_engine("none")  # which would draw twice more
+        figure.savefig(path, dpi=40)
 
-
-def save_a_sketch(figure, path):
-    """Draw a figure once, in few dots: to lay it out takes two more drawings."""
-    figure.set_layout_engine("none")
-    figure.savefig(path, dpi=40)
-
-
-def test_the_committed_data_draws_every_figure(tmp_path, monkeypatch):
-    names = {
-        ending: {
-            f"{settings}_figure_{figure}{ending}.png"
-            for settings, figures in paper.FIGURES.items()
-            for figure in figures
-        }
-        for ending in paper.THEMES
-    }
-    committed = pictures(paper.IMAGES)
-    for ending, each in names.items():
-        for name in each:
-            assert (committed[name][0, 0] < 60) == (ending == "_dark")
-            assert committed[name].std() > 10
     monkeypatch.setattr(statistics, "N_RESAMPLES", 100)  # how wide intervals are is tested there
-    monkeypatch.delitem(paper.THEMES, "_dark")
     monkeypatch.setattr(paper, "save_figure", save_a_sketch)
-    paper.draw(out=tmp_path)
-    drawn = pictures(tmp_path)
-    assert {*drawn} == names[""]
-    assert all(picture.std() > 10 for picture in drawn.values())
-
-
-def test_figures_are_light_and_dark(tmp_path, monkeypatch):
-    monkeypatch.setattr(statistics, "N_RESAMPLES", 100)
-    monkeypatch.setattr(paper, "FIGURES", {"public": (2, 8)})
     before = dict(mpl.rcParams)
     paper.draw(out=tmp_path)
     assert dict(mpl.rcParams) == before
-    drawn = pictures(tmp_path)
-    assert len(drawn) == 4
-    for name, picture in drawn.items():
-        assert (picture[0, 0] < 60) == ("dark" in name)
-        assert picture.std() > 10
+    names = {
+        f"{settings}_figure_{figure}{ending}.png"
+        for settings, figures in paper.FIGURES.items()
+        for figure in figures
+        for ending in paper.THEMES
+    }
+    assert {path.name for path in tmp_path.iterdir()} == names
+    for folder in (tmp_path, paper.IMAGES):
+        for name in names:
+            picture = np.asarray(Image.open(folder / name).convert("L")).astype(float)
+            assert (picture[0, 0] < 60) == ("dark" in name)
+            assert picture.std() > 10
 
 
 def test_no_figure_has_fewer_than_three_seeds():
@@ -338,21 +305,33 @@ def test_the_test_is_that_of_mann_and_whitney():
         assert word == expected
 
 
-def test_as_good_is_up_to_a_margin():
-    judge = judging.as_good("coverage", "NSES", "NSLC", 0.05, US)
-    same = [0.5, 0.5, 0.51, 0.49]
-    assert judge(Numbers(NSES=same, NSLC=same)).word == R
-    assert judge(Numbers(NSES=MANY, NSLC=FEW)).word == R
-    assert judge(Numbers(NSES=FEW, NSLC=MANY)).word == N
-    assert judge(Numbers(NSES=[0.0, 0.0, 0.9, 0.9, 0.9], NSLC=[0.6] * 5)).word == U
+as_good = judging.as_good("coverage", "NSES", "NSLC", 0.05, US)
+nearly = judging.nearly_as_good("coverage", "NSES", "NSLC", US)
+SOME = np.array([0.020, 0.020, 0.021, 0.019])
 
 
-def test_nearly_as_good_is_up_to_a_tenth_of_the_other():
-    judge = judging.nearly_as_good("coverage", "NSES", "NSLC", US)
-    some = [0.020, 0.020, 0.021, 0.019]
-    for share, word in ((0.95, R), (0.9, U), (0.5, N)):
-        assert judge(Numbers(NSES=[share * each for each in some], NSLC=some)).word == word
-    assert judge(Numbers(NSES=MANY, NSLC=FEW)).word == R
+@pytest.mark.parametrize(
+    ("judge", "first", "second", "word"),
+    [
+        (as_good, [0.5, 0.5, 0.51, 0.49], [0.5, 0.5, 0.51, 0.49], R),
+        (as_good, MANY, FEW, R),
+        (as_good, FEW, MANY, N),
+        (as_good, [0.0, 0.0, 0.9, 0.9, 0.9], [0.6] * 5, U),
+        (nearly, MANY, FEW, R),
+        (nearly, 0.95 * SOME, SOME, R),  # up to a tenth of the other
+        (nearly, 0.9 * SOME, SOME, U),
+        (nearly, 0.5 * SOME, SOME, N),
+        (judging.at_least("coverage", "NSES", 0.4, US), MANY, [], R),
+        (judging.at_least("coverage", "NSES", 0.9, US), MANY, [], N),
+        (judging.below("coverage", "NSES", 0.9, US), MANY, [], R),
+        (judging.below("coverage", "NSES", 0.65, US), MANY, [], U),
+        # The first reward came at .4 of the budget.
+        (judging.below("share of the budget", "NSES", 0.41, US), [0.5, 0.5, 0.5, 0.0], [], R),
+        (judging.below("share of the budget", "NSES", 0.39, US), [0.5, 0.5, 0.5, 0.0], [], N),
+    ],
+)
+def test_means_are_compared_up_to_a_margin(judge, first, second, word):
+    assert judge(Numbers(NSES=first, NSLC=second)).word == word
 
 
 def test_a_reward_is_found_by_every_run():
@@ -371,14 +350,6 @@ def test_what_is_not_found_in_a_hundredth_of_the_steps_is_not_told():
     for judge in (judging.finds, judging.finds_none):
         words = (U, "US 0 of 3 in 0.89 % of the paper's steps")
         assert judge("AURORA", US)(tables) == words
-
-
-def test_a_mean_is_above_or_below():
-    tables = Numbers(NSES=MANY)
-    assert judging.at_least("coverage", "NSES", 0.4, US)(tables).word == R
-    assert judging.at_least("coverage", "NSES", 0.9, US)(tables).word == N
-    assert judging.below("coverage", "NSES", 0.9, US)(tables).word == R
-    assert judging.below("coverage", "NSES", 0.65, US)(tables).word == U
 
 
 def test_of_several_things_each_must_hold():
@@ -415,12 +386,6 @@ def test_what_is_left_of_a_bonus_is_that_of_the_second_half():
     assert np.isnan(run_numbers.bonus_left(pd.DataFrame({"bonus": np.full(100, np.nan)})))
 
 
-def test_a_first_reward_is_early_by_its_share_of_the_budget():
-    tables = Numbers(NSES=[0.5, 0.5, 0.5, 0.0])  # at .4 of them
-    assert judging.below("share of the budget", "NSES", 0.41, US)(tables).word == R
-    assert judging.below("share of the budget", "NSES", 0.39, US)(tables).word == N
-
-
 def test_what_takes_longer_is_told_by_the_measured_seconds():
     names = ["CuriosityES, paper", "AURORA"]
     word, numbers = judging.takes_longer(*names)(None)
@@ -439,38 +404,27 @@ def squares(**places):
     return counts
 
 
-def test_near_a_goal_is_not_behind_its_wall():
-    snake = MAZES[0]  # its goal is at (25, 5), its start at (5, 5), a wall from 10 to 20 between
+def test_final_states_in_squares():
+    """Snake's goal is at (25, 5), its start at (5, 5), a wall from 10 to 20 between."""
+    snake = MAZES[0]
     counts = squares(goal=((5, 25), 3), start=((5, 5), 90), far=((195, 195), 7))
     assert run_numbers.share_near_goal(snake, counts) == pytest.approx(0.03)
-
-
-def test_the_middle_of_snake_is_compared_with_its_places():
-    snake = MAZES[0]
     even = run_numbers._is_reachable(snake).astype(float)
-    assert run_numbers.middle_of_snake(snake, even) == pytest.approx(1.0)
-    assert run_numbers.middle_of_snake(snake, squares(start=((5, 5), 9))) == 0.0
-    assert run_numbers.middle_of_snake(snake, squares(middle=((95, 100), 9))) == pytest.approx(
-        3.0, rel=0.1
-    )
-
-
-def test_even_states_are_in_every_square_alike():
+    middle = squares(middle=((95, 100), 9))
+    for counts, density in ((even, 1.0), (squares(start=((5, 5), 9)), 0.0), (middle, 3.0)):
+        assert run_numbers.middle_of_snake(snake, counts) == pytest.approx(density, rel=0.1)
     assert run_numbers.evenness(US, np.ones((100, 100))) == pytest.approx(1.0)
     assert run_numbers.evenness(US, squares(a=((5, 5), 5), b=((9, 9), 5))) == pytest.approx(1.0)
     assert run_numbers.evenness(US, squares(a=((5, 5), 1), b=((9, 9), 99))) < 0.1
 
 
-def policies(routes, **columns):
-    return pd.DataFrame({"route": routes, **columns})
-
-
 def test_routes_of_all_policies_are_counted_and_of_many_expected():
-    assert run_numbers.routes(policies([0, 0, 1])) == 2.0
+    assert run_numbers.expected_kinds(pd.Series([0, 0, 1])) == 2.0
     routes = np.repeat([0, 1, 2], [80, 15, 5])
     rng = np.random.default_rng(0)
     drawn = [len(set(rng.permutation(routes)[: run_numbers.N_POLICIES])) for _ in range(20_000)]
-    assert run_numbers.routes(policies(routes)) == pytest.approx(np.mean(drawn), abs=0.02)
+    found = run_numbers.expected_kinds(pd.Series(routes))
+    assert found == pytest.approx(np.mean(drawn), abs=0.02)
 
 
 def test_policies_of_runs_are_compared_in_one_projection():
@@ -532,7 +486,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 def prose(page):
     """The text of a page in one line, without its tables."""
     lines = (DOCS / page).read_text().splitlines()
-    return " ".join(line for line in lines if not line.startswith("|"))
+    return " ".join(" ".join(line for line in lines if not line.startswith("|")).split())
 
 
 def test_the_page_says_who_finds_most_rewarding_policies():
@@ -545,7 +499,6 @@ def test_the_page_says_who_finds_most_rewarding_policies():
         assert fewer == f"{runs['CuriosityES', env]:,.0f}"
         assert runs["NSES", env] > runs["CuriosityES", env]
         assert max(runs["CMAME", env], runs["MAPElites", env]) < 50
-    assert "by far" not in prose("paper.md")
 
 
 def test_the_page_says_whose_rewarding_policies_differ_most():
@@ -562,24 +515,10 @@ def test_the_page_says_whose_rewarding_policies_differ_most():
     assert f"of a run of Curiosity-ES in {min(ours)} to {max(ours)}" in prose("paper.md")
 
 
-def test_bouncing_robots_come_to_goals_by_chance():
-    rng = np.random.default_rng(0)
-    found = []
-    for keywords in ({}, {"restitution": 1.0, "max_speed": 500.0}):
-        evaluator = make_evaluator(gym.make(US, **keywords))
-        policies = rng.normal(size=(200, evaluator.n_parameters)).astype(np.float32)
-        found.append(evaluator.evaluate(policies, 0).success.sum())
-    assert found[0] == 0 < found[1]
-    assert "nothing matters more" not in prose("paper.md")
-
-
 def test_the_pages_say_what_judges_claims():
     three = Numbers(NSES=MANY[:3], NSLC=FEW[:3])
     assert judging.ahead("coverage", "NSES", "NSLC", US)(three).word == R  # whose chance is .05
-    said = prose("paper_claims.md")
-    assert f"in at most {100 * judging.LEVEL:.0f} % of all cases" in said
-    assert "less than 5 %" not in said
+    assert f"at most {100 * judging.LEVEL:.0f} % of all cases" in prose("paper_claims.md")
     assert judging.LEAST_SHARE == 0.01
     for page in ("paper.md", "paper_claims.md"):
-        assert "in less than a hundredth of the paper's steps is not told" in prose(page)
-    assert "are not judged" not in prose("paper.md")
+        assert "less than a hundredth of the paper's steps" in prose(page)

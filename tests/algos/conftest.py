@@ -60,15 +60,12 @@ def make_model(algorithm, env, **changes):
     return algorithm(env, **(ALL_SETTINGS[algorithm] | changes))
 
 
-def first_two(env, observation, info):
-    return observation[:2]
-
-
 def make_classic(algorithm, env_id, **kwargs):
     """One of Gymnasium's own environments, with behaviors where `algorithm` needs them."""
     env = gym.make(env_id, **kwargs)
     if algorithm in NEED_BEHAVIORS:
-        env = BehaviorWrapper(env, first_two, gym.spaces.Box(-2.0, 2.0, (2,)))
+        space = gym.spaces.Box(-2.0, 2.0, (2,))
+        env = BehaviorWrapper(env, lambda env, observation, info: observation[:2], space)
     return env
 
 
@@ -92,12 +89,10 @@ def assert_same(one, other):
     assert type(one) is type(other)
     if isinstance(one, dict):
         assert one.keys() == other.keys()
-        for key in one:
-            assert_same(one[key], other[key])
-    elif isinstance(one, list | tuple):
-        assert len(one) == len(other)
-        for each, twin in zip(one, other, strict=True):
-            assert_same(each, twin)
+        one, other = list(one.values()), list(other.values())
+    if isinstance(one, list | tuple):
+        for pair in zip(one, other, strict=True):
+            assert_same(*pair)
     elif isinstance(one, th.Tensor):
         assert one.dtype == other.dtype
         assert th.equal(one, other)
@@ -122,15 +117,7 @@ def assert_same_run(one, other):
 
 
 def assert_resumes(path, model, env, *, timesteps=900, **given):
-    """What `load` makes of a saved model goes on as the model itself, in every bit; it is returned.
-
-    Args:
-        path: Where it is saved.
-        model: The model.
-        env: What `load` is given.
-        timesteps: How long both go on.
-        **given: What `load` is given besides.
-    """
+    """What `load` makes of a saved model goes on as the model itself, in every bit. Returns it."""
     model.save(path)
     loaded = type(model).load(path, env=env, **given)
     assert_same_run(model, loaded)
@@ -138,12 +125,6 @@ def assert_resumes(path, model, env, *, timesteps=900, **given):
         each.learn(timesteps, reset_num_timesteps=False)
     assert_same_run(model, loaded)
     return loaded
-
-
-def latest_checkpoint(folder):
-    """The file of a CheckpointCallback with most timesteps, or None."""
-    paths = folder.glob("*_steps.zip")
-    return max(paths, key=lambda path: int(path.stem.split("_")[-2]), default=None)
 
 
 @pytest.fixture(autouse=True)
@@ -160,49 +141,23 @@ def algorithm(request):
     return request.param
 
 
-@pytest.fixture(name="algorithms")
-def algorithms_fixture():
-    return list(SETTINGS)
+def as_fixture(value):
+    """The function as a fixture of its name."""
+    return pytest.fixture(name=value.__name__)(lambda: value)
 
 
-@pytest.fixture(name="make_model")
-def make_model_fixture():
-    return make_model
+algorithms = pytest.fixture(lambda: list(SETTINGS))
+make_model_fixture = as_fixture(make_model)
+make_pendulum_fixture = as_fixture(make_pendulum)
+make_maze_fixture = as_fixture(make_maze)
+make_easy_maze_fixture = as_fixture(make_easy_maze)
+assert_same_fixture = as_fixture(assert_same)
+assert_same_run_fixture = as_fixture(assert_same_run)
 
 
 @pytest.fixture(name="make_classic")
 def make_classic_fixture(algorithm):
     return functools.partial(make_classic, algorithm)
-
-
-@pytest.fixture(name="make_pendulum")
-def make_pendulum_fixture():
-    return make_pendulum
-
-
-@pytest.fixture(name="make_maze")
-def make_maze_fixture():
-    return make_maze
-
-
-@pytest.fixture(name="make_easy_maze")
-def make_easy_maze_fixture():
-    return make_easy_maze
-
-
-@pytest.fixture(name="latest_checkpoint")
-def latest_checkpoint_fixture():
-    return latest_checkpoint
-
-
-@pytest.fixture(name="assert_same")
-def assert_same_fixture():
-    return assert_same
-
-
-@pytest.fixture(name="assert_same_run")
-def assert_same_run_fixture():
-    return assert_same_run
 
 
 @pytest.fixture(name="assert_resumes")

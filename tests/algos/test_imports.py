@@ -12,15 +12,7 @@ import curiosity_gym
 
 ROOT = pathlib.Path(__file__).parents[2]
 WITH_ARCHIVES = ["AURORA", "CMAME", "CuriosityMAPElites", "MAPElites", "NSLC"]
-HEAVY = [
-    "ribs",
-    "sklearn",
-    "pandas",
-    "matplotlib",
-    "numpy_groupies",
-    "scipy.ndimage",
-    "scipy.stats",
-]
+HEAVY = ["ribs", "sklearn", "pandas", "matplotlib", "numpy_groupies", "scipy.stats"]
 
 
 def run(code):
@@ -81,30 +73,21 @@ print([name for name in slow if name in sys.modules])
     assert imported == "[]"
 
 
-@pytest.mark.parametrize("name", WITH_ARCHIVES)
-def test_they_are_pickled_by_name(name):
-    algorithm = getattr(curiosity_algos, name)
-    assert pickle.loads(pickle.dumps(algorithm)) is algorithm
-
-
 def test_they_come_when_they_are_asked_for():
     """A pickle asks for its class where nothing is imported, then the others are by their names."""
     pickled = pickle.dumps(curiosity_algos.MAPElites)
-    names = ", ".join(WITH_ARCHIVES)
     code = f"""
 import pickle
 print(pickle.loads({pickled!r}).__name__)
-asked = {{}}
-exec("from curiosity_algos import {names}", asked)
-print(*[asked[name].__name__ for name in {WITH_ARCHIVES}])
+from curiosity_algos import {", ".join(WITH_ARCHIVES)}
+print(*[each.__name__ for each in ({", ".join(WITH_ARCHIVES)})])
 all_of_them = {{}}
 exec("from curiosity_algos import *", all_of_them)
-print(all_of_them["NSLC"].__name__, *all_of_them)
+print(*all_of_them)
 """
-    loaded, by_name, (first, *public) = map(str.split, run(code).splitlines())
+    loaded, by_name, public = map(str.split, run(code).splitlines())
     assert loaded == ["MAPElites"]
     assert by_name == WITH_ARCHIVES
-    assert first == "NSLC"
     assert set(curiosity_algos.__all__) <= set(public)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch as th
 from logs import read_log
+from saved_files import latest_checkpoint
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
@@ -32,7 +33,8 @@ ROOT = pathlib.Path(__file__).parents[2]
 KILLER = """
 import os, pathlib, signal, sys, threading, time
 sys.path[:0] = {tests!r}, {helpers!r}
-from conftest import latest_checkpoint, make_easy_maze, make_model
+from conftest import make_easy_maze, make_model
+from saved_files import latest_checkpoint
 from stable_baselines3.common.callbacks import CheckpointCallback
 import curiosity_algos
 
@@ -107,20 +109,14 @@ def test_a_loaded_model_goes_on(algorithm, make_model, make_easy_maze, assert_re
     assert_resumes(make_model(algorithm, make_easy_maze()).learn(600), make_easy_maze())
 
 
-@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
-def test_other_environments_go_on(env_id, make_model, assert_resumes):
-    env, other = (gym.make(env_id, max_episode_steps=40) for _ in range(2))
-    assert_resumes(make_model(CuriosityES, env).learn(600), other)
-
-
-def test_the_papers_settings_go_on(make_model, make_maze, assert_resumes):
+def test_discrete_actions_and_the_papers_settings_go_on(make_model, assert_resumes):
+    env, other = (gym.make("CartPole-v1", max_episode_steps=40) for _ in range(2))
     settings = {"no_reward": "random", "step": "paper", "bonus_kwargs": {"normalize": False}}
-    assert_resumes(make_model(CuriosityES, make_maze(), **settings).learn(600), make_maze())
+    assert_resumes(make_model(CuriosityES, env, **settings).learn(600), other)
 
 
-@pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
-def test_an_adaptive_phi_goes_on(algorithm, make_model, make_maze, assert_resumes):
-    model = make_model(algorithm, make_maze(), phi="adaptive").learn(1500)
+def test_an_adaptive_phi_goes_on(make_model, make_maze, assert_resumes):
+    model = make_model(CuriosityES, make_maze(), phi="adaptive").learn(1500)
     assert model._fitness.phi.value < 0.8
     assert_resumes(model, make_maze())
 
@@ -133,20 +129,13 @@ def test_saving_changes_nothing(algorithm, make_model, make_easy_maze, tmp_path,
 
 
 def generators(state):
-    """The states of the generators within nested state dictionaries."""
-    if isinstance(state, dict):
-        for key, value in state.items():
-            if key in ("rng", "generator", "cuda", "numpy", "torch"):
-                yield value
-            else:
-                yield from generators(value)
-    elif isinstance(state, list | tuple):
-        for each in state:
-            yield from generators(each)
-
-
-def is_same(one, other):
-    return th.equal(one, other) if isinstance(one, th.Tensor) else str(one) == str(other)
+    """The states of the generators within nested state dictionaries, as texts."""
+    items = state.items() if isinstance(state, dict) else enumerate(state)
+    for key, value in items:
+        if key in ("rng", "generator", "cuda", "numpy", "torch"):
+            yield str(value)
+        elif isinstance(value, dict | list | tuple):
+            yield from generators(value)
 
 
 class TestSeeds:
@@ -156,9 +145,9 @@ class TestSeeds:
         model.set_random_seed(7)
         after = list(generators(model.get_parameters()))
         assert len(after) > 1
-        assert not any(map(is_same, before, after))
+        assert not set(before) & set(after)
         model.set_random_seed(None)
-        assert all(map(is_same, after, generators(model.get_parameters())))
+        assert list(generators(model.get_parameters())) == after
 
     def test_the_seed_decides_how_it_goes_on(
         self, algorithm, make_model, make_easy_maze, assert_same, assert_same_run
@@ -173,19 +162,16 @@ class TestSeeds:
                 assert_same(models[0].get_parameters(), other.get_parameters())
 
     @pytest.mark.parametrize("algorithm", [CuriosityES, MAPElites])
-    def test_the_seed_of_load_decides_how_it_goes_on(
-        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same, assert_same_run
+    def test_the_seed_of_load_decides_as_set_random_seed(
+        self, algorithm, make_model, make_easy_maze, tmp_path, assert_same_run
     ):
-        make_model(algorithm, make_easy_maze()).learn(300).save(tmp_path / "model")
-        one, twin, other = (
-            algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=seed)
-            for seed in (1, 1, 2)
-        )
-        for model in (one, twin, other):
-            model.learn(600, reset_num_timesteps=False)
-        assert_same_run(one, twin)
-        with pytest.raises(AssertionError):
-            assert_same(one.get_parameters(), other.get_parameters())
+        model = make_model(algorithm, make_easy_maze()).learn(300)
+        model.save(tmp_path / "model")
+        loaded = algorithm.load(tmp_path / "model", env=make_easy_maze(), seed=1)
+        model.set_random_seed(1)
+        for each in (model, loaded):
+            each.learn(600, reset_num_timesteps=False)
+        assert_same_run(model, loaded)
 
     def test_global_settings_stay(self, algorithm, make_model, make_easy_maze, tmp_path):
         th.set_num_threads(2)
@@ -262,7 +248,6 @@ def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
     kill_ten_times,
     make_model,
     make_easy_maze,
-    latest_checkpoint,
     tmp_path,
     assert_same_run,
 ):

@@ -60,3 +60,9 @@ def npy_header(shape):
 def no_space(*arguments, **kwargs):
     """Fails as what writes to a full disk."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def latest_checkpoint(folder):
+    """The file of a CheckpointCallback with most timesteps, or None."""
+    paths = folder.glob("*_steps.zip")
+    return max(paths, key=lambda path: int(path.stem.split("_")[-2]), default=None)

@@ -2,16 +2,14 @@
 
 import math
 import re
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar
 
 import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
+import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -19,7 +17,6 @@ from torch.profiler import profile
 
 from benchmarks import (
     baselines,
-    cluster,
     figures,
     gallery,
     learning,
@@ -28,39 +25,18 @@ from benchmarks import (
     roaming,
     run,
 )
-from benchmarks.measure import Plan, Row, Table, interleave, number
+from benchmarks.measure import Row, Table, interleave, number
 from curiosity_algos import CuriosityES, make_evaluator
-from curiosity_gym import MazeLayout
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.registration import SPECS
 
 ROOT = Path(__file__).parents[1]
-CONTROL = ["BallInCup", "Finger", "Stacker"]
-TITLES = {
-    "roofline": ["roofline: this machine"],
-    "population": ["population: CuriosityMaze-Snake-v0", "population: every maze"],
-    "scaling": ["scaling: threads", "scaling: sizes"],
-    "python_loop": ["python_loop: one environment"],
-    "processes": ["processes: Pendulum-v1"],
-    "vector": ["vector: CuriosityMaze-Hard-v0"],
-    "control": [f"control: CuriosityControl-{name}-v0" for name in CONTROL],
-    "locomotion": ["locomotion: Ant-v5"],
-    "envpool": ["envpool: a batch of environments"],
-    "learn": ["learn: CuriosityMaze-Hard-v0", "learn: where the time goes"],
-    "td3": ["td3: CuriosityMaze-US-v0", "td3: where TD3ICM's time goes", "td3: a compiled learner"],
-    "novelty": ["novelty: the archive"],
-    "diversity": ["diversity: share of the time"],
-    "cold_start": ["cold_start: fresh processes"],
-    "cluster": [
-        "cluster: a generation in bytes",
-        "cluster: time of a generation",
-        "cluster: a model of more machines, over one",
-    ],
-    "whole_run": [
-        "whole_run: from a cold process to the saved model",
-        "whole_run: resident memory",
-    ],
-    "gpu": ["gpu: bonuses", "gpu: CuriosityMaze-US-v0"],
+EXTRAS = {
+    "control": ["control"],
+    "processes": ["locomotion"],
+    "locomotion": ["locomotion"],
+    "envpool": ["control", "locomotion"],
+    "cluster": ["control", "ray"],
 }
 DIFFERENCES = ["curiosity_gym beyond gymnasium", "overhead"]
 
@@ -76,59 +52,28 @@ def medians(printed):
 
 
 @pytest.mark.parametrize(
-    "names",
-    [
-        ["roofline", "population", "scaling", "python_loop"],
-        ["vector"],
-        pytest.param(["control"], marks=pytest.mark.extra("control")),
-        pytest.param(["processes", "locomotion"], marks=pytest.mark.extra("locomotion")),
-        pytest.param(["envpool"], marks=pytest.mark.extra("control", "locomotion")),
-        ["learn"],
-        ["td3"],
-        ["novelty"],
-        ["diversity"],
-        pytest.param(["cluster"], marks=pytest.mark.extra("control", "ray")),
-        ["cold_start"],
-        ["whole_run"],
-        ["gpu"],
-    ],
+    "name",
+    [pytest.param(name, marks=pytest.mark.extra(*EXTRAS.get(name, []))) for name in run.SECTIONS],
 )
 @pytest.mark.nightly
-def test_sections_print_figures(names, capsys):
-    run.main(only=",".join(names), quick=True)
+def test_sections_print_figures(name, capsys):
+    run.main(only=name, quick=True)
     printed = capsys.readouterr().out
     assert re.search(r"CPU: .+, \d+ cores", printed)
     tables = medians(printed)
-    assert list(tables) == [title for name in names for title in TITLES[name]]
+    assert tables
     for title, rows in tables.items():
-        assert len(rows) >= 1
-        for name, figure in rows.items():
-            assert math.isfinite(figure), (title, name)
+        assert title.startswith(f"{name}: ")
+        assert rows
+        for row, figure in rows.items():
+            assert math.isfinite(figure), (title, row)
             # Only a difference of two times may come out below zero, and only a rounding as zero.
-            assert figure >= 0.0 or name in DIFFERENCES, (title, name)
-
-
-@pytest.mark.extra("control", "ray")
-@pytest.mark.nightly
-def test_the_cluster_is_left_when_it_is_measured(monkeypatch):
-    ray = pytest.importorskip("ray")
-
-    def fail(plan):
-        ray.init("local", num_cpus=1, include_dashboard=False, log_to_driver=False)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(cluster, "_run", fail)
-    with pytest.raises(KeyboardInterrupt):
-        cluster.run(Plan(1, quick=True))
-    assert not ray.is_initialized()
+            assert figure >= 0.0 or row in DIFFERENCES, (title, row)
 
 
 def test_an_unknown_section_is_refused():
-    command = [sys.executable, "-m", "benchmarks.run", "--quick", "--only", "vector,nothing"]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert result.returncode == 2
-    assert "nothing" in result.stderr
-    assert result.stdout == ""
+    with pytest.raises(typer.BadParameter, match="not nothing"):
+        run.main(only="vector,nothing", quick=True)
 
 
 @pytest.mark.extra("control")
@@ -162,28 +107,6 @@ def test_baselines_count_successes(tmp_path):
         assert list(table.index) == list(rows)
         assert table.shape[1] == 5
         assert ((table >= 0) & (table <= 3)).all(axis=None)
-
-
-@pytest.mark.extra("locomotion")
-@pytest.mark.nightly
-def test_open_loop_counts_goals_and_not_falls():
-    near = MazeLayout("near", 30.0, 30.0, (15.0, 15.0), (17.15, 15.0), [])
-    env = gym.make("CuriosityLocomotion-AntTrap-v0", world=near, horizon=40)
-    n = 12
-
-    def succeeds(i):
-        env.reset(seed=i)
-        ended = False
-        actions = baselines.bang_bang(np.random.default_rng(0), (n, 8))
-        while not ended:
-            _, _, terminated, truncated, info = env.step(next(actions)[i])
-            ended = terminated or truncated
-        return info["is_success"]
-
-    successes = list(map(succeeds, range(n)))
-    actions = baselines.bang_bang(np.random.default_rng(0), (n, 8))
-    assert 0 < sum(successes) < n
-    assert baselines.open_loop(env, n, actions) == sum(successes)
 
 
 def cells_of(positions):
@@ -286,61 +209,54 @@ def test_numbers_keep_three_digits_without_exponents(value):
     assert float(text.replace(",", "")) == pytest.approx(value, rel=0.0051)
 
 
-class TestGallery:
-    @pytest.mark.nightly
-    def test_films_what_was_found(self, tmp_path, monkeypatch, capsys):
-        search = gallery.Search("CuriosityMaze-Snake-v0", 1.0)
-        monkeypatch.setattr(gallery, "FOUND", {"snake": search})
-        gallery.main(only="snake", out=tmp_path)
-        assert capsys.readouterr().out == "snake: 2000 steps, at no goal\n"
-        with Image.open(tmp_path / "snake.gif") as image:
-            assert image.n_frames <= gallery.N_FRAMES
-            assert image.height == gallery.HEIGHT
-
-    @pytest.mark.extra("locomotion")
-    @pytest.mark.nightly
-    def test_knows_plans_that_come_to_the_goal(self, monkeypatch):
-        monkeypatch.setattr(LocomotionEnv, "render", lambda env: np.zeros((4, 4, 3), np.uint8))
-        for env_id in gallery.PLANNED.values():
-            frames, success = gallery.film(env_id, *gallery.read_actions(env_id))
-            assert success, env_id
-            assert 1 < len(frames) <= gallery.N_FRAMES
-
-    def test_shows_every_environment(self):
-        shown = {search.env_id for search in gallery.FOUND.values()}
-        shown |= {*gallery.PLANNED.values(), *gallery.RANDOM.values()}
-        ids = {name for name in SPECS if name.startswith("Curiosity")}
-        assert ids - shown == {"CuriosityMaze-v0"}  # whose layout is the user's
+@pytest.mark.nightly
+def test_the_gallery_films_what_was_found(tmp_path, monkeypatch, capsys):
+    search = gallery.Search("CuriosityMaze-Snake-v0", 1.0)
+    monkeypatch.setattr(gallery, "FOUND", {"snake": search})
+    gallery.main(only="snake", out=tmp_path)
+    assert capsys.readouterr().out == "snake: 2000 steps, at no goal\n"
+    with Image.open(tmp_path / "snake.gif") as image:
+        assert image.n_frames <= gallery.N_FRAMES
+        assert image.height == gallery.HEIGHT
 
 
-class TestPoliciesAndPortraits:
-    """What is made of the runs of the results: policies of the package, pictures of the pages."""
+@pytest.mark.extra("locomotion")
+@pytest.mark.nightly
+def test_the_gallery_knows_plans_that_come_to_the_goal(monkeypatch):
+    monkeypatch.setattr(LocomotionEnv, "render", lambda env: np.zeros((4, 4, 3), np.uint8))
+    for env_id in gallery.PLANNED.values():
+        frames, success = gallery.film(env_id, *gallery.read_actions(env_id))
+        assert success, env_id
+        assert 1 < len(frames) <= gallery.N_FRAMES
 
-    settings: ClassVar = {
+
+def test_pictures_show_every_environment_and_algorithm():
+    shown = {search.env_id for search in gallery.FOUND.values()}
+    shown |= {*gallery.PLANNED.values(), *gallery.RANDOM.values()}
+    ids = {name for name in SPECS if name.startswith("Curiosity")}
+    assert ids - shown == {"CuriosityMaze-v0"}  # whose layout is the user's
+    for name in learning.ALGORITHMS:
+        assert (figures.IMAGES / f"portrait_{name}.png").is_file()
+
+
+@pytest.mark.nightly
+def test_policies_are_trained_and_written(tmp_path, monkeypatch, capsys):
+    settings = {
         "algos": ("NSES", "MAPElites"),
         "envs": ("CuriosityMaze-Hard-v0",),
         "timesteps": 1.0,
         "env_kwargs": ["horizon:50", "goal_radius:300.0"],
     }
-
-    @pytest.mark.nightly
-    def test_policies_are_trained_and_written(self, tmp_path, monkeypatch, capsys):
-        names = ["NSES", "NSES", "NSES, learned"]  # whose settings are others
-        rows = {"algorithm": names, "env": "CuriosityMaze-Hard-v0", "seed": [5, 7, 9]}
-        monkeypatch.setitem(pretrained.SWEEPS, "mazes", self.settings)
-        monkeypatch.setattr(
-            pretrained,
-            "read_runs",
-            lambda name: pd.DataFrame(rows | {"best_return": [0.0, 0.5, 0.9]}),
-        )
-        pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
-        told = [line for line in capsys.readouterr().out.splitlines() if line.endswith("results")]
-        with np.load(tmp_path / "NSES_CuriosityMaze-Hard-v0.npz") as file:
-            assert file["parameters"].shape == (1746,)
-            assert file["net_arch"].tolist() == [32, 16]
-            assert file["return"] == 0.98
-        assert told == ["NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 in the results"]
-
-    def test_the_pages_have_theirs(self):
-        for name in learning.ALGORITHMS:
-            assert (figures.IMAGES / f"portrait_{name}.png").is_file()
+    names = ["NSES", "NSES", "NSES, learned"]  # whose settings are others
+    rows = {"algorithm": names, "env": "CuriosityMaze-Hard-v0", "seed": [5, 7, 9]}
+    table = pd.DataFrame(rows | {"best_return": [0.0, 0.5, 0.9]})
+    monkeypatch.setitem(pretrained.SWEEPS, "mazes", settings)
+    monkeypatch.setattr(pretrained, "read_runs", lambda name: table)
+    pretrained.main(tmp_path / "runs", jobs=1, tables="mazes", out=tmp_path)
+    printed = capsys.readouterr().out
+    assert "NSES CuriosityMaze-Hard-v0 7: 0.9800, 0.5000 in the results\n" in printed
+    assert printed.count("in the results") == 1
+    with np.load(tmp_path / "NSES_CuriosityMaze-Hard-v0.npz") as file:
+        assert file["parameters"].shape == (1746,)
+        assert file["net_arch"].tolist() == [32, 16]
+        assert file["return"] == 0.98

@@ -82,17 +82,6 @@ def test_the_citation_is_of_this_version():
     assert cited["version"] == curiosity_gym.__version__
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/index.md", "docs/which_library.md"])
-def test_who_looks_for_a_library_is_told_where_it_fails(name):
-    assert "where_it_fails.md)" in (ROOT / name).read_text()
-
-
-@pytest.mark.parametrize("claim", ["go everywhere", "by far the", "what foretells nothing,"])
-def test_no_page_says_what_data_contradict(claim):
-    pages = [ROOT / "README.md", *DOCS.rglob("*.md")]
-    assert [page.name for page in pages if claim in " ".join(page.read_text().split())] == []
-
-
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
 def test_the_paper_is_linked_and_cited_alike(page):
     text = (ROOT / page).read_text()

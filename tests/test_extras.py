@@ -62,13 +62,6 @@ def test_no_file_tells_users_to_install_a_package_of_others():
     assert found == []
 
 
-def test_commands_that_install_a_package_of_others_are_found():
-    wrong = ["install 'curiosity[render]'", 'install -U "curiosity"', "install curiosity"]
-    right = [f"install {DISTRIBUTION}", f'install "{DISTRIBUTION}[render]"', "use curiosity[best]"]
-    assert all(ANOTHER_DISTRIBUTION.search(f"pip {command}") for command in wrong)
-    assert not any(ANOTHER_DISTRIBUTION.search(f"pip {command}") for command in right)
-
-
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 @pytest.mark.parametrize(("target", "extras"), [("demo", ["render"]), ("test", ["render", "dev"])])
 def test_a_target_installs_what_it_needs(target, extras):
@@ -113,18 +106,6 @@ def test_steps_an_environment(extra, env_id):
     assert env.observation_space.contains(observation)
     assert reward == 0.0
     assert (observation != first).any()
-
-
-@pytest.mark.extra("control")
-def test_steps_a_task_through_shimmy():
-    import shimmy
-
-    gym.register_envs(shimmy)
-    env = gym.make("dm_control/ball_in_cup-catch-v0")
-    env.reset(seed=0)
-    observation = env.step(env.action_space.sample())[0]
-    assert observation["position"].shape == (4,)
-    env.close()
 
 
 def lower_bounds():

@@ -12,11 +12,10 @@ import optuna
 import pandas as pd
 import pytest
 from scripts import ROOT, run_script
-from stable_baselines3 import TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 import curiosity_algos
-from curiosity_algos import CuriosityES, MAPElites
+from curiosity_algos import CuriosityES
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 
 pytestmark = pytest.mark.nightly
@@ -36,33 +35,22 @@ def words(options):
     return [word for name, value in options.items() for word in (f"--{name}", str(value))]
 
 
-def train(algo, budget, folder, script, arguments=CONF_FILE):
-    """The model file of a run of rl-zoo3."""
-    options = {"algo": algo, "env": ENV, "n-timesteps": budget, "eval-freq": -1, "seed": 0}
+def train(folder, *arguments):
+    """The model file of a run of CuriosityES by rl-zoo3."""
+    options = {"algo": "CuriosityES", "env": ENV, "n-timesteps": 1000, "eval-freq": -1, "seed": 0}
     options |= {"device": "cpu", "log-folder": folder}
-    run_script(script, folder, [*arguments, *words(options)])
-    run = max((folder / algo).glob(f"{ENV}_*"))
+    run_script(SCRIPT, folder, [*CONF_FILE, *arguments, *words(options)])
+    run = max((folder / "CuriosityES").glob(f"{ENV}_*"))
     return run / f"{ENV}.zip"
 
 
-def test_td3_trains_on_a_maze(tmp_path):
-    script = tmp_path / "train.py"
-    script.write_text("from rl_zoo3.train import train\ntrain()\n")
-    packages = ["--gym-packages", "curiosity_gym"]
-    model = TD3.load(train("td3", 150, tmp_path, script, packages), device="cpu")
-    assert model.num_timesteps == 150
-    assert model._n_updates == 150 - model.learning_starts > 0
-    assert model.observation_space.shape == (36,)
-
-
 def test_the_example_trains_curiosity_es_and_goes_on(tmp_path):
-    path = train("CuriosityES", 1000, tmp_path, SCRIPT)
+    path = train(tmp_path)
     model = CuriosityES.load(path)
     assert model.num_timesteps == GENERATION
     assert model.coverage == CuriosityES(ENV, seed=0).learn(1000).coverage > 0.0
 
-    going_on = [*CONF_FILE, "--trained-agent", str(path)]
-    resumed = train("CuriosityES", 1000, tmp_path, SCRIPT, going_on)
+    resumed = train(tmp_path, "--trained-agent", str(path))
     assert resumed != path
     assert CuriosityES.load(resumed).generation == 2
 
@@ -113,16 +101,10 @@ def test_the_example_tunes(tmp_path):
     assert sampled <= set(trials)
 
     # What was tuned is trained.
-    arguments = [*CONF_FILE, "--trial-id", "1", "--study-name", "tuning"]
-    arguments += ["--storage", f"sqlite:///{tmp_path}/trials.db"]
-    model = CuriosityES.load(train("CuriosityES", 1000, tmp_path, SCRIPT, arguments))
+    trial = {"trial-id": 1, "study-name": "tuning", "storage": f"sqlite:///{tmp_path}/trials.db"}
+    model = CuriosityES.load(train(tmp_path, *words(trial)))
     assert model.learning_rate == pytest.approx(trials["params_learning_rate"][1])
     assert model.sigma == pytest.approx(trials["params_sigma"][1])
-
-
-def test_an_algorithm_with_an_archive_trains(tmp_path):
-    model = MAPElites.load(train("MAPElites", 1000, tmp_path, SCRIPT))
-    assert model.num_timesteps == GENERATION
 
 
 def test_algorithms_take_what_is_sampled():
@@ -143,13 +125,3 @@ def test_algorithms_take_what_is_sampled():
         kept["policy_kwargs"].pop("optimizer_kwargs", None)  # of TD3ICM's own
         assert kept == keywords, algorithm
         assert all(len({params[name] for params in tried}) > 1 for name in SPACES[algorithm])
-
-
-def test_parameters_stand_for_keywords():
-    params = {"net_arch": "small", "population_size_pow": 5, "parents_share": 0.26, "sigma": 0.5}
-    assert convert(params) == {
-        "policy_kwargs": {"net_arch": [32, 16]},
-        "population_size": 32,
-        "n_parents": 8,
-        "sigma": 0.5,
-    }

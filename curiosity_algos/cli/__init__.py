@@ -13,11 +13,9 @@ import typer
 from curiosity_algos.cli.enjoy import enjoy
 from curiosity_algos.cli.export import export
 from curiosity_algos.cli.list_names import list_names
-from curiosity_algos.cli.plot import plot
-from curiosity_algos.cli.report import report
+from curiosity_algos.cli.plot import plot, report
 from curiosity_algos.cli.reproduce import reproduce
 from curiosity_algos.cli.sweep import sweep
-from curiosity_algos.cli.train import train
 from curiosity_gym import __version__
 
 INTERRUPTED = 130
@@ -29,7 +27,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (train, enjoy, export, sweep, plot, report, reproduce):
+app.command("train")(sweep)
+for command in (enjoy, export, sweep, plot, report, reproduce):
     app.command()(command)
 app.command("list")(list_names)
 

@@ -8,41 +8,34 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option, echo
 
-from curiosity_algos.cli.options import ALGOS, Trust, find_own_modules
+from curiosity_algos.cli.options import Trust, find_own_modules
 from curiosity_gym.validation import check_at_least_one
 
 
 def enjoy(
     run: Annotated[
-        str, typer.Argument(help="Folder of a run, or with --pretrained the id of an environment.")
+        str, Argument(help="Folder of a run, or with --pretrained the id of an environment.")
     ],
     pretrained: Annotated[
         str | None,
-        typer.Option(
-            help="Algorithm whose best policy comes with the package, instead of a run's.",
-            metavar="ALGO",
-            autocompletion=ALGOS,
-        ),
+        Option(help="Algorithm whose best policy the package has, for the run's.", metavar="ALGO"),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="GIF or MP4 to write. Without it, a window shows the episode. Without a screen, "
             "too, it is written to best_policy.gif in the run's folder (with --pretrained, here)."
         ),
     ] = None,
     no_render: Annotated[
-        bool, typer.Option("--no-render", help="Print the return, and draw nothing.")
+        bool, Option("--no-render", help="Print the return, and draw nothing.")
     ] = False,
-    stride: Annotated[int, typer.Option(help="Environment steps from frame to frame.")] = 10,
+    stride: Annotated[int, Option(help="Environment steps from frame to frame.")] = 10,
     seed: Annotated[
         int | None,
-        typer.Option(
-            help="Seed of the environment. Without it, that of the policy's best episode, or 0 if "
-            "that is not known."
-        ),
+        Option(help="Seed of the episode. Without it, that of the policy's best, or 0."),
     ] = None,
     trust: Trust = False,
 ) -> None:
@@ -61,9 +54,9 @@ def enjoy(
         find_own_modules()
     source = Path(run) if pretrained is None else (pretrained, run)
     if no_render:
-        typer.echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")
+        echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")
     elif out is None and has_screen():
-        typer.echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
+        echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:
         for name in ("EGL", "OSMesa"):  # MuJoCo draws by these without a screen
             if not has_screen() and ctypes.util.find_library(name):
@@ -71,7 +64,7 @@ def enjoy(
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
         total = film.film(source, path, stride=stride, seed=seed, trust=trust)
-        typer.echo(f"Return {total:.3f}: {path}")
+        echo(f"Return {total:.3f}: {path}")
 
 
 def has_screen() -> bool:

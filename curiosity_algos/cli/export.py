@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import typer
+from typer import Argument, Option, echo
 
 from curiosity_algos.cli.options import Trust, find_own_modules
 from curiosity_gym.validation import check_choice
 
 
 def export(
-    run: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    to: Annotated[str, typer.Option(help="Format: minari for episodes, onnx for the best policy.")],
+    run: Annotated[Path, Argument(help="The folder of a run.")],
+    to: Annotated[str, Option(help="Format: minari for episodes, onnx for the best policy.")],
     out: Annotated[
-        str, typer.Option(help="Id of the dataset, such as curiosity/us-v0, or the .onnx file.")
+        str, Option(help="Id of the dataset, such as curiosity/us-v0, or the .onnx file.")
     ],
     policies: Annotated[
-        str | None,
-        typer.Option(
-            help="Policies whose episodes are written: elites, rewarding, or a sample of all.",
-            show_default="rewarding",
-        ),
-    ] = None,
+        str, Option(help="Policies that play: elites, rewarding, or a sample of all.")
+    ] = "rewarding",
     n_policies: Annotated[
-        int | None,
-        typer.Option(
-            help="Most policies whose episodes are written. If there are more, a sample is drawn.",
-            show_default="1000",
-        ),
-    ] = None,
+        int, Option(help="Most policies that play. If there are more, a sample is drawn.")
+    ] = 1000,
     trust: Trust = False,
 ) -> None:
     """Write episodes of a run for Minari, or its policy as ONNX.
@@ -46,13 +38,9 @@ def export(
     check_choice(("minari", "onnx"), to=to)
     if trust:
         find_own_modules()
-    options: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
-    options = {name: value for name, value in options.items() if value is not None}
     if to == "onnx":
-        for name in options:
-            raise ValueError(f"`{name}` must be left out with --to onnx, for the best policy only.")
         export_onnx(run, out)
-        typer.echo(out)
+        echo(out)
         return
-    dataset = export_minari(run, out, **options, trust=trust)
-    typer.echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")
+    dataset = export_minari(run, out, policies=policies, n_policies=n_policies, trust=trust)
+    echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")

@@ -1,31 +1,27 @@
-"""`curiosity plot`."""
+"""`curiosity plot` and `curiosity report`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option, echo
+
+Runs = Annotated[list[Path], Argument(help="Folders of runs, or folders that contain such.")]
 
 
 def plot(
-    runs: Annotated[
-        list[Path], typer.Argument(help="Folders of runs, or folders that contain such.")
-    ],
+    runs: Runs,
     y: Annotated[
         str,
-        typer.Option(
-            *("--y", "-y", "--y-axis"),
+        Option(
+            *("--y", "-y"),
             help="Measure: coverage, best-return, qd-score (the sum of the elites' returns), or "
-            "survival (the share of runs without a success yet, or if no run had one, without a "
-            "reward).",
+            "survival (the share of runs without a success or reward yet).",
         ),
     ] = "coverage",
-    x: Annotated[
-        str,
-        typer.Option("--x", "-x", "--x-axis", help="Horizontal axis: timesteps or seconds."),
-    ] = "timesteps",
-    out: Annotated[Path, typer.Option(help="PNG, PDF or SVG to write.")] = Path("plot.png"),
+    x: Annotated[str, Option("--x", "-x", help="Axis: timesteps or seconds.")] = "timesteps",
+    out: Annotated[Path, Option(help="PNG, PDF or SVG to write.")] = Path("plot.png"),
 ) -> None:
     """Draw curves of runs, a panel for each environment.
 
@@ -37,4 +33,20 @@ def plot(
 
     canvas.check_out(out)
     canvas.save_figure(comparison.compare(runs, y=y, x=x), out)
-    typer.echo(f"{out}")
+    echo(f"{out}")
+
+
+def report(
+    runs: Runs,
+    out: Annotated[Path, Option(help="HTML file to write.")] = Path("report.html"),
+) -> None:
+    """Compare runs by tables, curves and maps in one HTML file.
+
+    The extra `report` must be installed.
+
+    Example: curiosity report runs --out report.html
+    """
+    from curiosity_algos.experiments.report import write_report
+    from curiosity_algos.experiments.report.page import counts
+
+    echo(f"{counts(write_report(runs, out))}: {out}")

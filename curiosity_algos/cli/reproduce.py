@@ -5,53 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option, echo
 
 from curiosity_algos.cli import options
 
 
 def reproduce(
-    figures: Annotated[
-        list[int], typer.Argument(help="Numbers of figures of the paper, 1 to 8.", min=1, max=8)
-    ],
+    figures: Annotated[list[int], Argument(help="Figures of the paper, 1 to 8.", min=1, max=8)],
     budget: Annotated[
-        str,
-        typer.Option(
-            help="Length of the runs: smoke (seconds), short, tenth (of the paper's), or paper."
-        ),
+        str, Option(help="Length of the runs: smoke (seconds), short, tenth (of paper), or paper.")
     ] = "smoke",
-    preset: Annotated[
-        str,
-        typer.Option(
-            help="Settings of the algorithms, paper or tuned.", autocompletion=options.PRESET
-        ),
-    ] = "paper",
+    preset: Annotated[str, Option(help="Settings of the algorithms, paper or tuned.")] = "paper",
     seeds: Annotated[
-        str | None,
-        typer.Option(
-            help="Seeds of the runs, such as 0,1,2 or 0-4. Without it, those of the budget."
-        ),
+        str | None, Option(help="Seeds, such as 0,1,2 or 0-4. Without it, those of the budget.")
     ] = None,
     log_folder: Annotated[
         Path | None,
-        typer.Option(
-            *("--log-folder", "-f"), help="Folder for the runs. Without it, runs/PRESET-BUDGET."
-        ),
+        Option("--log-folder", "-f", help="Folder for the runs. Without it, runs/PRESET-BUDGET."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="PNG, PDF or SVG to write one figure to. Without it, figure_N.png in the log "
-            "folder."
-        ),
+        Option(help="PNG, PDF or SVG to write. Without it, figure_N.png in the log folder."),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            help="Runs to train at a time. Without it, one for each processor; with smoke, one."
-        ),
+        Option(help="Runs at a time. Without it, one for each processor; with smoke, one."),
     ] = None,
-    interval: options.Interval = 60.0,
 ) -> None:
     """Train the runs of the paper's figures, and draw them.
 
@@ -79,10 +58,10 @@ def reproduce(
     needed = {run.folder(folder): run for figure in figures for run in plan.runs(figure)}
     runs = list(needed.values())
     options.check_all(runs)
-    sweep(runs, folder, jobs=jobs, interval=interval)
+    sweep(runs, folder, jobs=jobs)
     for figure, path in paths.items():
         drawing = paper.draw(figure, paper.TrainedRuns(plan))
         if note := plan.note(figure):
             canvas.add_note(drawing, note)
         canvas.save_figure(drawing, path)
-        typer.echo(f"{path}")
+        echo(f"{path}")

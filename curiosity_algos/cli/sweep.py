@@ -1,74 +1,144 @@
-"""`curiosity sweep`."""
+"""`curiosity train`, which is also `curiosity sweep`."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option, echo
 
 from curiosity_algos.cli import options
+
+if TYPE_CHECKING:
+    from curiosity_algos.experiments.run_spec import RunSpec
+
+
+def _pairs(name: str, more: str = "") -> Any:
+    """An option of names and their values."""
+    text = f"{name} and its value. Repeat the option for others{more}."
+    return Option(metavar="NAME:VALUE", help=text)
 
 
 def sweep(
     algos: Annotated[
         str,
-        typer.Option(help="Algorithms, with commas between them.", autocompletion=options.ALGOS),
-    ] = "curiosity_es,nses",
+        Option(
+            "--algo",
+            "--algos",
+            help="Algorithms in any spelling, such as curiosity_es,map-elites,ppo.",
+        ),
+    ] = "curiosity_es",
     envs: Annotated[
         str,
-        typer.Option(help="Ids of environments, likewise.", autocompletion=options.ENVS),
-    ] = "CuriosityMaze-US-v0",
-    seeds: Annotated[str, typer.Option(help="Seeds, likewise, or as 0-4.")] = "0,1,2",
-    timesteps: options.Timesteps = 1e7,
-    log_folder: options.LogFolder = Path("runs"),
-    env_kwargs: options.EnvKeywords = None,
-    wrapper: options.Wrappers = None,
-    hyperparams: options.Alternatives = None,
+        Option(
+            "--env",
+            "--envs",
+            help="Ids of environments, likewise; MODULE:ID is one that a module registers.",
+        ),
+    ] = "CuriosityMaze-Hard-v0",
+    seeds: Annotated[str, Option("--seed", "--seeds", help="Seeds, likewise, or as 0-4.")] = "0",
+    timesteps: Annotated[
+        float, Option("--timesteps", "-n", help="Environment steps of a run.")
+    ] = 1e7,
+    log_folder: Annotated[
+        Path,
+        Option(
+            "--log-folder", "-f", help="Folder for the runs, which go to FOLDER/algorithm/env/seed."
+        ),
+    ] = Path("runs"),
+    env_kwargs: Annotated[list[str] | None, _pairs("A keyword of the environment")] = None,
+    wrapper: Annotated[
+        list[str] | None,
+        Option(
+            metavar="CLASS[:NAME=VALUE...]",
+            help="Wrapper of the environment, such as minigrid.wrappers.FlatObsWrapper, and its "
+            "keywords. Repeat the option for others, from the inside out.",
+        ),
+    ] = None,
+    hyperparams: Annotated[
+        list[str] | None,
+        _pairs("A setting of the algorithm", "; of several values of one setting, all are tried"),
+    ] = None,
     bonus: Annotated[
         str,
-        typer.Option(
-            help="Bonuses that algorithms explore by, with commas between them, such as "
-            "none,apt,rnd: all are tried.",
-            autocompletion=options.BONUSES,
+        Option(
+            help="Bonuses that algorithms explore by, likewise, such as none,apt,rnd. For an "
+            "algorithm of Stable-Baselines3's own a bonus is added to the reward."
         ),
     ] = "none",
-    bonus_kwargs: options.BonusKeywords = None,
-    n_envs: options.NEnvs = 1,
-    repeat_action: options.RepeatAction = 1,
-    preset: options.Preset = None,
-    device: options.Device = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(help="Runs to train at a time. Without it, one for each processor."),
+    bonus_kwargs: Annotated[
+        list[str] | None,
+        _pairs("A keyword of the bonus or of what adds it to the reward, such as weight:0.5,"),
     ] = None,
-    interval: options.Interval = 60.0,
+    n_envs: Annotated[
+        int,
+        Option(help="Environments side by side, for an algorithm of Stable-Baselines3's own."),
+    ] = 1,
+    repeat_action: Annotated[
+        int,
+        Option(help="Steps for which an action is repeated. Timesteps then count actions."),
+    ] = 1,
+    preset: Annotated[
+        str | None,
+        Option(help="Settings to begin with, paper or tuned. Without it, the defaults."),
+    ] = None,
+    device: Annotated[
+        str | None, Option(help="Device of neural networks: auto, cpu or cuda.")
+    ] = None,
+    jobs: Annotated[
+        int | None, Option(help="Runs at a time. Without it, one for each processor.")
+    ] = None,
+    interval: Annotated[float, Option(help="Seconds between two checkpoints of a run.")] = 60.0,
 ) -> None:
     """Train each algorithm on each environment with each seed.
 
-    Runs that are finished are left alone, and those that were interrupted go on.
+    Each run has a folder. Runs that are finished are left alone, and those that were interrupted
+    continue when the same command is given again.
+
+    Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7
+
+    Example: curiosity train --algo ppo --bonus apt --bonus-kwargs weight:0.02 --n-envs 16
+    --repeat-action 10 --hyperparams n_steps:64 -n 3e5
 
     Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0-4
 
     Example: curiosity sweep --algos nses --hyperparams sigma:0.1 --hyperparams sigma:0.3
-
-    Example: curiosity sweep --algos ppo --bonus none,apt,rnd --n-envs 16 -n 1e6
     """
+    env_ids = options.names("envs", envs)
+    if wrapper or any(":" in env for env in env_ids):
+        options.find_own_modules()
     from curiosity_algos.experiments import sweep as sweeps
 
-    runs = options.make_runs(
+    settings = options.alternatives("hyperparams", hyperparams)
+    given = {"preset": preset, "device": device}
+    settings |= {name: [value] for name, value in given.items() if value is not None}
+    runs = sweeps.grid(
         options.names("algos", algos),
-        options.names("envs", envs),
+        env_ids,
         options.numbers("seeds", seeds),
+        {name: values for name, values in settings.items() if len(values) > 1},
+        settings={name: values[0] for name, values in settings.items() if len(values) == 1},
+        bonuses=[None if name == "none" else name for name in options.names("bonus", bonus)],
         timesteps=timesteps,
-        env_kwargs=env_kwargs,
-        wrappers=wrapper,
-        hyperparams=hyperparams,
-        settings={"preset": preset, "device": device},
-        bonuses=options.names("bonus", bonus),
-        bonus_kwargs=bonus_kwargs,
+        env_kwargs=options.keywords("env-kwargs", env_kwargs),
+        bonus_kwargs=options.keywords("bonus-kwargs", bonus_kwargs),
+        wrappers=[options.wrapping(text) for text in wrapper or []],
         n_envs=n_envs,
         repeat_action=repeat_action,
     )
-    options.check_all(runs)
-    sweeps.sweep(runs, log_folder, jobs=jobs, interval=interval)
+    if len(runs) > 1 or jobs is not None:
+        options.check_all(runs)
+        sweeps.sweep(runs, log_folder, jobs=jobs, interval=interval)
+        return
+    _train(runs[0], runs[0].folder(log_folder), interval)
+
+
+def _train(run: RunSpec, folder: Path, interval: float) -> None:
+    from curiosity_algos.experiments import training
+
+    is_terminal = sys.stdout.isatty() and sys.stderr.isatty()
+    if training.train(run, folder, interval=interval, progress_bar=is_terminal):
+        echo(training.summary(folder))
+    else:
+        echo(f"{folder} is finished.")

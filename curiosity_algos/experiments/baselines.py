@@ -37,9 +37,6 @@ def is_foreign(cls: type[Any]) -> bool:
     return is_baseline(cls) and not issubclass(cls, TD3ICM)
 
 
-# -- bonuses --------------------------------------------------------------------------------------
-
-
 def find_bonus(name: str) -> str:
     """The known name of a bonus, in any spelling.
 
@@ -56,12 +53,9 @@ def _keywords(holder: type[Any], bonus: str, bonus_kwargs: Mapping[str, Any]) ->
     of_holder = names - {"bonus", "bonus_kwargs", "device", "seed"}
     for name in bonus_kwargs:
         find_known("bonus_kwargs", name, sorted(of_holder.union(bonus_keywords(bonus))))
-    held = {name: value for name, value in bonus_kwargs.items() if name in of_holder}
-    own = {name: value for name, value in bonus_kwargs.items() if name not in held}
-    return {"bonus": bonus, "bonus_kwargs": own, **held}
-
-
-# -- models ---------------------------------------------------------------------------------------
+    outer = {name: value for name, value in bonus_kwargs.items() if name in of_holder}
+    own = {name: value for name, value in bonus_kwargs.items() if name not in of_holder}
+    return {"bonus": bonus, "bonus_kwargs": own, **outer}
 
 
 def make_baseline(
@@ -76,8 +70,7 @@ def make_baseline(
     """A model that has not trained; one that is off-policy adds its bonus when it samples.
 
     Raises:
-        ValueError: If there is no such bonus, neither it nor its holder takes a keyword, or another
-            replay buffer is asked for.
+        ValueError: If a name or a keyword is wrong, or a replay buffer is given beside a bonus.
     """
     settings = {"policy": _default_policy(venv.observation_space), "seed": seed, **settings}
     if bonus is None and bonus_kwargs:
@@ -105,9 +98,7 @@ def _default_policy(space: spaces.Space[Any]) -> str:
 def load_baseline(
     cls: type[Any], checkpoint: Path, venv: VecEnv, *, device: Any = "auto", **replaced: Any
 ) -> BaseAlgorithm:
-    """The model as it was at a checkpoint of `SaveRun`, to go on with; only of a trusted folder.
-
-    With its bonus, and with the draws, the episodes and the replay buffer that `SaveRun` has kept.
+    """The model as it was at a checkpoint of `SaveRun`, to continue; only of a trusted folder.
 
     Args:
         cls: Class of the model.
@@ -123,9 +114,6 @@ def load_baseline(
     )
     restore_under_way(model, checkpoint)
     return model
-
-
-# -- policies -------------------------------------------------------------------------------------
 
 
 def load_baseline_policy(

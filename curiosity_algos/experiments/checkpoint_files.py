@@ -1,11 +1,9 @@
 """The files of a checkpoint that hold a model, and the models that can be recorded.
 
-Of algorithms that Stable-Baselines3 trains these hold, too, what their `model.zip` lacks of a run:
+Algorithms that Stable-Baselines3 trains have two files of what their `model.zip` lacks:
 
-under_way.npz      the states of the global generators, of random actions, of the episodes, and
-                   what a recurrent policy remembers of them
-replay_buffer.npz  the transitions of an off-policy algorithm, and the bonus of a buffer, which
-                   stays where transitions are left out
+under_way.npz      the states of the generators, of the episodes, and of a recurrent policy
+replay_buffer.npz  the transitions of an off-policy algorithm, and the bonus of a buffer
 """
 
 from __future__ import annotations
@@ -41,12 +39,13 @@ from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.episodes import episode_states, load_episode_states
 from curiosity_algos.state.file import read, save
 
+CHANGE_REWARDS = (BonusVecEnvWrapper, VecNormalize)
 Recordable: TypeAlias = EvolutionaryAlgorithm | OnPolicyAlgorithm | OffPolicyAlgorithm
 UNDER_WAY, TRANSITIONS = "under_way.npz", "replay_buffer.npz"
 _KIND, _BUFFER_KIND = "a run under way 1", "transitions of a replay buffer 1"
 _COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 _PLAIN_BUFFERS = (ReplayBuffer, DictReplayBuffer, NStepReplayBuffer)
-"""Replay buffers that hold nothing but columns; what others know, no file here has."""
+"""Replay buffers that hold nothing but columns."""
 
 
 def check_recordable(model: object) -> None:
@@ -63,29 +62,20 @@ def check_recordable(model: object) -> None:
             f"step a VecEnv, got {type(model).__name__}."
         )
     env = model.get_env()
-    if env is None or not _sees_the_task(env):
+    assert env is not None
+    monitor = unwrap_vec_wrapper(env, VecMonitor)
+    changed = monitor and any(is_vecenv_wrapped(monitor.venv, each) for each in CHANGE_REWARDS)
+    if changed or not (monitor or all(env.env_is_wrapped(Monitor))):
         raise ValueError(
             "`env` must have a Monitor, below wrappers that change rewards: wrap the environment "
             "itself in Stable-Baselines3's VecMonitor."
         )
 
 
-def _sees_the_task(env: VecEnv) -> bool:
-    """Whether a Monitor sees each episode, with the rewards of the task."""
-    monitor = unwrap_vec_wrapper(env, VecMonitor)
-    if monitor is None:
-        return all(env.env_is_wrapped(Monitor))
-    changes_rewards = (BonusVecEnvWrapper, VecNormalize)
-    return not any(is_vecenv_wrapped(monitor.venv, each) for each in changes_rewards)
-
-
 def write_model(
     model: Recordable, folder: Path, exclude: list[str], *, save_replay_buffer: bool
 ) -> None:
-    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint.
-
-    Of algorithms that Stable-Baselines3 trains also what their file lacks of the run.
-    """
+    """Save a model, the wrappers of its VecEnv that learn, and its best policy in a checkpoint."""
     with atomic_file(folder / "model.zip") as file:
         model.save(file, exclude)  # to a path Stable-Baselines3 writes what a power cut may lose
     bonus, normalize = bonus_wrapper(model), model.get_vec_normalize_env()
@@ -109,7 +99,6 @@ def write_model(
 
 
 def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
-    """Write where draws and episodes stand."""
     state = {
         "draws": global_state(model.device),
         "actions": SpaceGenerator(model.action_space).state_dict(),
@@ -121,37 +110,36 @@ def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
 
 
 def _write_buffer(model: BaseAlgorithm, folder: Path, *, transitions: bool) -> None:
-    """Write the replay buffer of a model, if it has one of a known kind."""
     buffer: Any = getattr(model, "replay_buffer", None)
     if isinstance(buffer, BonusReplayBuffer):
         buffer.save(folder / TRANSITIONS, transitions=transitions)
     elif transitions and type(buffer) in _PLAIN_BUFFERS:
         n = min(buffer.size() + 1, buffer.buffer_size)  # the last row may lead to the next one
-        held = {name: column[:n] for name, column in _columns(buffer).items()}
-        state = {"held": held, "pos": buffer.pos, "full": buffer.full}
+        columns = {name: column[:n] for name, column in _columns(buffer).items()}
+        state = {"columns": columns, "pos": buffer.pos, "full": buffer.full}
         save(folder / TRANSITIONS, _BUFFER_KIND, {}, state)
 
 
 def _columns(buffer: ReplayBuffer) -> dict[str, Array]:
-    """The arrays (buffer_size, ...) of a replay buffer, those of a Dict each."""
-    found: dict[str, Array] = {}
+    """The arrays (buffer_size, ...) of a replay buffer, one for each key of a Dict."""
+    columns: dict[str, Array] = {}
     for name in _COLUMNS:
         column = getattr(buffer, name, {})  # one that saves memory lacks next observations
         parts = column if isinstance(column, dict) else {"": column}
-        found |= {f"{name}/{key}": part for key, part in parts.items()}
-    return found
+        columns |= {f"{name}/{key}": part for key, part in parts.items()}
+    return columns
 
 
 def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
     """Bring a model that was loaded to where it stood, as far as its checkpoint knows.
 
-    Episodes that cannot go on begin anew; it warns where transitions are missing.
+    Episodes that cannot continue begin anew; it warns where transitions are missing.
     """
     _restore_transitions(model, folder)
     state = read(folder / UNDER_WAY, _KIND)[1]
     if not load_episode_states(_below(model), state["episodes"]):
         model._last_obs = None
-    elif state.get("memory"):
+    elif state["memory"]:
         learner: Any = model
         pairs = [tuple(part.to(model.device) for part in pair) for pair in state["memory"]]
         learner._last_lstm_states = type(learner._last_lstm_states)(*pairs)
@@ -168,17 +156,15 @@ def _below(model: BaseAlgorithm) -> VecEnv:
 
 def _restore_transitions(model: BaseAlgorithm, folder: Path) -> None:
     buffer = getattr(model, "replay_buffer", None)
-    if buffer is None:
-        return
     if isinstance(buffer, BonusReplayBuffer):
         buffer.restore(folder / TRANSITIONS)
-    elif (folder / TRANSITIONS).exists():
+    elif buffer is not None and (folder / TRANSITIONS).exists():
         saved = read(folder / TRANSITIONS, _BUFFER_KIND)[1]
         for name, column in _columns(buffer).items():
-            rows: npt.NDArray[np.generic] = saved["held"][name]
+            rows: npt.NDArray[np.generic] = saved["columns"][name]
             column[: len(rows)] = rows
         buffer.pos, buffer.full = saved["pos"], saved["full"]
-    if model.num_timesteps and not buffer.size():
+    if buffer is not None and model.num_timesteps and not buffer.size():
         warnings.warn(
             "The checkpoint was taken without the replay buffer, which begins empty: what is "
             "learned from here on is not what an uninterrupted run would have learned.",

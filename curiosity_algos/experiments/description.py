@@ -65,14 +65,10 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 
 def algorithm_name(model: BaseAlgorithm) -> str:
     """The name of its class, and of a bonus that was added to it: `PPO + ICM`, `SAC + APT`."""
-    buffer = getattr(model, "replay_buffer", None)
+    buffer, name = getattr(model, "replay_buffer", None), type(model).__name__
     is_added = isinstance(buffer, BonusReplayBuffer) and not isinstance(model, TD3ICM)
     owner = bonus_wrapper(model) or (buffer if is_added else None)
-    added = "" if owner is None else f" + {type(owner.bonus).__name__}"
-    return f"{type(model).__name__}{added}"
-
-
-# -- the environment ------------------------------------------------------------------------------
+    return name if owner is None else f"{name} + {type(owner.bonus).__name__}"
 
 
 def describe_env(env: VecEnv) -> dict[str, Any]:
@@ -89,10 +85,9 @@ def describe_env(env: VecEnv) -> dict[str, Any]:
         made: dict[str, Any] = {"env_spec": encode_spec(spec)}
     except ValueError as error:
         made = {"env_spec": None, "env_unknown": str(error).rstrip(".")}
-    # Names of behaviors make no other environment.
-    wrappers = {
-        w.name: _without("behavior_names", w.kwargs or {}) for w in spec.additional_wrappers
-    }
+    wrappers = {wrapper.name: {**(wrapper.kwargs or {})} for wrapper in spec.additional_wrappers}
+    for kwargs in wrappers.values():
+        kwargs.pop("behavior_names", None)  # names make no other environment
     return {
         "env": spec.id,
         "env_class": str(getattr(spec.entry_point, "__qualname__", spec.entry_point)),
@@ -102,13 +97,10 @@ def describe_env(env: VecEnv) -> dict[str, Any]:
     }
 
 
-def _without(key: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if name != key}
-
-
 def spec_of(env: VecEnv) -> EnvSpec | None:
     """The spec of the first single environment, without SB3's Monitor and how to render."""
-    spec = env.vector_env.spec if isinstance(env, GymnasiumView) else env_attribute(env, "spec")
+    view = env if isinstance(env, GymnasiumView) else None
+    spec = view.vector_env.spec if view else env_attribute(env, "spec")
     if spec is None:
         return None
     left_out = {*VECTOR_KEYWORDS, "render_mode"}
@@ -116,7 +108,7 @@ def spec_of(env: VecEnv) -> EnvSpec | None:
     kwargs |= _layouts(env, kwargs)
     limit = spec.max_episode_steps
     # A vector environment has it among its keywords, a single one not.
-    if isinstance(env, GymnasiumView) or "num_envs" in spec.kwargs:
+    if view or "num_envs" in spec.kwargs:
         limit = kwargs.pop("max_episode_steps", limit)
     wrappers = tuple(w for w in spec.additional_wrappers if w.name != "Monitor")
     found: EnvSpec = replace(
@@ -141,9 +133,6 @@ def behavior_names(env: VecEnv) -> list[str] | None:
     if names is None or space is None or len(names) != space.shape[0]:
         return None
     return list(entry_names(names, space.shape[0]))
-
-
-# -- settings -------------------------------------------------------------------------------------
 
 
 def describe_settings(model: BaseAlgorithm) -> dict[str, Any]:
@@ -226,9 +215,6 @@ def _name(value: Any) -> Any:
         settings = {k: v for k, v in vars(value).items() if k[0] == "_" and isinstance(v, numbers)}
         return {type(value).__name__: settings}
     return getattr(value, "__qualname__", type(value).__qualname__)
-
-
-# -- where it ran ---------------------------------------------------------------------------------
 
 
 def versions() -> dict[str, str]:

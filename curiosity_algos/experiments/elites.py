@@ -23,9 +23,8 @@ def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
     """The rows of `load_compared` whose logs have a QD score, and a column `archive`.
 
     QD scores of one `archive` can be compared: they are of one environment, and of archives of one
-    class with the same cells and `qd_score_offset`. In an archive without cells, such as
-    `UnstructuredArchive`, the number of elites follows from a distance between them, so that each
-    label counts as an archive of its own.
+    class with the same cells and `qd_score_offset`. Of archives without cells, such as
+    `UnstructuredArchive`, each label has its own.
     """
     archives = [_archive_of(*row) for row in zip(runs["files"], runs["label"], strict=True)]
     texts = pd.DataFrame(archives, index=runs.index).dropna(how="all").astype(object)

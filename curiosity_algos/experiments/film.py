@@ -13,14 +13,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import gymnasium as gym
-import numpy as np
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
 from curiosity_algos.common.names import KNOWN, find_algorithm
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
-from curiosity_algos.experiments.baselines import is_baseline, load_baseline_policy
+from curiosity_algos.experiments.baselines import load_baseline_policy
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.run import Run
@@ -62,7 +61,8 @@ def film(
             `run.json` describes.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    frames, total = [], 0.0
+    frames: list[Any] = []
+    total = 0.0
     with _open(source, trust, env, render_mode="rgb_array") as (policy, played, best_seed):
         if played.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
             stride = max(1, stride // played.get_wrapper_attr("num_repeats"))
@@ -70,20 +70,18 @@ def film(
         for t, reward in enumerate(rewards):
             total += reward
             if t % stride == 0:
-                frames.append(_frame(played))
+                frames.append(played.render())
         if t % stride:  # the last frame always
-            frames.append(_frame(played))
+            frames.append(played.render())
     write_film(frames, path)
     return round(total, N_DIGITS)
 
 
-def watch(
-    source: Source, *, seed: int | None = None, trust: bool = False, env: AnyEnv = None
-) -> float:
-    """Play one episode in a window, and return its return. Arguments are those of `film`."""
+def watch(source: Source, **arguments: Any) -> float:
+    """Play one episode in a window, and return its return. Arguments are those of `play`."""
     (pygame,) = import_extra("render", "pygame")
     try:
-        return play(source, seed=seed, trust=trust, env=env, render_mode="human")
+        return play(source, **arguments, render_mode="human")
     except pygame.error as error:
         raise ValueError(f"`out` must name a file where there is no screen: {error}.") from error
 
@@ -126,7 +124,7 @@ def _open(
     run = Run(source)
     cls = _algorithm(run.description)
     with given_or_made(env, partial(make_env, run.description, trust=trust, **rendering)) as played:
-        policy, seed = _read_policy(run, cls, played, trust)
+        policy, seed = run.folder.read(partial(_load, cls, run.description, played, trust))
         spaces = policy.observation_space, played.observation_space
         if len({FlatObservations(space).size for space in spaces}) > 1:
             name = run.description["env"]
@@ -134,45 +132,32 @@ def _open(
         yield policy, played, seed
 
 
-def _read_policy(
-    run: Run, cls: type[Any], env: gym.Env[Any, Any], trust: bool
+def _load(
+    cls: type[Any],
+    described: Mapping[str, Any],
+    env: gym.Env[Any, Any],
+    trust: bool,
+    checkpoint: Path,
 ) -> tuple[BasePolicy, int]:
-    """The policy of a run, and the seed of its best episode; 0 where that is not known."""
-    if is_baseline(cls) and not trust:
-        load = partial(load_baseline_policy, cls, described=run.description, env=env)
-        return run.folder.read(load), 0
-    return run.folder.read(partial(_load, cls, env))
-
-
-def _load(cls: type[Any], env: gym.Env[Any, Any], checkpoint: Path) -> tuple[BasePolicy, int]:
-    """A model's policy, and the seed of its best episode; 0 where that is not known."""
-    if not issubclass(cls, EvolutionaryAlgorithm):
+    """The policy of a checkpoint, and the seed of its best episode; 0 where that is not known."""
+    if issubclass(cls, EvolutionaryAlgorithm):
+        return load_policy(checkpoint / "model", cls, env)
+    if trust:
         return cls.load(checkpoint / "model").policy, 0
-    return load_policy(checkpoint / "model", cls, env)
+    return load_baseline_policy(cls, checkpoint, described, env), 0
 
 
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:
     """The class of a run's algorithm; its policy must act on the environment's observations."""
     name = described["algorithm"].partition(" + ")[0]
-    if name not in KNOWN:
-        raise ValueError(
-            f"`run` must be of an algorithm that `curiosity list` names, it is of {name}. Load its "
-            "model, and call `predict`."
-        )
     wrappers = {*described.get("vec_env", {}).get("wrappers", {})} - SEEN_THROUGH
-    if wrappers:
+    if name not in KNOWN or wrappers:
         raise ValueError(
-            "`run` must be of a policy that acts on the environment's own observations, it acts on "
-            f"those of {', '.join(sorted(wrappers))}. Load its model, and call `predict`."
+            "`run` must be of an algorithm that `curiosity list` names, and of a policy that acts "
+            f"on the environment's own observations, it is of {', '.join([name, *wrappers])}. Load "
+            "its model, and call `predict`."
         )
     return find_algorithm(name)
-
-
-def _frame(env: gym.Env[object, object]) -> Frame:
-    frame = env.render()
-    if not isinstance(frame, np.ndarray):
-        raise ValueError("`run` must be of an environment that renders pictures (`rgb_array`).")
-    return frame
 
 
 def write_film(frames: list[Frame], path: Path) -> None:

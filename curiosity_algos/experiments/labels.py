@@ -33,8 +33,8 @@ SETTINGS = r"^(settings|vec_env\.wrappers|vec_env)\."
 def label_runs(runs: pd.DataFrame) -> pd.Series:
     """Names of the rows of `load_runs`: the algorithm, and the settings that distinguish it.
 
-    A setting of the algorithm, of a VecEnv or of its wrappers is named if runs of one algorithm on
-    one environment differ in it, unless others distinguish the same runs. The preset comes first.
+    A setting is named if runs of one algorithm on one environment differ in it, unless others
+    distinguish the same runs. The preset comes first.
     """
     texts = runs.filter(regex=SETTINGS).map(setting_text)
     texts = texts.rename(columns=lambda name: re.sub(SETTINGS, "", name))
@@ -65,12 +65,10 @@ def setting_text(value: Any) -> str:
 def _distinguishing(texts: pd.DataFrame) -> list[str]:
     """Settings that distinguish all rows that differ at all."""
     names: list[str] = []
-    n_groups = 1
     for name in sorted(texts, key=lambda name: name != "preset"):
-        n = len(texts[[*names, name]].drop_duplicates())
-        if n > n_groups:
+        n_groups = len(texts[names].drop_duplicates()) if names else 1
+        if len(texts[[*names, name]].drop_duplicates()) > n_groups:
             names.append(name)
-            n_groups = n
     return names
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +26,12 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
     Raises:
         FileNotFoundError: If there is none in one of the folders.
     """
-    if isinstance(folders, str | os.PathLike):
-        folders = [folders]
+    folders = [folders] if isinstance(folders, str | os.PathLike) else list(folders)
     paths: dict[Path, Path] = {}
     for folder in folders:
-        runs = sorted(_runs_in(folder))
+        # `os.walk` passes over folders that vanish, as checkpoints do while a run goes on.
+        walk = os.walk(folder, followlinks=True)
+        runs = sorted(Path(path) for path, _, files in walk if "run.json" in files)
         if not runs:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:
@@ -38,18 +39,6 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
     if not paths:
         raise FileNotFoundError("`folders` must hold runs, there is no folder in it.")
     return list(paths.values())
-
-
-def _runs_in(folder: StrPath) -> Iterator[Path]:
-    """The folders of runs, also behind links; a link back to a folder above is not followed."""
-    seen = set()
-    # `os.walk` passes over folders that vanish, as checkpoints do while a run goes on.
-    for path, inner, files in os.walk(folder, followlinks=True):
-        if "run.json" in files:
-            yield Path(path)
-        if (real := os.path.realpath(path)) in seen:
-            inner.clear()
-        seen.add(real)
 
 
 def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
@@ -89,15 +78,14 @@ def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
         FileNotFoundError: If there is no run.
         ValueError: If a run is of another format, or damaged.
     """
-    return pd.concat([_progress(Run(path)) for path in find_runs(folders)], ignore_index=True)
-
-
-def _progress(run: Run) -> pd.DataFrame:
-    table = run.progress.copy()
-    for i, name in enumerate(KEYS):
-        table.insert(i, name, run.description.get(name))
-    table.insert(0, "run", str(run))
-    return table
+    tables = []
+    for run in map(Run, find_runs(folders)):
+        table = run.progress.copy()
+        keys = {"run": str(run)} | {name: run.description.get(name) for name in KEYS}
+        for i, (name, value) in enumerate(keys.items()):
+            table.insert(i, name, value)
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True)
 
 
 def load_final_states(folder: StrPath) -> dict[str, npt.NDArray[np.generic]]:

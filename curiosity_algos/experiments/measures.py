@@ -29,18 +29,14 @@ EPISODES = 56
 """Episodes that count as a generation where an algorithm has none: the paper's population."""
 
 
-# -- runs side by side ----------------------------------------------------------------------------
-
-
 def load_compared(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """`load_runs`, named for comparison.
 
     Returns:
-        A row for each run. `env` has the keywords that tell environments of one name apart,
-        `label` the settings that tell runs of one algorithm apart, `has_begun` says whether an
-        episode has ended by the last checkpoint, `is_repeated` whether another run of the label has
-        the same seed, and has come as far or farther: the two are no independent runs. `files` has
-        the `Run` that reads its files.
+        A row for each run. `env` has the keywords in which environments of one name differ, `label`
+        the settings in which runs of one algorithm differ. `has_begun`: an episode has ended by the
+        last checkpoint. `is_repeated`: another run of the label has the same seed, and is as long
+        or longer, so that the two are not independent. `files` has the `Run` that reads its files.
     """
     files = [Run(path) for path in find_runs(folders)]
     runs = tabulate(files).assign(files=files)
@@ -73,9 +69,8 @@ def with_differences(names: pd.Series, texts: pd.DataFrame) -> pd.Series:
 def first_of(runs: pd.DataFrame) -> str | None:
     """The event whose first time measures runs on one environment: "success" or "reward".
 
-    It is the reward, a return above 0, where some run had one and none a success, as on a task that
-    has no `info["is_success"]`. None: returns differ from 0 and none was above, as on a task of
-    costs, where nothing can be said.
+    It is the reward, a return above 0, where some run had one and none a success. None: returns
+    differ from 0 and none was above, as on a task of costs.
     """
     for event in ("success", "reward"):
         if first_timesteps(runs, event).notna().any():
@@ -104,9 +99,6 @@ def read_curves(runs: pd.DataFrame, measure: Measure, x: str = "timesteps") -> l
         return curves
     pairs = zip(runs["files"], curves, strict=True)
     return [(in_seconds(run, timesteps), values) for run, (timesteps, values) in pairs]
-
-
-# -- curves of a run ------------------------------------------------------------------------------
 
 
 def coverage(run: Run) -> Points:
@@ -149,11 +141,7 @@ def logged(run: Run, column: str) -> Points:
     """Timesteps and values of the rows of the log that have both."""
     progress = run.progress
     if len(progress) and column not in progress:
-        raise ValueError(
-            f"`runs` must be of environments with a coverage, {run} is not."
-            if column.startswith("coverage")
-            else f"`runs` must have {column} in progress.csv, {run} has not."
-        )
+        raise ValueError(f"`runs` must have {column} in progress.csv, {run} has not.")
     rows = progress.reindex(columns=[TIMESTEPS, column]).apply(pd.to_numeric, errors="coerce")
     timesteps, values = rows.dropna().to_numpy(dtype=np.float64).T
     return timesteps, values

@@ -25,8 +25,7 @@ PRETRAINED = tuple(sorted(tuple(name.split("_", 1)) for name in _FILES))
 def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
     """The policy of the algorithm's best run in the committed results.
 
-    Robots' policies are those of the results; the others were trained again. It `predict`s as a
-    trained model does, and `evaluate_policy` takes it for one.
+    It `predict`s as a trained model does, and `evaluate_policy` takes it for one.
 
     Args:
         algorithm: Name of the algorithm, in any spelling.

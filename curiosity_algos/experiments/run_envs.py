@@ -24,21 +24,17 @@ Wrapping: TypeAlias = tuple[str, Mapping[str, Any]]
 
 
 def check_wrapping(entry: str, kwargs: Mapping[str, Any]) -> None:
-    """Check that a wrapper is there, and takes its keywords.
+    """Check that a wrapper can be imported, and takes its keywords.
 
     Raises:
         ValueError: If not.
     """
     try:
-        cls: Any = load_env_creator(entry)
-    except (AttributeError, ImportError) as error:
-        raise ValueError(f"`wrapper` {entry} cannot be imported: {error}.") from error
-    if not (isinstance(cls, type) and issubclass(cls, gym.Wrapper)):
-        raise ValueError(f"`wrapper` must be a gymnasium.Wrapper, {entry} is none.")
-    try:
-        inspect.signature(cls).bind("env", **kwargs)
-    except TypeError as error:
-        raise ValueError(f"`wrapper` must have keywords of {entry}: {error}.") from error
+        inspect.signature(load_env_creator(entry)).bind("env", **kwargs)
+    except (AttributeError, ImportError, TypeError) as error:
+        raise ValueError(
+            f"`wrapper` must be a class that can be imported, and its keywords, {entry}: {error}."
+        ) from error
 
 
 def _wrap(env: gym.Env[Any, Any], entry: str, kwargs: Mapping[str, Any]) -> gym.Env[Any, Any]:
@@ -55,15 +51,15 @@ def _wrap(env: gym.Env[Any, Any], entry: str, kwargs: Mapping[str, Any]) -> gym.
 def make_single(
     env: str, repeat_action: int, kwargs: Mapping[str, Any], wrappers: Sequence[Wrapping] = ()
 ) -> gym.Env[Any, Any]:
-    """The environment of an id, in which each action is held for so many steps, in wrappers.
+    """The environment of an id, which takes each action for so many steps, in wrappers.
 
     Raises:
-        ImportError: If gymnasium is older than its wrapper that holds actions.
+        ImportError: If gymnasium is older than its wrapper that repeats actions.
     """
     made: gym.Env[Any, Any] = gym.make(env, **kwargs)
     if repeat_action > 1:
         if not hasattr(gym.wrappers, "RepeatAction"):
-            raise ImportError("`repeat_action` needs gymnasium 1.3 or newer, to hold actions.")
+            raise ImportError("`repeat_action` needs gymnasium 1.3 or newer.")
         made = gym.wrappers.RepeatAction(made, repeat_action)
     for entry, keywords in wrappers:
         made = _wrap(made, entry, keywords)
@@ -77,7 +73,7 @@ def open_envs(
     kwargs: Mapping[str, Any],
     wrappers: Sequence[Wrapping] = (),
 ) -> VecEnv:
-    """Environments in a VecMonitor, stepped at once where they can be: several, as they are.
+    """Environments in a VecMonitor, stepped at once where they can be.
 
     Raises:
         ValueError: If Stable-Baselines3's policies do not take their observations.

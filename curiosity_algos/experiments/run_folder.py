@@ -75,8 +75,7 @@ class RunFolder:
         traceback of a failed training still refers to its lock.
 
         Raises:
-            ValueError: If another process trains in the folder, or another thread; if the folder
-                cannot be written to, or its file system has no locks.
+            ValueError: If another process or thread trains in the folder, or it cannot be locked.
         """
         path, here = self.path.resolve(), current_thread()
         for (locked, thread), lock in list(_LOCKS.items()):
@@ -96,8 +95,6 @@ class RunFolder:
         _LOCKS[path, here] = lock
         return lock
 
-    # -- description ----------------------------------------------------------------------------
-
     def begin(self, description: Mapping[str, Any]) -> None:
         """Write the description of the run."""
         write_json(self._description, {"format": RUN_FORMAT, **description})
@@ -109,7 +106,7 @@ class RunFolder:
             FileNotFoundError: If there is no run here.
             ValueError: If it was written in another format, or its description is damaged.
         """
-        if not self._description.is_file():
+        if not self._description.exists():
             raise FileNotFoundError(
                 f"`folder` must be that of a run, there is none in {self.path}."
             )
@@ -121,23 +118,15 @@ class RunFolder:
             )
         return described
 
-    # -- checkpoints ----------------------------------------------------------------------------
-
     @property
     def checkpoint(self) -> Path | None:
         """The folder of the last checkpoint, or None before the first."""
         return max(self._all_checkpoints(), default=None, key=lambda path: int(path.name))
 
     def read(self, read: Callable[[Path], _Read]) -> _Read:
-        """Read the last checkpoint with a function.
+        """What a function returns for the folder of the last checkpoint.
 
         If training replaces the checkpoint meanwhile, the function reads the next one.
-
-        Args:
-            read: Function of the checkpoint's folder.
-
-        Returns:
-            What the function returns.
 
         Raises:
             ValueError: If there is no checkpoint yet.
@@ -171,21 +160,15 @@ class RunFolder:
             shutil.rmtree(path, ignore_errors=True)
 
     def result(self) -> dict[str, Any]:
-        """The fields of `result.json` in the last checkpoint; empty before the first.
-
-        Raises:
-            ValueError: If it is damaged.
-        """
+        """The fields of `result.json` in the last checkpoint; empty before the first."""
         if self.checkpoint is None:
             return {}
         return self.read(lambda checkpoint: read_json(checkpoint / "result.json", RESULT))
 
     def end(self) -> None:
-        """Note that training has ended at the last checkpoint, after all files were written."""
+        """Note that training has ended at the last checkpoint."""
         assert self.checkpoint is not None
         write_json(self.checkpoint / "result.json", self.result() | {"ended": True})
-
-    # -- final states ---------------------------------------------------------------------------
 
     def add_final_states(self, first: int, columns: Mapping[str, Array]) -> None:
         """Write the final states of episodes; `first` is the number of the first episode."""

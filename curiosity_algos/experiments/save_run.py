@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +85,6 @@ class SaveRun(BaseCallback):
         self._log: ProgressLog | None = None
         self._lock: FileLock | None = None
 
-    # -- SB3's callback -------------------------------------------------------------------------
-
     def _on_training_start(self) -> None:
         self.close()
         check_recordable(self.model)
@@ -98,26 +95,21 @@ class SaveRun(BaseCallback):
         description = describe_run(self.model)
         self._check_folder(description)
         self._lock = self.folder.lock()
-        self._begin_to_observe()
-        if not isinstance(self.model, EvolutionaryAlgorithm):
+        observers: list[BaseCallback] = []
+        if not isinstance(self.model, EvolutionaryAlgorithm):  # which counts by itself
+            observers.append(ExplorationCallback())
             record_episodes(self.training_env)
+        self._observers = CallbackList(observers)
+        self._observers.init_callback(self.model)
+        self._observers.on_training_start(self.locals, self.globals)
         self._begin_or_go_on(description)
         self._began = self._saved = time.monotonic()
         self._log = ProgressLog(self.folder.progress, self.model.num_timesteps, self._state)
         self.logger.output_formats.append(self._log)
 
-    def _begin_to_observe(self) -> None:
-        """Count what algorithms that Stable-Baselines3 trains do not."""
-        counts = isinstance(self.model, EvolutionaryAlgorithm)
-        self._observers = CallbackList([] if counts else [ExplorationCallback()])
-        self._observers.init_callback(self.model)
-        self._observers.on_training_start(self.locals, self.globals)
-
     @property
     def _found(self) -> EvolutionaryAlgorithm | ExplorationCallback:
         """The object that knows of coverage, best return, first reward and success."""
-        # Algorithms that Stable-Baselines3 trains have an observer; the hints of both attributes
-        # name their base classes.
         return next(iter(self._observers.callbacks), self.model)  # type: ignore[return-value]
 
     def _check_folder(self, description: dict[str, Any]) -> None:
@@ -133,7 +125,12 @@ class SaveRun(BaseCallback):
         checkpoint = self.folder.checkpoint
         if self.folder.is_empty():
             self.folder.begin(description)
-            _warn_of_unknown_env(description)
+            if reason := description.get("env_unknown"):
+                warnings.warn(
+                    f"run.json cannot say how to make `env`: {reason}. `play` and `export_minari` "
+                    "will need an `env`.",
+                    stacklevel=2,
+                )
         result = self.folder.result()
         self._n_episodes = result.get("n_episodes", 0)
         self._seconds_before: float = result.get("seconds", 0.0)
@@ -184,8 +181,6 @@ class SaveRun(BaseCallback):
         if self._lock is not None:
             self._lock.release()
 
-    # -- what is kept ---------------------------------------------------------------------------
-
     def _state(self) -> dict[str, float]:
         """Timesteps, seconds and coverage, for the log."""
         coverage = {f"coverage/{k}": share for k, share in self._found.coverage_shares.items()}
@@ -228,8 +223,6 @@ class SaveRun(BaseCallback):
     def _seconds(self) -> float:
         """Seconds of training, those before an interruption included."""
         return self._seconds_before + time.monotonic() - self._began
-
-    # -- files ----------------------------------------------------------------------------------
 
     def save(self) -> None:
         """Take a checkpoint now, after a generation or a step."""
@@ -285,13 +278,3 @@ class SaveRun(BaseCallback):
             for name, value in (self._log.pending | recorded).items()
             if isinstance(value, numbers)
         }
-
-
-def _warn_of_unknown_env(description: Mapping[str, Any]) -> None:
-    """Say at the beginning what would be missed when the run is over."""
-    if reason := description.get("env_unknown"):
-        warnings.warn(
-            f"run.json cannot say how to make `env`: {reason}. Whoever plays the run again, as "
-            "`play` and `export_minari` do, has to give them an `env`.",
-            stacklevel=2,
-        )

@@ -5,17 +5,16 @@ Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the Statistical
 Kaplan & Meier 1958, "Nonparametric Estimation from Incomplete Observations"
 (https://doi.org/10.1080/01621459.1958.10501452).
 
-Scores of several tasks are a matrix (runs, tasks), or a list with the runs (1-D) of each task, of
-different lengths if need be. Scores of one task are 1-D. Intervals are of 95 %. Bounds of the
-bootstrap are the percentiles of `N_RESAMPLES` resamples, which draw as many runs of every task as
-there are, with replacement. They depend on nothing but scores and `seed`. If a task has fewer than
-`LEAST_RUNS`, too little is known of how much runs differ: the bounds are NaN.
+Scores of several tasks are a matrix (runs, tasks), or a list with the runs (1-D) of each task.
+Scores of one task are 1-D. Intervals are of 95 %. Bounds of the bootstrap are percentiles of
+`N_RESAMPLES` resamples, which draw the runs of every task with replacement. They depend on scores
+and `seed` alone. If a task has fewer than `LEAST_RUNS`, the bounds are NaN.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -24,7 +23,7 @@ import numpy.typing as npt
 from scipy import stats
 
 from curiosity_algos.common.arrays import Float64Array
-from curiosity_gym.validation import check_positive, check_seed
+from curiosity_gym.validation import check_positive
 
 Seed: TypeAlias = int | np.random.Generator
 Statistic: TypeAlias = Callable[[list[Float64Array]], Any]
@@ -39,13 +38,7 @@ BATCH = 100  # resamples in memory at once; another number would change the draw
 
 @dataclass(frozen=True)
 class Interval:
-    """A number and its 95 % interval.
-
-    Attributes:
-        estimate: The number.
-        low: Lower bound; NaN where a task has fewer than three runs.
-        high: Upper bound, likewise.
-    """
+    """A number, and the bounds of its 95 % interval; NaN where a task has fewer than three runs."""
 
     estimate: float
     low: float
@@ -54,13 +47,9 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve and its 95 % intervals, one at each point.
+    """A curve over (n,) timesteps or seconds, and the bounds of its 95 % intervals, (n,) each.
 
-    Attributes:
-        x: (n,) timesteps or seconds.
-        estimate: (n,) heights.
-        low: (n,) lower bounds, NaN where there are fewer than three runs.
-        high: (n,) upper bounds, likewise.
+    Bounds of fewer than three runs are NaN.
     """
 
     x: Float64Array
@@ -74,17 +63,13 @@ class Survival:
     """The share of runs without reward over time, and its median.
 
     Attributes:
-        curve: Share of runs still without reward, from time 0 on; each height holds until the next
-            point of `x`, which are the times of first rewards and the budgets of other runs.
-        median: Time at which at most half of the runs are still without reward; None where more
-            than half are to the end.
+        curve: Share of runs still without reward, from time 0 on, until the next point of `x`:
+            the times of first rewards and the budgets of other runs.
+        median: Time at which at most half of the runs are still without reward, or None.
     """
 
     curve: Curve
     median: float | None
-
-
-# -- aggregates of scores -------------------------------------------------------------------------
 
 
 def interquartile_mean(scores: npt.ArrayLike) -> Any:
@@ -117,19 +102,13 @@ def stratified_bootstrap(
     Args:
         scores: (runs, tasks), (runs,), or a list of (runs,).
         aggregate: A function such as `interquartile_mean`: takes a list with an array (..., runs)
-            for each task, whose leading dimensions are resamples, and gives an array (...).
+            for each task, whose leading dimensions are resamples, and returns an array (...).
         seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
-        ValueError: A task has no runs, a score is not finite, `aggregate` gives another shape, or
-            `seed` is not valid.
+        ValueError: A task has no runs, or a score is not finite.
     """
-    tasks = _runs("scores", scores)
-    for scored in (tasks, [np.stack([runs, runs]) for runs in tasks]):
-        shape = np.shape(aggregate(scored))
-        if shape != scored[0].shape[:-1]:
-            raise ValueError(f"`aggregate` must reduce the last axis alone, got shape {shape}.")
-    return Interval(*_bootstrap(aggregate, tasks, seed).tolist())
+    return Interval(*_bootstrap(aggregate, _tasks("scores", scores), seed).tolist())
 
 
 def probability_of_improvement(
@@ -146,10 +125,9 @@ def probability_of_improvement(
         seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
-        ValueError: X and Y have different numbers of tasks, a task has no runs, a score is not
-            finite, or `seed` is not valid.
+        ValueError: X and Y differ in their number of tasks, or a score is missing or not finite.
     """
-    x, y = _runs("scores_x", scores_x), _runs("scores_y", scores_y)
+    x, y = _tasks("scores_x", scores_x), _tasks("scores_y", scores_y)
     if len(x) != len(y):
         raise ValueError(f"`scores_y` must have the {len(x)} tasks of `scores_x`, got {len(y)}.")
 
@@ -166,19 +144,13 @@ def _share_of_wins(x: Float64Array, y: Float64Array) -> Any:
     return ((first > second) + 0.5 * (first == second)).mean(axis=(-2, -1))
 
 
-# -- times to first reward ------------------------------------------------------------------------
-
-
-def survival(
-    first_rewards: Iterable[float | None], budgets: float | Sequence[float] | Float64Array
-) -> Survival:
+def survival(first_rewards: Iterable[float | None], budgets: npt.ArrayLike) -> Survival:
     """Kaplan-Meier estimate of how long runs go without reward.
 
-    A run without reward is censored: all that is known is that it had none by its budget. Bounds
-    are those of the exponential Greenwood formula, which stay within 0 and 1 and need fewer runs
-    than the simple formula. Two cases are beyond the formula. As long as no run has had a reward,
-    both bounds are 1, by convention: nothing is known of the spread. Once all have, the lower bound
-    is 0 and the upper one that of the point before. Bounds of fewer than three runs are NaN.
+    A run without reward is censored: it had none by its budget. Bounds are those of the
+    exponential Greenwood formula, which stay within 0 and 1. As long as no run has had a reward,
+    both are 1, by convention. Once all have, the lower one is 0 and the upper one that of the point
+    before. Bounds of fewer than three runs are NaN.
 
     Args:
         first_rewards: (runs,) timesteps or seconds of first rewards, above 0; None, NaN or
@@ -186,10 +158,17 @@ def survival(
         budgets: Timesteps or seconds that runs had, above 0: one number, or one for each run.
 
     Raises:
-        ValueError: There are no runs, or a number is NaN or not above 0.
+        ValueError: There are no runs, or a number is not above 0.
     """
-    times, has_reward = _censored(first_rewards, budgets)
-    share = stats.ecdf(stats.CensoredData.right_censored(times, ~has_reward)).sf
+    first = np.array([*first_rewards], dtype=np.float64)  # None becomes NaN
+    first[np.isnan(first)] = np.inf
+    ends = np.broadcast_to(np.asarray(budgets, dtype=np.float64), first.shape)
+    if not len(first) or not (first > 0.0).all():
+        raise ValueError("`first_rewards` must hold numbers above 0, or None without reward.")
+    if not ((ends > 0.0) & np.isfinite(ends)).all():
+        raise ValueError("`budgets` must be finite and above 0.")
+    censored = stats.CensoredData.right_censored(np.minimum(first, ends), first > ends)
+    share = stats.ecdf(censored).sf
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         bounds = share.confidence_interval(method="log-log")  # NaN where the share is 0 or 1
     heights = [curve.probabilities for curve in (share, bounds.low, bounds.high)]
@@ -197,28 +176,11 @@ def survival(
     low[estimate == 1.0] = high[estimate == 1.0] = 1.0
     if estimate[-1] == 0.0:
         low[-1], high[-1] = 0.0, high[-2]
-    if len(times) < LEAST_RUNS:
+    if len(first) < LEAST_RUNS:
         low[:] = high[:] = np.nan
     curve = Curve(np.insert(share.quantiles, 0, 0.0), estimate, low, high)
     is_past = estimate <= 0.5 + 1e-9  # the heights are products, with errors of rounding
     return Survival(curve, float(curve.x[is_past.argmax()]) if is_past.any() else None)
-
-
-def _censored(first_rewards: Iterable[float | None], budgets: Any) -> tuple[Float64Array, Any]:
-    """Time of each run's first reward or else of its end, and whether it had a reward."""
-    first = _array("first_rewards", list(first_rewards))  # None becomes NaN
-    first = np.where(np.isnan(first), np.inf, first)
-    if first.ndim != 1 or not len(first) or not (first > 0.0).all():
-        raise ValueError(
-            "`first_rewards` must hold a number above 0 for each run, or None without reward."
-        )
-    ends = _array("budgets", budgets)
-    if ends.shape not in {(), first.shape} or not ((ends > 0.0) & np.isfinite(ends)).all():
-        raise ValueError("`budgets` must be a finite number above 0, or one for each run.")
-    return np.minimum(first, ends), first <= ends
-
-
-# -- curves over timesteps or seconds -------------------------------------------------------------
 
 
 def curve_interval(
@@ -229,21 +191,19 @@ def curve_interval(
 ) -> Curve:
     """Interquartile mean over runs of curves whose points differ, at each point of one grid.
 
-    It ends with the shortest run: beyond, the mean would be over other runs, those that are left,
-    or over values that a run no longer had. The bootstrap draws whole runs.
+    It ends with the shortest run, so that the mean is over the same runs at every point. The
+    bootstrap draws whole runs.
 
     Args:
         curves: For each run `x`, (n,) ends of its generations in timesteps or seconds, ascending,
             at least 0, and `values`, (n,) the value from then on; before the first it is 0.
-        grid: (m,) timesteps or seconds, of which those after the end of the shortest run are left
-            out; None: `N_POINTS`, evenly from where all runs have begun to that end, and none where
-            a run begins later.
+        grid: (m,) timesteps or seconds, those after the end of the shortest run are left out;
+            None: `N_POINTS` from where all runs have begun to that end, if there are any.
         seed: Seed of the resamples, or the generator that draws them.
 
     Raises:
         ValueError: There are no curves, no point of the grid is before the end of the shortest run,
-            `seed` is not valid, an array is empty or not finite, `x` does not ascend from at least
-            0, or `values` are not as many.
+            or an array is not as described.
     """
     runs = [_points(x, values) for x, values in curves]
     if not runs:
@@ -251,7 +211,7 @@ def curve_interval(
     begin, end = max(x[0] for x, _ in runs), min(x[-1] for x, _ in runs)
     if grid is None and begin > end:
         return Curve(*np.empty((4, 0)))
-    points = np.linspace(begin, end, N_POINTS) if grid is None else _vector("grid", grid)
+    points = np.linspace(begin, end, N_POINTS) if grid is None else _finite("grid", grid)
     points = points[points <= end]
     if not len(points):
         raise ValueError(f"`grid` must begin before the shortest run ends, at {end:g}.")
@@ -275,24 +235,16 @@ def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> 
         A share, 0 to 1.
 
     Raises:
-        ValueError: An array is empty or not finite, `x` does not ascend from at least 0, `values`
-            are not as many or no shares, or `budget` is not above 0.
+        ValueError: An argument is not as described.
     """
     check_positive(budget=budget)
     ends, shares = _points(x, values)
-    if shares.min() < 0.0 or shares.max() > 1.0:
-        raise ValueError("`values` must be shares from 0 to 1.")
     widths = np.diff(np.minimum(ends, budget), append=budget)
     return min(1.0, float(shares @ widths) / budget)  # rounding alone would come to more
 
 
-# -- what they share ------------------------------------------------------------------------------
-
-
 def _bootstrap(statistic: Statistic, samples: list[Float64Array], seed: Seed) -> Float64Array:
     """Estimate and bounds (3, ...) of a statistic; each sample (..., runs) is resampled alone."""
-    if not isinstance(seed, np.random.Generator):
-        check_seed(seed)
     estimate = np.asarray(statistic(samples), dtype=np.float64)
     if min(sample.shape[-1] for sample in samples) < LEAST_RUNS:
         nothing = np.full_like(estimate, np.nan)
@@ -310,23 +262,15 @@ def _bootstrap(statistic: Statistic, samples: list[Float64Array], seed: Seed) ->
     return np.stack([estimate, *resampled.confidence_interval])
 
 
-def _runs(name: str, scores: Any) -> list[Float64Array]:
-    """The runs (runs,) of each task."""
-    return [_vector(name, runs) for runs in _tasks(name, scores)]
-
-
 def _tasks(name: str, scores: Any) -> list[Float64Array]:
     """The runs (..., runs) of each task."""
     if isinstance(scores, list | tuple) and not all(map(np.isscalar, scores)):
         return [_finite(name, runs) for runs in scores]
-    matrix = _finite(name, scores)
-    if matrix.ndim > 2:
-        raise ValueError(f"`{name}` must be (runs, tasks) or (runs,), got {matrix.shape}.")
-    return list(np.atleast_2d(matrix.T))
+    return list(np.atleast_2d(_finite(name, scores).T))
 
 
 def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64Array, Float64Array]:
-    ends, heights = _vector("x", x), _vector("values", values)
+    ends, heights = _finite("x", x), _finite("values", values)
     if ends[0] < 0.0 or (np.diff(ends) < 0.0).any():
         raise ValueError("`x` must ascend from at least 0.")
     if len(ends) != len(heights):
@@ -334,23 +278,9 @@ def _points(x: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Float64Array, Floa
     return ends, heights
 
 
-def _vector(name: str, values: Any) -> Float64Array:
-    array = _finite(name, values)
-    if array.ndim > 1:
-        raise ValueError(f"`{name}` must have one dimension, got shape {array.shape}.")
-    return array
-
-
 def _finite(name: str, values: Any) -> Float64Array:
     """An array of at least one dimension and one number."""
-    array = _array(name, values)
+    array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 or array.size == 0 or not np.isfinite(array).all():
         raise ValueError(f"`{name}` must hold finite numbers, at least one.")
     return array
-
-
-def _array(name: str, values: Any) -> Float64Array:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"`{name}` must hold numbers alone ({error}).") from error

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,6 +20,7 @@ from typing import Any, TypeAlias
 
 from tqdm import tqdm
 
+from curiosity_algos.common.interrupt import end_with
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import find_bonus
@@ -27,20 +30,18 @@ from curiosity_gym.processors import available_cpus
 from curiosity_gym.validation import check_at_least_one, check_positive
 
 Outcome: TypeAlias = bool | str
-"""Outcome of a run that has ended: whether there was anything to do, or what its error says."""
+"""Whether there was anything to do for a run that has ended, or what its error says."""
 MAX_RETRIES = 5
-"""Times that a command is begun again after it was killed."""
-COMMAND = """
+"""Times that a process is begun again after it was killed."""
+PROGRAM = """
 import signal
-from curiosity_algos.common.interrupt import end_with
 signal.signal(signal.SIGINT, signal.default_int_handler)
-end_with({parent})
-from curiosity_algos.cli import main
-main()
+from curiosity_algos.experiments.sweep import work
+work()
 """
-"""The command `curiosity`, which ends with the sweep, in a shell that ignores Ctrl-C, too."""
+"""What a process runs; in a shell that ignores Ctrl-C, too, it ends when the sweep says so."""
 SECONDS = 0.05
-"""Between two looks at the commands."""
+"""Between two looks at the processes."""
 
 
 def grid(
@@ -59,15 +60,13 @@ def grid(
         algorithms: Names of algorithms.
         envs: Ids of environments.
         seeds: Seeds.
-        swept: The values of each setting that is to be varied. They name the run's `variant`:
-            `k=5,sigma=0.1`.
+        swept: Several values for each setting. They name the run's `variant`: `k=5,sigma=0.1`.
         settings: Those that all runs have.
         bonuses: Names of bonuses; None: none.
         **common: Further arguments of each `RunSpec`.
 
     Raises:
-        ValueError: If a name is unknown, or values are told apart by nothing that a folder's name
-            may hold.
+        ValueError: If a name is unknown, or values have the same name as a folder.
     """
     names = dict.fromkeys(find_algorithm(algorithm).__name__ for algorithm in algorithms)
     swept, settings = swept or {}, settings or {}
@@ -75,7 +74,7 @@ def grid(
     variants = {variant_of(each): {**settings, **each} for each in varied}
     if len(variants) < len(varied):
         raise ValueError(
-            f"`hyperparams` must be told apart by letters, digits, commas, dots and signs: {swept}."
+            f"`hyperparams` must differ in letters, digits, commas, dots and signs: {swept}."
         )
     found = dict.fromkeys(None if bonus is None else find_bonus(bonus) for bonus in bonuses)
     places = product(variants, names, found, dict.fromkeys(envs), dict.fromkeys(seeds))
@@ -90,31 +89,27 @@ def sweep(
 ) -> None:
     """Train every run in its folder, and print what each has come to; a bar counts them.
 
-    Each run is a command `curiosity train` in a process of its own. One that is killed, as for want
-    of memory, begins again, and goes on from its last checkpoint. After Ctrl-C runs end after their
-    generation; a second one kills them.
+    Each run trains in a process of its own. One that is killed, as for want of memory, begins
+    again, and continues from its last checkpoint. After Ctrl-C runs end after their generation; a
+    second one kills them.
 
     Args:
-        runs: Runs to train, in environments that the command knows too: MODULE:ID is one that a
+        runs: Runs to train. Other processes must know their environments: MODULE:ID is one that a
             module registers.
         folder: Parent of the folders of all runs.
         jobs: Runs at a time; None: one a processor. A single one is trained in this process.
         interval: Seconds between two checkpoints of a run.
 
     Raises:
-        ValueError: If `jobs` or `interval` is out of its range, or a command cannot say a run's
-            keywords; in the end, if runs failed, which stop no others.
+        ValueError: If `jobs` or `interval` is out of its range; in the end, if runs failed, which
+            stop no others.
     """
     jobs = available_cpus() if jobs is None else jobs
     check_at_least_one(jobs=jobs)
     check_positive(interval=interval)
-    alone = [_alone(run) for run in runs]
-    if jobs > 1:
-        for run in alone:
-            run.words(folder)
     errors, n_finished = [], 0
     with tqdm(total=len(runs), unit="run", disable=None) as bar:
-        for run, outcome in _outcomes(alone, folder, jobs, interval):
+        for run, outcome in _outcomes([_alone(run) for run in runs], folder, jobs, interval):
             if isinstance(outcome, str):
                 errors.append(f"{run.folder(folder)}: {outcome}")
             elif outcome:
@@ -139,30 +134,22 @@ def _alone(run: RunSpec) -> RunSpec:
 def _outcomes(
     runs: Sequence[RunSpec], folder: Path, jobs: int, interval: float
 ) -> Iterator[tuple[RunSpec, Outcome]]:
-    left = []
+    left: list[RunSpec] = []
     for run in runs:
+        outcome: Outcome
         try:
-            is_done = is_finished(run, run.folder(folder))
-        except Exception as error:  # as of another run, or other files, that are there
-            yield run, _said(error)
-        else:
-            if is_done:
-                yield run, False
+            if jobs > 1:
+                outcome = not is_finished(run, run.folder(folder))
             else:
-                left.append(run)
-    yield from (_in_turn if jobs == 1 else _side_by_side)(left, folder, jobs, interval)
-
-
-def _in_turn(
-    runs: Sequence[RunSpec], folder: Path, jobs: int, interval: float
-) -> Iterator[tuple[RunSpec, Outcome]]:
-    for run in runs:
-        try:
-            with single_torch_thread():
-                outcome: Outcome = train(run, run.folder(folder), interval=interval)
-        except Exception as error:  # of any kind, as from a command
+                with single_torch_thread():
+                    outcome = train(run, run.folder(folder), interval=interval)
+        except Exception as error:  # as of another run, or other files, that are there
             outcome = _said(error)
-        yield run, outcome
+        if jobs > 1 and outcome is True:
+            left.append(run)
+        else:
+            yield run, outcome
+    yield from _side_by_side(left, folder, jobs, interval)
 
 
 def _side_by_side(
@@ -190,15 +177,15 @@ def _side_by_side(
 
 
 class _Attempt:
-    """A command that trains a run; `number` counts those of the same run from 1."""
+    """A process that trains a run; `number` counts those of the same run from 1."""
 
     def __init__(self, run: RunSpec, number: int, folder: Path, interval: float) -> None:
         self.run = run
         self.number = number
         self._errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
-        command = [sys.executable, "-c", COMMAND.format(parent=os.getpid()), "train"]
+        arguments = pickle.dumps((os.getpid(), run, interval)).hex()
         self.process = subprocess.Popen(
-            [*command, *run.words(folder), "--interval", f"{interval}"],
+            [sys.executable, "-c", PROGRAM, str(run.folder(folder)), arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._errors,
@@ -216,9 +203,19 @@ class _Attempt:
         tqdm.write(said, file=sys.stderr, end="")  # as of warnings
         if status < 0:
             return f"It was killed {self.number} times, by signal {-status}."
-        if not status:
-            return True
-        return _message(said.splitlines()) or f"It ended with status {status}."
+        return (said.splitlines() or [f"It ended with status {status}."])[-1] if status else True
+
+
+def work() -> None:
+    """Train the run of an attempt, in its process, which ends with the sweep."""
+    parent, run, interval = pickle.loads(bytes.fromhex(sys.argv[2]))
+    end_with(parent)
+    try:
+        train(run, Path(sys.argv[1]), interval=interval)
+    except Exception as error:
+        if not isinstance(error, ValueError):  # which is rather a user's mistake
+            traceback.print_exc()
+        sys.exit(_said(error))
 
 
 def _ended(attempts: Sequence[_Attempt]) -> list[_Attempt]:
@@ -228,21 +225,13 @@ def _ended(attempts: Sequence[_Attempt]) -> list[_Attempt]:
 
 
 def _said(error: Exception) -> str:
-    """What an error says and notes."""
-    return " ".join(
-        [*str(error).split(), *(f"({note})" for note in getattr(error, "__notes__", []))]
-    )
-
-
-def _message(lines: Sequence[str]) -> str:
-    """The same, of the lines that Python or the command prints of an error."""
-    *_, first, last = ("", "", *lines)
-    said = f"{first} ({last})" if last.startswith("traceback in ") else last
-    return said.removeprefix("Error: ")
+    """What an error says and notes, in a line."""
+    notes = [f"({note})" for note in getattr(error, "__notes__", [])]
+    return " ".join([*str(error).split(), *notes])
 
 
 def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
-    """Let commands end as after Ctrl-C; another one ends them at once."""
+    """Let processes end as after Ctrl-C; another one ends them at once."""
     try:
         for process in processes if os.name == "posix" else ():  # elsewhere they have had it
             process.send_signal(signal.SIGINT)

@@ -33,7 +33,7 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
         return False
     with warnings.catch_warnings(action="ignore"):  # the run itself warns
         model = run.make()
-    with _its_env(model):
+    with _env_of(model):
         check_same(folder, stored.describe(), describe_run(model))
     result = stored.result()
     return bool(result) and result["timesteps"] >= run.timesteps and result["ended"]
@@ -48,10 +48,9 @@ def train(
 ) -> bool:
     """Train until the budget is spent, from where the run in the folder stands.
 
-    Stable-Baselines3's own algorithms train on one of torch's threads, as those of this package
-    do. After Ctrl-C they go on from the last checkpoint; others from a new one, if it was held back
-    until a generation or a step had ended. The traceback of an error stays in the folder, in
-    `error.txt`, until the run goes on.
+    After Ctrl-C a checkpoint is taken when a generation has ended; Stable-Baselines3's algorithms
+    continue from the last one, and train on one of torch's threads. The traceback of an error stays
+    in the folder's `error.txt` until the run continues.
 
     Args:
         run: Run to train.
@@ -65,13 +64,13 @@ def train(
     Raises:
         ValueError: If the folder holds another run.
     """
+    save = SaveRun(folder, interval=interval, save_replay_buffer=True)
     if is_finished(run, folder):
         return False
     checkpoint = RunFolder(folder).checkpoint
     model = run.make() if checkpoint is None else run.load(checkpoint)
-    with _its_env(model):
+    with _env_of(model):
         RunFolder(folder).lock().release()  # raises where another process trains
-        save = SaveRun(folder, interval=interval, save_replay_buffer=True)
         with _traceback_kept(folder), closing(save):
             _learn(model, save, run.timesteps, progress_bar=progress_bar)
     return True
@@ -93,16 +92,15 @@ def _traceback_kept(folder: Path) -> Iterator[None]:
 
 def _learn(model: BaseAlgorithm, save: SaveRun, timesteps: float, *, progress_bar: bool) -> None:
     rest = max(0, int(timesteps) - model.num_timesteps)
-    is_theirs = is_baseline(type(model))
     try:
-        with single_torch_thread() if is_theirs else nullcontext():
+        with single_torch_thread() if is_baseline(type(model)) else nullcontext():
             model.learn(rest, save, reset_num_timesteps=False, progress_bar=progress_bar)
     except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
         save.save()
         raise
 
 
-def _its_env(model: BaseAlgorithm) -> closing[VecEnv]:
+def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:
     """Close a model's environments after a block."""
     env = model.get_env()
     assert env is not None

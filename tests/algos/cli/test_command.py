@@ -18,9 +18,11 @@ from filelock import FileLock
 
 import curiosity_gym
 from curiosity_algos.cli import app, main
-from curiosity_algos.cli.options import names, numbers
+from curiosity_algos.cli.list_names import list_names
+from curiosity_algos.cli.options import numbers
 from curiosity_algos.experiments import film, load_final_states, load_runs, training
-from curiosity_algos.experiments.labels import label_runs
+from curiosity_algos.experiments import sweep as sweeps
+from curiosity_algos.experiments.run_spec import RunSpec
 
 ROOT = pathlib.Path(__file__).parents[3]
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
@@ -47,7 +49,8 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     called = []
     for name in ("film", "play", "watch"):
-        monkeypatch.setattr(film, name, lambda *_, name=name, **__: called.append(name) or 0.5)
+        note = lambda source, *_, name=name, **__: called.append((name, source)) or 0.5  # noqa: E731
+        monkeypatch.setattr(film, name, note)
     for words, variables, shown in [
         ([], {"DISPLAY": ":0"}, "watch"),
         ([], {"WAYLAND_DISPLAY": "wayland-0"}, "watch"),
@@ -55,13 +58,15 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch):
         ([], {}, "film"),
         (["--out", "a.gif"], {"DISPLAY": ":0"}, "film"),
         (["--no-render"], {"DISPLAY": ":0"}, "play"),
+        (["--pretrained", "nses"], {}, "film"),
     ]:
         for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
             monkeypatch.delenv(name, raising=False)
         for name, value in variables.items():
             monkeypatch.setenv(name, value)
         assert run_here("enjoy", "run", *words)[1].startswith("Return 0.500")
-        assert called.pop() == shown
+        source = ("nses", "run") if "--pretrained" in words else pathlib.Path("run")
+        assert called.pop() == (shown, source)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +74,6 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch):
     [
         ({}, {"EGL", "OSMesa"}, "egl"),
         ({}, {"OSMesa"}, "osmesa"),
-        ({}, set(), None),
         ({"MUJOCO_GL": "glfw"}, {"EGL"}, "glfw"),
         ({"DISPLAY": ":0"}, {"EGL"}, None),
     ],
@@ -88,33 +92,6 @@ def test_robots_are_drawn_without_a_screen(variables, libraries, chosen, run_her
     monkeypatch.setattr(film, "film", lambda *_, **__: seen.append(os.environ.get(names[3])) or 0.0)
     assert run_here("enjoy", "run", "--out", "a.gif")[0] == 0
     assert seen == [chosen]
-
-
-@pytest.mark.extra("render")
-def test_a_pretrained_policy_is_filmed_here(run_here, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    words = ["--pretrained", "curiosity_es", "CuriosityMaze-Hard-v0", "--stride", "200"]
-    status, printed, _ = run_here("enjoy", *words)
-    assert status == 0
-    assert float(printed.split()[1].rstrip(":")) > 0.5
-    assert printed.rstrip().endswith(": best_policy.gif")
-    assert (tmp_path / "best_policy.gif").is_file()
-
-
-@pytest.mark.extra("control")
-def test_starts_and_success_of_a_control_task_are_keywords(run_here, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    words = ["--algo", "map_elites", "--env", "CuriosityControl-Stacker-v0", "-n", "200"]
-    given = {"random_start": "True", "success_threshold": "0.5", "horizon": "20"}
-    keywords = [word for each in given.items() for word in ("--env-kwargs", ":".join(each))]
-    status, printed, errors = run_here("train", *words, *keywords)
-    assert status == 0, printed + errors
-    (folder,) = tmp_path.glob("runs/*/*/*")
-    assert run_here("enjoy", str(folder), "--no-render")[0] == 0
-    run = load_runs(tmp_path).iloc[0]
-    assert run["env_kwargs.random_start"]
-    assert run["env_kwargs.success_threshold"] == 0.5
 
 
 @pytest.mark.extra("report")
@@ -145,21 +122,6 @@ def test_stable_baselines_algorithms_are_compared_with_ours(run_here, refused, t
     assert "PPO + APT" in (tmp_path / "report.html").read_text()
 
 
-def test_list(run_here):
-    status, listed, _ = run_here("list")
-    assert status == 0
-    for name in ("CuriosityMaze-Hard-v0", "CuriosityES", "PPO", "QRDQN", "apt", "paper"):
-        assert f"\n  {name}\n" in listed
-
-
-def test_help_says_what_there_is(run_here):
-    status, printed, _ = run_here()
-    assert status == 0
-    assert all(command in printed for command in ("train", "enjoy", "sweep", "list"))
-    for command in ("train", "enjoy", "sweep"):
-        assert f"Example: curiosity {command}" in run_here(command, "--help")[1]
-
-
 def test_version(run_here):
     assert run_here("--version")[:2] == (0, f"{curiosity_gym.__version__}\n")
 
@@ -174,25 +136,14 @@ def test_version(run_here):
         (["sweep", "--interval", "0"], "`interval` must be"),
         (["enjoy", "nothing"], "`folder` must be that of a run"),
         (["sweep", "--algos", "ppo", "--seeds", "99999999999,0"], "between 0 and 2**32 - 1"),
-        (["sweep", "--seeds", "0;1"], "--seeds must be whole numbers"),
         (["sweep", "--envs", "CuriosityMaze-US-v0,"], "--envs must be names with commas"),
         (["trian"], "trian"),
         (["train", "--wrapper", "Mine"], "--wrapper must be MODULE.CLASS"),
-        (["train", "--wrapper", "nowhere.Mine"], "nowhere:Mine cannot be imported: No module"),
-        (["train", "--wrapper", "json.loads"], "json:loads is none"),
-        (["train", "--wrapper", "gymnasium.wrappers:TimeLimit"], "'max_episode_steps'"),
-        (["train", "--wrapper", "gymnasium.wrappers.TimeLimit:5"], "cannot be imported"),
-        (
-            ["train", "--hyperparams", "sigma:0.1", "--hyperparams", "sigma:0.2"],
-            "--hyperparams must give sigma one value, got [0.1, 0.2]",
-        ),
+        (["train", "--wrapper", "nowhere.Mine"], "nowhere:Mine: No module"),
+        (["train", "--wrapper", "gymnasium.wrappers.TimeLimit"], "'max_episode_steps'"),
         (
             ["sweep", "--env-kwargs", "horizon:1", "--env-kwargs", "horizon:2"],
             "--env-kwargs must give horizon one value, got [1, 2]",
-        ),
-        (
-            ["sweep", "--hyperparams", "sigmma:0.1", "--hyperparams", "sigmma:0.2"],
-            "`hyperparams` sigmma is unknown: did you mean sigma?",
         ),
     ],
 )
@@ -237,7 +188,7 @@ class TestErrorsOfAnEnvironment:
         keywords = ["--env-kwargs", f"place:{place}", "--env-kwargs", f"kind:{kind}"]
         return ["-n", "64", *keywords]
 
-    @pytest.mark.parametrize("kind", ["ValueError", "ImportError", "TypeError", "RuntimeError"])
+    @pytest.mark.parametrize("kind", ["ValueError", "ImportError"])
     @pytest.mark.parametrize("algo", ["ppo", "canonical_es"])
     def test_that_cannot_be_made(self, algo, kind, monkeypatch):
         words = [*self.words("init", kind), "--algo", algo, "--env", "Broken-v0"]
@@ -311,48 +262,6 @@ class TestSweep:
         assert said.endswith("Interrupted: runs go on when the same command is given again.\n")
         assert load_runs(tmp_path)["seed"].tolist() == [0, 1]  # each has a checkpoint
         wait_for_the_end_of_runs(tmp_path)
-
-    def test_gradients_are_swept_too(self, run_here, tmp_path):
-        words = ["--algos", "td3_icm", "--seeds", "0", "-n", "100", "--env-kwargs", "horizon:50"]
-        status, _, errors = run_here("sweep", *words, "--jobs", "1")
-        assert status == 0, errors
-        assert load_runs(tmp_path)["timesteps"].item() >= 100
-
-    def test_a_keyword_of_several_values_is_a_dimension(self, run_here, tmp_path):
-        words = ["--algos", "map_elites,nslc", "--seeds", "0", "-n", "900", "--jobs", "1", *SMALL]
-        given = ("sigma:0.1", "sigma:0.5", "sigma:0.1")
-        sigmas = [word for value in given for word in ("--hyperparams", value)]
-        status, _, errors = run_here("sweep", *words, *sigmas)
-        assert status == 0, errors
-        said = "4 of 4 runs were finished before.\n"
-        assert run_here("sweep", *words, *sigmas)[:2] == (0, said)
-        runs = load_runs(tmp_path / "runs")
-        for run, sigma in zip(runs["run"], runs["settings.sigma"], strict=True):
-            assert pathlib.Path(run).parts[-4] == f"sigma={sigma}"
-        assert sorted(label_runs(runs)) == [
-            f"{name}, sigma {sigma}" for name in ("MAPElites", "NSLC") for sigma in (0.1, 0.5)
-        ]
-
-    def test_bonuses_are_swept_too(self, run_here, tmp_path):
-        words = ["--algos", "ppo,a2c", "--bonus", "none,rnd", "--seeds", "0", "-n", "64"]
-        words += ["--jobs", "1", "--n-envs", "2", "--hyperparams", "n_steps:32", *SMALL[:2]]
-        status, _, errors = run_here("sweep", *words)
-        assert status == 0, errors
-        trained = load_runs(tmp_path / "runs")["algorithm"]
-        assert sorted(trained) == ["A2C", "A2C + RND", "PPO", "PPO + RND"]
-        assert {path.name for path in (tmp_path / "runs").iterdir()} == {
-            *("A2C", "A2C+rnd", "PPO", "PPO+rnd")
-        }
-
-    def test_one_that_fails_leaves_the_others(self, run_here, tmp_path):
-        (tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0").mkdir(parents=True)
-        blocked = tmp_path / "runs" / "MAPElites" / "CuriosityMaze-US-v0" / "0" / "notes"
-        blocked.write_text("mine")
-        words = ["--algos", "map_elites", "--seeds", "0,1", "-n", "1000", "--jobs", "1"]
-        status, _, errors = run_here("sweep", *words, *SMALL)
-        assert status == 1
-        assert "Error: 1 of 2 runs failed" in errors.splitlines()[-1]
-        assert load_runs(tmp_path)["seed"].tolist() == [1]
 
 
 REGISTERS = """
@@ -448,7 +357,7 @@ def test_a_wrapper_is_there_again_whoever_plays(
     words = ["train", "--algo", algo, "--env", "CartPole-v1"]
     words += [word for each in given for word in ("--hyperparams", each)]
     wrapped = ["--wrapper", f"{my_wrapper}:by=3.5"]
-    wrapped += ["--wrapper", "gymnasium.wrappers:ClipReward:max_reward=1e9"]
+    wrapped += ["--wrapper", "gymnasium.wrappers.ClipReward:max_reward=1e9"]
     for timesteps in ("64", "1000"):  # from the beginning, and on from there
         status, _, errors = run_here(*words, *wrapped, "-n", timesteps)
         assert status == 0, errors
@@ -470,31 +379,24 @@ def wait_for_the_end_of_runs(folder):
             pass
 
 
-def test_ctrl_c_leaves_a_run_that_goes_on(begin, tmp_path):
-    words = ["train", "--algo", "map_elites", "--env", "CuriosityMaze-US-v0", "-n", "1e12", *SMALL]
-    process = begin(*words, stderr=subprocess.PIPE)
-    while not list(tmp_path.rglob("progress.csv")):
-        time.sleep(0.05)
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    assert process.wait() == 130
-    said = process.stderr.read()
-    assert "Traceback" not in said
-    assert said.endswith("Interrupted: runs go on when the same command is given again.\n")
-    process.stderr.close()
-    assert load_runs(tmp_path)["timesteps"].item() > 0
-
-
 class TestHelp:
-    """What a newcomer reads who asks the command alone."""
+    def test_lists_names(self, run_here):
+        status, listed, _ = run_here("list")
+        assert status == 0
+        for name in ("CuriosityMaze-Hard-v0", "CuriosityES", "PPO", "QRDQN", "apt", "paper"):
+            assert f"\n  {name}\n" in listed
 
-    def test_every_command_is_told_whole(self, run_here, monkeypatch):
+    def test_every_command_is_described_whole(self, run_here, monkeypatch):
         monkeypatch.setenv("COLUMNS", "80")
         printed = run_here()[1]
         assert "..." not in printed.replace("[ARGS]...", "")
         for command in app.registered_commands:
             summary = inspect.getdoc(command.callback).split("\n\n")[0]
             assert re.fullmatch(r"[A-Z][^.]{20,}\.", summary)
+            assert (
+                command.callback is list_names
+                or "Example: curiosity " in (run_here(command.callback.__name__, "--help")[1])
+            )
 
     def test_every_option_says_what_it_is(self):
         for command in app.registered_commands:
@@ -507,26 +409,52 @@ class TestHelp:
                 assert not re.search(r"None|^Of |^There\b", text), name
 
 
-def test_names_and_numbers_may_have_blanks_between_them():
-    assert names("algos", "nses, map_elites") == ["nses", "map_elites"]
-    assert numbers("seeds", "0, 1") == [0, 1]
+def test_numbers_are_whole_and_in_order():
     assert numbers("seeds", "0-3, 7,9-9") == [0, 1, 2, 3, 7, 9]
+    for text in ("", "0,", "3-1", "-1", "0-1-2", "0_1"):
+        with pytest.raises(ValueError, match="--seeds must be whole numbers such as 0,1,2 or 0-4"):
+            numbers("seeds", text)
 
 
-@pytest.mark.parametrize("text", ["", "0,", "3-1", "-1", "1-", "0-1-2", "0_1", "a-b"])
-def test_numbers_are_whole_and_in_order(text):
-    with pytest.raises(ValueError, match="--seeds must be whole numbers such as 0,1,2 or 0-4"):
-        numbers("seeds", text)
-
-
-@pytest.mark.parametrize(
-    ("is_terminal", "words", "is_shown"),
-    [(True, [], True), (True, ["--no-progress"], False), (False, [], False), (False, ["-P"], True)],
-)
-def test_a_terminal_shows_a_bar(is_terminal, words, is_shown, run_here, monkeypatch):
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_terminal_shows_a_bar(is_terminal, run_here, monkeypatch):
     seen = []
     monkeypatch.setattr(training, "train", lambda *_, progress_bar, **__: seen.append(progress_bar))
     for name in ("stdout", "stderr"):
         monkeypatch.setattr(getattr(sys, name), "isatty", lambda: is_terminal)
-    assert run_here("train", "--env", "CuriosityMaze-US-v0", *words)[0] == 0
-    assert seen == [is_shown]
+    assert run_here("train", "--env", "CuriosityMaze-US-v0")[0] == 0
+    assert seen == [is_terminal]
+
+
+def test_several_values_are_a_sweep(run_here, monkeypatch):
+    swept = []
+    monkeypatch.setattr(sweeps, "sweep", lambda runs, folder, **_: swept.extend(runs))
+    words = ["--algos", "map_elites,nslc", "--seeds", "0,1", "--bonus", "none", "-n", "9"]
+    for value in ("sigma:0.1", "sigma:0.5", "sigma:0.1"):
+        words += ["--hyperparams", value]
+    assert run_here("sweep", *words)[0] == 0
+    assert len({(run.algorithm, run.seed, run.variant) for run in swept}) == len(swept) == 8
+    assert {run.variant: run.settings for run in swept} == {
+        f"sigma={sigma}": {"sigma": sigma} for sigma in (0.1, 0.5)
+    }
+
+
+def test_every_option_reaches_the_run(run_here, monkeypatch):
+    trained = []
+    monkeypatch.setattr(training, "train", lambda *args, **_: trained.append(args))
+    words = "--algo ppo --env CartPole-v1 --seed 3 -n 5e3 -f mine --env-kwargs a:[1,None]"
+    words += " --hyperparams n_steps:64 --bonus APT --bonus-kwargs weight:.5 --n-envs 2"
+    words += " --repeat-action 3 --preset paper --device cpu"
+    words += " --wrapper gymnasium.wrappers.TimeLimit:max_episode_steps=7"
+    assert run_here("train", *words.split())[0] == 0
+    ((run, folder),) = trained
+    assert folder == pathlib.Path("mine", "PPO+apt", "CartPole-v1", "3")
+    assert run == RunSpec(
+        *("PPO", "CartPole-v1", 3, 5e3, {"a": [1, None]}),
+        {"n_steps": 64, "preset": "paper", "device": "cpu"},
+        bonus="apt",
+        bonus_kwargs={"weight": 0.5},
+        n_envs=2,
+        repeat_action=3,
+        wrappers=[("gymnasium.wrappers:TimeLimit", {"max_episode_steps": 7})],
+    )

@@ -31,13 +31,5 @@ def test_a_policy(run, run_here, refused, tmp_path):
     assert "`out` must end in .onnx" in refused("export", run, "--to", "onnx", "--out", "best")
 
 
-@pytest.mark.parametrize("words", [["--policies", "rewarding"], ["--n-policies", "3"]])
-def test_a_graph_is_of_the_best_policy_alone(words, run, refused, tmp_path):
-    name = words[0].removeprefix("--").replace("-", "_")
-    said = refused("export", run, "--to", "onnx", "--out", "best.onnx", *words)
-    assert f"`{name}` must be left out with --to onnx" in said
-    assert not (tmp_path / "best.onnx").exists()
-
-
 def test_a_wrong_target(run, refused):
     assert "`to` must be " in refused("export", run, "--to", "csv", "--out", "a")

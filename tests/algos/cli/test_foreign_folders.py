@@ -106,27 +106,15 @@ class TestStrangers:
             "entry_point": "stable_baselines3.common.monitor:Monitor",
             "kwargs": {"filename": str(tmp_path / "mine")},
         }
-        self.wrap(run, monitor)
+        spec = run.describe()["env_spec"]
+        describe(env_spec=spec | {"additional_wrappers": [monitor]})(run)
         line = refused("enjoy", str(run.path), "--no-render")
         assert "`trust` must be given" in line
         assert "stable_baselines3.common.monitor:Monitor" in line
         assert (tmp_path / "mine.monitor.csv").read_text() == "mine"
-        self.wrap(run, monitor | {"kwargs": {}})
+        monitor["kwargs"] = {}
+        describe(env_spec=spec | {"additional_wrappers": [monitor]})(run)
         assert run_here("enjoy", str(run.path), "--no-render")[0] == 0
-
-    def wrap(self, run, wrapper):
-        spec = run.describe()["env_spec"] | {"additional_wrappers": [wrapper]}
-        describe(env_spec=spec)(run)
-
-    def test_a_video_is_written_nowhere(self, run, refused, tmp_path):
-        recorder = {
-            "name": "RecordVideo",
-            "entry_point": "gymnasium.wrappers.rendering:RecordVideo",
-            "kwargs": {"video_folder": str(tmp_path / "videos")},
-        }
-        self.wrap(run, recorder)
-        assert "`trust` must be given" in refused("enjoy", str(run.path), "--no-render")
-        assert not (tmp_path / "videos").exists()
 
     @pytest.mark.parametrize("env_id", [ENV, "Theirs-v0"])
     def test_no_module_is_imported_that_is_not_trusted(

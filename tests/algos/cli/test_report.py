@@ -35,7 +35,3 @@ def test_a_mistake_is_one_line(words, message, refused, tmp_path):
     (tmp_path / "foreign" / "run.json").write_text(text)
     assert message in refused(*words)
     assert not (tmp_path / "report.html").exists()
-
-
-def test_help_has_an_example(run_here):
-    assert "Example: curiosity report runs --out report.html" in run_here("report", "--help")[1]

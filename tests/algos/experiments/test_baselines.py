@@ -13,15 +13,10 @@ from stable_baselines3.common.save_util import load_from_zip_file
 
 from curiosity_algos.bonuses.base import keyword_only
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords
-from curiosity_algos.common.names import ALGORITHMS, CONTRIB, STABLE_BASELINES, find_algorithm
+from curiosity_algos.common.names import CONTRIB, STABLE_BASELINES
 from curiosity_algos.curiosity.curiosity import Curiosity
 from curiosity_algos.experiments import RunFolder, SaveRun, load_final_states, load_runs
-from curiosity_algos.experiments.baselines import (
-    _default_policy,
-    is_baseline,
-    is_foreign,
-    load_baseline,
-)
+from curiosity_algos.experiments.baselines import _default_policy, load_baseline
 from curiosity_algos.experiments.film import play
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train
@@ -50,16 +45,8 @@ def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, **ot
     return RunSpec(name, env, 0, timesteps, env_kwargs, **given)
 
 
-def test_they_are_those_that_stable_baselines_trains():
-    assert all(is_baseline(find_algorithm(name)) for name in (*NAMES, "TD3ICM"))
-    assert not any(is_baseline(find_algorithm(name)) for name in {*ALGORITHMS} - {"TD3ICM"})
-    assert all(
-        is_foreign(find_algorithm(name)) == (name in NAMES) for name in (*NAMES, *ALGORITHMS)
-    )
-
-
 @pytest.mark.parametrize(
-    ("name", "bonus"), [*itertools.product(NAMES, [None, "rnd"]), ("TD3ICM", None)]
+    ("name", "bonus"), [*zip(NAMES, itertools.cycle(["rnd", None])), ("TD3ICM", None)]
 )
 def test_each_is_trained_described_and_played(name, bonus, tmp_path):
     run = small(name, bonus=bonus, bonus_kwargs=TRAINED_OFTEN if bonus else {})
@@ -73,28 +60,23 @@ def test_each_is_trained_described_and_played(name, bonus, tmp_path):
     assert np.isfinite(play(tmp_path, seed=0))
 
 
-class TestBonus:
-    def test_keywords_are_the_holders_or_the_bonus_own(self):
-        kwargs = {"weight": 0.5, "extrinsic": False, "power": 2.0, "n_updates": 3}
-        wrapper = small("PPO", bonus="apt", bonus_kwargs=kwargs).make().get_env()
-        buffer = small("SAC", bonus="apt", bonus_kwargs=kwargs).make().replay_buffer
-        assert isinstance(wrapper, BonusVecEnvWrapper)
-        for holder in (wrapper, buffer):
-            assert (holder.weight, holder.extrinsic, holder.n_updates) == (0.5, False, 3)
-            assert holder.bonus.power == 2.0
-
-    def test_no_keyword_is_both(self):
-        holders = BonusVecEnvWrapper, BonusReplayBuffer, Curiosity
-        of_holders = {name for holder in holders for name in keyword_only(holder)}
-        of_bonuses = set().union(*map(bonus_keywords, BONUSES))
-        assert not of_holders & of_bonuses
+def test_keywords_are_the_owners_or_the_bonus_own():
+    kwargs = {"weight": 0.5, "extrinsic": False, "power": 2.0, "n_updates": 3}
+    wrapper = small("PPO", bonus="apt", bonus_kwargs=kwargs).make().get_env()
+    buffer = small("SAC", bonus="apt", bonus_kwargs=kwargs).make().replay_buffer
+    assert isinstance(wrapper, BonusVecEnvWrapper)
+    for owner in (wrapper, buffer):
+        assert (owner.weight, owner.extrinsic, owner.n_updates) == (0.5, False, 3)
+        assert owner.bonus.power == 2.0
+    owners = BonusVecEnvWrapper, BonusReplayBuffer, Curiosity
+    of_owners = {name for owner in owners for name in keyword_only(owner)}
+    assert not of_owners & set().union(*map(bonus_keywords, BONUSES))
 
 
 @pytest.mark.parametrize(
     ("space", "policy"),
     [
         (spaces.Box(-1, 1, (3,)), "MlpPolicy"),
-        (spaces.Box(0, 255, (64, 64, 3), np.uint8), "CnnPolicy"),
         (spaces.Box(0, 255, (4, 40, 36), np.uint8), "CnnPolicy"),
         (spaces.Box(0, 255, (7, 7, 3), np.uint8), "MlpPolicy"),
         (spaces.Dict({"a": spaces.Box(-1, 1, (3,))}), "MultiInputPolicy"),
@@ -129,7 +111,6 @@ def parameters(folder):
 
 EXACT = {
     "PPO": small("PPO"),
-    "PPO, one": small("PPO", n_envs=1),
     "A2C with a bonus": small("A2C", bonus="apt", bonus_kwargs=TRAINED_OFTEN),
     "PPO that remembers episodes": small("PPO", bonus="e3b", bonus_kwargs=TRAINED_OFTEN),
     "SAC": small("SAC"),
@@ -170,27 +151,6 @@ def test_a_run_that_was_cut_goes_on_as_if_it_had_not(kind, tmp_path, monkeypatch
     assert all(th.equal(one[name], other[name]) for name in other)
 
 
-def test_another_run_is_refused(tmp_path):
-    train(small("PPO", bonus="rnd"), tmp_path)
-    for other, what in [
-        (small("PPO"), 'algorithm is "PPO . RND", not "PPO"'),
-        (small("PPO", bonus="rnd", n_envs=3), "vec_env.n_envs is 2, not 3"),
-        (
-            small("PPO", bonus="rnd", bonus_kwargs={"weight": 0.5}),
-            "BonusVecEnvWrapper.weight is 1.0, not 0.5",
-        ),
-    ]:
-        with pytest.raises(ValueError, match=rf"^`folder` must be empty or .*{what}\.$"):
-            train(other, tmp_path)
-
-
-def test_more_timesteps_go_on_without_the_transitions(tmp_path):
-    train(small("SAC"), tmp_path)
-    with pytest.warns(UserWarning, match="without the replay buffer"):
-        assert train(small("SAC", timesteps=240), tmp_path)
-    assert RunFolder(tmp_path).result()["timesteps"] == 240
-
-
 @pytest.mark.parametrize("name", ["SAC", "TD3ICM"])
 def test_more_timesteps_go_on_with_the_bonus_and_what_a_callback_changed(
     name, tmp_path, monkeypatch, assert_same
@@ -223,15 +183,6 @@ def test_more_timesteps_go_on_with_the_bonus_and_what_a_callback_changed(
     assert described["timesteps"] == 240
 
 
-def test_a_script_goes_on_too(tmp_path, monkeypatch):
-    run = small("PPO", bonus="rnd")
-    stood = cut(monkeypatch, run, tmp_path, 130)
-    checkpoint = RunFolder(tmp_path).checkpoint
-    model = load_baseline(find_algorithm("ppo"), checkpoint, run._make_env(), device="cpu")
-    assert model.num_timesteps == stood
-    assert len(model.get_env().buffer) == stood
-
-
 def test_a_memory_goes_on_in_mid_episode(tmp_path, assert_same):
     """That of a recurrent policy, which its own file leaves out."""
 
@@ -261,9 +212,11 @@ class TestPlayed:
         """SB3 unpickles what is in the `data` of a model's file, and with it whatever it likes."""
         train(small(name, timesteps=60), tmp_path)
         monkeypatch.setattr("stable_baselines3.common.save_util.json_to_data", None)
-        play(tmp_path, seed=0)
+        played = play(tmp_path, seed=0)
         with pytest.raises(TypeError):
             play(tmp_path, seed=0, trust=True)
+        monkeypatch.undo()
+        assert play(tmp_path, seed=0, trust=True) == played
 
     def test_a_policy_with_classes_needs_trust(self, tmp_path):
         kwargs = {"activation_fn": th.nn.ReLU}
@@ -275,16 +228,3 @@ class TestPlayed:
         with pytest.raises(ValueError, match="`trust` must be given"):
             play(tmp_path, seed=0)
         assert play(tmp_path, seed=0, trust=True) == 0.0
-
-    def test_it_is_the_policy_of_the_model(self, tmp_path):
-        run = small("PPO", n_envs=1)
-        train(run, tmp_path)
-        model = run.load(RunFolder(tmp_path).checkpoint)
-        env, total, done = gym.make(US, **run.env_kwargs), 0.0, False
-        observation, _ = env.reset(seed=0)
-        while not done:
-            action, _ = model.predict(observation, deterministic=True)
-            observation, reward, terminated, truncated, _ = env.step(action)
-            done = terminated or truncated
-            total += reward
-        assert play(tmp_path, seed=0) == total

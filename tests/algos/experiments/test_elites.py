@@ -100,11 +100,3 @@ def test_another_offset_is_another_archive(change):
     found = panels(runs)
     assert found["SparseGridArchive, qd_score_offset -1.0"] == ["CMAME"]
     assert found["SparseGridArchive, qd_score_offset 0.0"] == ["MAPElites, n_cells 50"]
-
-
-def test_an_algorithm_that_logs_no_score_is_left_out(runs, tmp_path):
-    (run,) = runs[runs["label"] == "NSLC"]["run"].head(1)
-    shutil.copytree(run, tmp_path / "run")
-    log = tmp_path / "run" / "progress.csv"
-    log.write_text(log.read_text().replace("archive/qd_score", "archive/own"))
-    assert with_archives(load_compared([tmp_path])).empty

@@ -39,21 +39,6 @@ def test_an_episode_moves(folder, tmp_path):
 
 
 @pytest.mark.extra("render")
-@pytest.mark.parametrize(("stride", "n"), [(1, 61), (20, 4), (25, 4)])
-def test_no_frame_comes_twice(folder, tmp_path, monkeypatch, stride, n):
-    frames = []
-    monkeypatch.setattr(filming, "write_film", lambda shown, path: frames.extend(shown))
-    film(folder, tmp_path / "best.mp4", stride=stride, seed=0)
-    assert len(frames) == n  # of 60 steps, the first and the last among them
-
-
-@pytest.mark.extra("render")
-def test_a_video_can_be_written(folder, tmp_path):
-    film(folder, tmp_path / "best.mp4", stride=20, seed=0)
-    assert b"ftyp" in (tmp_path / "best.mp4").read_bytes()[:16]
-
-
-@pytest.mark.extra("render")
 @pytest.mark.skipif(not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3")
 def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
     settings = {"n_steps": 10, "batch_size": 10, "device": "cpu"}
@@ -62,10 +47,6 @@ def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
     assert film(tmp_path / "run", tmp_path / "best.gif", stride=20, seed=0) == 0.0
     with Image.open(tmp_path / "best.gif") as picture:
         assert picture.n_frames == 4  # as without
-
-
-def test_an_episode_needs_no_picture(folder):
-    assert play(folder, seed=0) == RunFolder(folder).result()["best_return"]
 
 
 @pytest.mark.extra("render")
@@ -88,17 +69,6 @@ def test_the_best_episode_is_played_where_starts_differ(tmp_path):
     best = RunFolder(tmp_path).result()["best_return"]
     assert play(tmp_path) == pytest.approx(best, abs=1e-4)
     assert play(tmp_path, seed=0) != pytest.approx(best, abs=1.0)
-    (kept,) = tmp_path.glob("checkpoints/*/best_policy.npz")
-    with np.load(kept) as policy:
-        seed = int(policy["episode_seed"])
-    assert play(tmp_path, seed=seed) == play(tmp_path)
-
-
-@pytest.mark.parametrize("env_id", ["CliffWalking-v1", "Blackjack-v1"])
-def test_spaces_that_are_no_vectors(env_id, tmp_path):
-    settings = {"population_size": 6, "n_parents": 3, "policy_kwargs": {"net_arch": [4]}}
-    train(RunSpec("canonical_es", env_id, 0, 1, {"max_episode_steps": 9}, settings), tmp_path)
-    assert play(tmp_path, seed=0) <= RunFolder(tmp_path).result()["best_return"]
 
 
 @pytest.mark.extra("render")
@@ -136,10 +106,7 @@ def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
     del gym.registry["Mine-v3"]
     del sys.modules["my_mazes"]
     assert play(tmp_path / "run", seed=0, trust=True) == 0.0
-    (tmp_path / "my_mazes.py").unlink()
     del sys.modules["my_mazes"]
-    with pytest.raises(ValueError, match="`run` must be of an environment that can be made: "):
-        play(tmp_path / "run", seed=0, trust=True)
 
 
 def test_an_environment_with_a_mission_needs_its_id_alone(tmp_path):
@@ -154,14 +121,6 @@ def test_an_environment_with_a_mission_needs_its_id_alone(tmp_path):
         assert sum("mission" in str(each.message) for each in warned) == 1
     assert play(tmp_path, seed=0) == RunFolder(tmp_path).result()["best_return"]
     del gym.registry["Mission-v0"]
-
-
-def test_wrappers_are_made_again(tmp_path, make_model):
-    env = gym.wrappers.RescaleAction(
-        gym.make("CuriosityMaze-US-v0", horizon=50), np.float32(-0.5), np.float32(0.5)
-    )
-    model = make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
-    assert play(tmp_path, seed=0) == model.best_return
 
 
 @pytest.mark.extra("render")
@@ -205,37 +164,19 @@ def test_a_full_disk_leaves_the_film_before(folder, tmp_path, monkeypatch):
     assert path.read_bytes() == b"before"
 
 
-def test_an_environment_that_draws_nothing_is_refused(tmp_path, monkeypatch):
-    (tmp_path / "no_pictures.py").write_text(
-        "import gymnasium as gym\n"
-        "from gymnasium.envs.classic_control import CartPoleEnv\n"
-        "class Plain(CartPoleEnv):\n    def __init__(self):\n        super().__init__()\n"
-        "gym.register('Plain-v0', Plain, max_episode_steps=20)\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
-    train(RunSpec("canonical_es", "no_pictures:Plain-v0", 0, 1, {}, settings), tmp_path / "run")
-    with pytest.raises(ValueError, match="`run` must be of an environment that"):
-        film(tmp_path / "run", tmp_path / "best.gif", stride=1, seed=0)
-    assert play(tmp_path / "run", seed=0) > 0.0
-
-
 def test_what_cannot_be_filmed_is_refused(folder, tmp_path):
     with pytest.raises(ValueError, match=r"`out` must be one of \.gif, \.mp4"):
         film(folder, tmp_path / "best.png", stride=20, seed=0)
     described = RunFolder(folder).describe()
     RunFolder(tmp_path).begin(described | {"algorithm": "PPO"})
     with pytest.raises(ValueError, match="`run` must have a checkpoint"):
-        film(tmp_path, tmp_path / "best.gif", stride=20, seed=0)
+        play(tmp_path)
     (tmp_path / "checkpoints" / "1").mkdir(parents=True)
     with pytest.raises(FileNotFoundError):
         play(tmp_path, seed=0)
     for changes, what in [
-        (
-            {"algorithm": "RecurrentPPO"},
-            "that `curiosity list` names, it is of Rec",
-        ),
-        ({"vec_env": {"wrappers": {"VecNormalize": {}}}}, "those of VecNormalize"),
+        ({"algorithm": "RecurrentPPO"}, "it is of RecurrentPPO"),
+        ({"vec_env": {"wrappers": {"VecNormalize": {}}}}, "it is of PPO, VecNormalize"),
     ]:
         RunFolder(tmp_path).begin(described | {"algorithm": "PPO"} | changes)
         with pytest.raises(ValueError, match=what):

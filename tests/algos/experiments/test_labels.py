@@ -48,22 +48,6 @@ def test_a_label_names_as_few_settings_as_it_takes_the_preset_first():
     ]
 
 
-def test_runs_of_environments_without_an_id_have_labels():
-    runs = pd.DataFrame({"algorithm": ["NSES", "NSES"], "env": [None, None], "settings.k": [1, 2]})
-    assert list(label_runs(runs)) == ["NSES, k 1", "NSES, k 2"]
-
-
-def test_whole_numbers_stay_whole_beside_algorithms_without_the_setting():
-    runs = pd.DataFrame(
-        {
-            "algorithm": ["PPO", "PPO", "SAC"],
-            "env": ["US"] * 3,
-            "settings.n_steps": [64, 128, float("nan")],
-        }
-    )
-    assert list(label_runs(runs)) == ["PPO, n_steps 64", "PPO, n_steps 128", "SAC"]
-
-
 def test_wrappers_of_a_vec_env_are_settings():
     bonus = "vec_env.wrappers.BonusVecEnvWrapper"
     runs = pd.DataFrame(
@@ -84,12 +68,9 @@ def test_every_algorithm_has_a_color_of_its_own():
     assert len({*COLORS.values(), *FURTHER}) == len(COLORS) + len(FURTHER)
 
 
-def test_other_labels_get_colors_in_turn():
+def test_as_many_labels_as_colors_are_told_apart():
     colors = color_labels(["PPO", "NSES", "PPO", "NSES, k 10"])
     assert colors == {"PPO": FURTHER[0], "NSES": COLORS["NSES"], "NSES, k 10": FURTHER[1]}
-
-
-def test_as_many_labels_as_colors_are_told_apart():
     labels = ["NSES", *(f"PPO, n_steps {n}" for n in range(len(COLORS) + len(FURTHER) - 1))]
     assert len({*color_labels(labels).values()}) == len(labels)
     assert len(color_labels([*labels, "SAC"])) == len(labels) + 1

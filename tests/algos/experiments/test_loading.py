@@ -5,7 +5,6 @@ import pytest
 from curiosity_algos import CanonicalES, MAPElites
 from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
 from curiosity_algos.experiments.loading import find_runs
-from curiosity_algos.experiments.statistics import survival
 
 
 @pytest.fixture
@@ -58,13 +57,6 @@ def test_checkpoints_may_come_and_go_meanwhile(folder, monkeypatch):
     assert not gone.exists()
 
 
-def test_progress_is_of_all_runs(folder):
-    progress = load_progress(folder)
-    assert set(progress["algorithm"]) == {"CanonicalES", "MAPElites"}
-    last = progress.groupby("run")["time/total_timesteps"].max()
-    assert last.to_dict() == load_runs(folder).set_index("run")["timesteps"].to_dict()
-
-
 def test_a_run_that_was_not_saved_yet_is_a_row(folder):
     (folder / "new").mkdir()
     (folder / "new" / "run.json").write_text(
@@ -72,14 +64,9 @@ def test_a_run_that_was_not_saved_yet_is_a_row(folder):
     )
     runs = load_runs(folder)
     assert runs[runs["algorithm"] == "NSES"]["timesteps"].isna().all()
-    assert len(load_progress(folder)["run"].unique()) == 3
+    last = load_progress(folder).groupby("run")["time/total_timesteps"].max()
+    assert last.to_dict() == runs.set_index("run")["timesteps"].dropna().to_dict()
     assert load_final_states(folder / "new") == {}
-
-
-def test_first_successes_can_be_compared(folder):
-    found = load_runs(folder)["first_success_timesteps"]
-    assert found.dtype == float
-    assert survival(found, 600).curve.estimate[0] == 1.0
 
 
 def test_there_must_be_runs(tmp_path):

@@ -1,7 +1,6 @@
 from dataclasses import replace
 
 import gymnasium as gym
-import numpy as np
 import pytest
 from tracked import Tracked
 
@@ -22,28 +21,15 @@ def test_the_folder_is_named_by_what_is_trained(tmp_path):
     assert RunSpec("nses", "a/b-v0", 0, 1).folder(tmp_path).parent.name == "a-b-v0"
 
 
-def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
+def test_settings_name_their_folder():
     assert variant_of({}) == ""
-    assert variant_of({"sigma": 0.1, "k": 5}) == "k=5,sigma=0.1"
-    longest = {"k": "a" * 253}
-    assert variant_of(longest) == "k=" + "a" * 253
-    (tmp_path / variant_of(longest)).mkdir()
-    values = [[*range(100)], [*range(99), -99], str([*range(100)]), "a" * 254, "\U00020000" * 64]
-    names = [variant_of({"k": value, "sigma": 0.1}) for value in values]
-    assert names[0].startswith("k=-0,-1,-2,-3,-4,")
-    for name in names:
-        (tmp_path / name).mkdir()  # raises where the name is too long, or that of another
-    assert names == [variant_of({"sigma": 0.1, "k": value}) for value in values]
+    assert variant_of({"sigma": 0.1, "k": [5, "../a"]}) == "k=-5,-..-a-,sigma=0.1"
 
 
 @pytest.mark.parametrize(
     ("run", "message"),
     [
         (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), r"mean CuriosityMaze-US-v0\? MODULE:ID"),
-        (
-            RunSpec("nses", "Nothing-v3", 0, 1),
-            "^`env` Nothing-v3 is unknown: MODULE:ID is one that a module registers.$",
-        ),
         (
             RunSpec("nses", US, 0, 1, {}, {"sigm": 1}),
             "sigm is unknown: did you mean sigma",
@@ -59,20 +45,14 @@ def test_short_settings_name_their_folder_and_long_ones_begin_it(tmp_path):
         ),
         (RunSpec("pp0", US, 0, 1), "`algo` pp0 is unknown: did you mean PPO"),
         (RunSpec("ppo", US, 0, 1, {"horizn": 3}), "`env_kwargs` must be keywords"),
-        (RunSpec("ppo", US, 0, 1, {"horizn": 3}, n_envs=2), "`env_kwargs` must be keywords"),
         (RunSpec("ppo", US, 0, 1, {}, {"n_step": 3}), "n_step is unknown: did you mean n_steps"),
-        (RunSpec("ppo", US, 0, 1, {}, {"preset": "paper"}), "`preset` must be left out for PPO"),
-        (RunSpec("ppo", US, 0, 1, {}, {"n_threads": 2}), "`n_threads` must be left out for PPO"),
+        (RunSpec("ppo", US, 0, 1, {}, {"preset": "paper"}), "`hyperparams` "),
         (
             RunSpec("ppo", US, 0, 1, {}, {"policy_kwargs": {"net_arch": [-1]}}),
             "`env` and `hyperparams` must fit PPO: .*negative dimension",
         ),
         (RunSpec("ppo", "Blackjack-v1", 0, 1), r"space Tuple\(.*\) is not supported"),
         (RunSpec("dqn", US, 0, 1), "`env` and `hyperparams` must fit DQN"),
-        (
-            RunSpec("ppo", US, 0, 1, {}, {"policy": "MultiInputPolicy"}),
-            "`env` and `hyperparams` must fit PPO",
-        ),
         (
             RunSpec("sac", US, 0, 1, {}, {"replay_buffer_kwargs": {}}, bonus="apt"),
             "`replay_buffer_kwargs` must be left out with a `bonus`",
@@ -99,9 +79,8 @@ def test_mistakes_are_found_before_it_begins(run, message):
 @pytest.mark.parametrize("error", [TypeError, RuntimeError])
 def test_errors_of_the_environment_are_its_own(algorithm, error, tracked):
     kwargs = {"fails": "__init__", "error": error.__name__}
-    for make in ("check", "make"):
-        with pytest.raises(error, match="its own"):
-            getattr(RunSpec(algorithm, tracked, 0, 1, kwargs), make)()
+    with pytest.raises(error, match="its own"):
+        RunSpec(algorithm, tracked, 0, 1, kwargs).check()
 
 
 def test_keywords_that_are_passed_on_are_the_environments_too(tracked):
@@ -111,16 +90,6 @@ def test_keywords_that_are_passed_on_are_the_environments_too(tracked):
             RunSpec("nses", "Passed-v0", 0, 1, {"fail": "step"}).check()
     finally:
         del gym.registry["Passed-v0"]
-
-
-@pytest.mark.parametrize(("toy", "n_envs"), [("mission", 1), ("nested", 2), ("tuple", 1)])
-def test_observations_that_stable_baselines_does_not_take_are_named(toy, n_envs):
-    gym.register("Odd-v0", "toys:Toy", kwargs={"name": toy})
-    try:
-        with pytest.raises(ValueError, match=r"space .* is not supported"):
-            RunSpec("ppo", "Odd-v0", 0, 1, n_envs=n_envs).check()
-    finally:
-        del gym.registry["Odd-v0"]
 
 
 @pytest.mark.parametrize("algorithm", ["canonical_es", "ppo"])
@@ -136,18 +105,6 @@ def test_environments_are_closed(algorithm, tracked, tmp_path):
         train(replace(run, env_kwargs={"fails": "step"}), tmp_path / "failed")
     with pytest.raises(ValueError, match="nonsense"):
         replace(run, settings={"nonsense": 1}).make()
-
-
-def test_words_say_numbers_of_numpy_and_paths(tmp_path):
-    settings = {"sigma": np.float64(0.1), "file": tmp_path}
-    words = RunSpec("nses", US, 0, 1, settings=settings).words("")
-    assert {"sigma:0.1", f"file:{str(tmp_path)!r}"} < set(words)
-
-
-def test_what_is_right_passes():
-    for algorithm in ("curiosity_es", "td3_icm"):
-        RunSpec(algorithm, "CuriosityMaze-US-v0", 0, 1).check()
-    RunSpec("curiosity_es", "CartPole-v1", 0, 1).check()
 
 
 def test_models_leave_the_settings_of_other_runs_alone():

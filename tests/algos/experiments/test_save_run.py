@@ -6,7 +6,6 @@ import re
 import shutil
 import subprocess
 import sys
-import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -37,8 +36,6 @@ from curiosity_algos.experiments import (
     save_run,
 )
 from curiosity_algos.experiments.run_folder import RunFolder
-from curiosity_algos.experiments.save_run import _FOUND as KIND
-from curiosity_algos.state.file import read, save
 
 CLOCK = ["time/seconds", "time/fps", "time/time_elapsed"]
 
@@ -102,6 +99,8 @@ def test_a_killed_run_goes_on_to_the_same_files(
     with pytest.raises(KilledError):
         model.learn(1200, [SaveRun(killed, interval=1e-9), Kill(timesteps)], log_interval=1)
     checkpoint = RunFolder(killed).checkpoint
+    late = load_final_states(killed)  # as a kill between final states and a checkpoint leaves them
+    RunFolder(killed).add_final_states(10**6, late)
     model = algorithm.load(checkpoint / "model", env=make_easy_maze())
     assert model.num_timesteps == int(checkpoint.name) <= timesteps
     rest = 1200 - model.num_timesteps
@@ -288,20 +287,19 @@ def the_run(folder):
 
 
 class TestStableBaselines:
-    @pytest.mark.parametrize("bonus", [None, "icm"])
-    def test_on_policy(self, folder, bonus):
+    def test_the_record_is_what_was_explored(self, folder):
         seen = ExplorationCallback()
-        model = make_ppo(make_mazes(bonus=bonus))
+        model = make_ppo(make_mazes(bonus="icm"))
         model.learn(6e2, [SaveRun(folder), seen], log_interval=1)
         run = the_run(folder)
-        assert run["algorithm"] == ("PPO" if bonus is None else "PPO + ICM")
+        assert run["algorithm"] == "PPO + ICM"
         assert (run["timesteps"], run["n_episodes"]) == (600, 12)
         assert run["coverage.all"] == seen.coverage.all > 0
         assert run["best_return"] == seen.best_return == load_final_states(folder)["return"].max()
         assert run["env_kwargs.horizon"] == 50
         progress = load_progress(folder)
         assert progress["coverage/all"].iloc[-1] == seen.coverage.all
-        assert ("intrinsic/mean" in progress) == (bonus is not None)
+        assert progress["intrinsic/mean"].notna().any()
 
     def test_a_killed_run_goes_on(self, folder):
         killed = make_ppo(VecNormalize(make_mazes(bonus="icm")))
@@ -324,26 +322,10 @@ class TestStableBaselines:
         assert counted[-1].isdecimal()
         assert all(n.isdecimal() for n in counted if n)  # as from a run that was not killed
 
-    def test_what_was_found_before_still_counts(self, folder):
-        make_ppo(make_mazes()).learn(240, SaveRun(folder))
-        found = RunFolder(folder).checkpoint / "found.npz"
-        settings, state = read(found, KIND)
-        cells = {"final": np.arange(30), "visited": np.arange(40)}
-        state["coverage"], state["best_return"] = cells, 7.0
-        save(found, KIND, settings, state | {"firsts": {"reward": 4, "success": 5}})
-        model = PPO.load(RunFolder(folder).checkpoint / "model", env=make_mazes())
-        model.learn(120, SaveRun(folder), reset_num_timesteps=False)
-        run = the_run(folder)
-        assert (run["best_return"], run["first_success_timesteps"]) == (7.0, 5)
-        assert run["first_reward_timesteps"] == 4
-        assert 30 / 2500 <= run["coverage.all"] <= 33 / 2500
-        assert run["coverage.visited"] > run["coverage.reachable"]
-
     @pytest.mark.parametrize(
         ("other", "what"),
         [
             (lambda: make_ppo(make_mazes(bonus="icm")), 'algorithm is "PPO", not "PPO + ICM"'),
-            (lambda: make_ppo(make_mazes(3)), "vec_env.n_envs is 2, not 3"),
             (lambda: make_ppo(VecNormalize(make_mazes())), "wrappers.VecNormalize is null, not"),
             (lambda: make_ppo(make_mazes(), clip_range=0.1), "settings.clip_range is 0.2, not 0.1"),
         ],
@@ -442,18 +424,6 @@ class TestLock:
         assert all(locked)
         assert not is_locked_for_another(folder)
 
-    def test_nothing_is_left_open_by_an_error(
-        self, make_model, make_easy_maze, folder, monkeypatch
-    ):
-        seen = []
-        monkeypatch.setattr(sys, "unraisablehook", seen.append)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", ResourceWarning)  # which no destructor can raise
-            self.fail(make_model, make_easy_maze, SaveRun(folder))
-            gc.collect()
-        assert not seen
-        assert not is_locked_for_another(folder)
-
 
 def is_locked_for_another(folder):
     """Whether another process could not train there."""
@@ -461,13 +431,6 @@ def is_locked_for_another(folder):
     words = [sys.executable, "-I", "-c", code, folder / "lock"]
     other = subprocess.run(words, capture_output=True, text=True)
     return "BlockingIOError" in other.stderr
-
-
-def test_it_warns_where_a_run_goes_on_without_its_transitions(make_model, make_easy_maze, folder):
-    make_model(CuriosityES, make_easy_maze()).learn(300, SaveRun(folder))
-    model = CuriosityES.load(RunFolder(folder).checkpoint / "model", env=make_easy_maze())
-    with pytest.warns(UserWarning, match="without its buffer"):
-        model.learn(300, SaveRun(folder), reset_num_timesteps=False)
 
 
 class Anneal(BaseCallback):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import mannwhitneyu, trim_mean
+from scipy.stats import trim_mean
 
 from curiosity_algos.experiments import statistics
 from curiosity_algos.experiments.statistics import (
@@ -49,16 +49,12 @@ class TestInterquartileMean:
         ]:
             assert interquartile_mean(scores) == expected
 
-    @given(TASKS)
-    def test_is_the_trimmed_mean_of_all_runs(self, tasks):
-        middle = trim_mean(np.concatenate(tasks), 0.25)
-        assert interquartile_mean(tasks) == pytest.approx(middle)
-
-    def test_of_stacks_is_that_of_each(self):
+    def test_is_the_trimmed_mean_of_all_runs(self):
         rng = np.random.default_rng(0)
-        stacks = [rng.normal(size=(3, 5)), rng.normal(size=(3, 4))]
-        expected = [interquartile_mean([stack[i] for stack in stacks]) for i in range(3)]
-        np.testing.assert_array_equal(interquartile_mean(stacks), expected)
+        for _ in range(50):
+            tasks = [rng.normal(size=n).tolist() for n in rng.integers(1, 9, 2)]
+            middle = trim_mean(np.concatenate(tasks), 0.25)
+            assert interquartile_mean(tasks) == pytest.approx(middle)
 
 
 class TestStratifiedBootstrap:
@@ -80,19 +76,6 @@ class TestStratifiedBootstrap:
         low, high = np.percentile(means, [2.5, 97.5], method="inverted_cdf")
         assert (found.low, found.high) == pytest.approx((low, high))
 
-    def test_a_matrix_has_a_row_for_each_run(self):
-        matrix = np.random.default_rng(0).normal(size=(5, 3))
-        tasks = [list(matrix[:, task]) for task in range(3)]
-        expected = stratified_bootstrap(tasks, interquartile_mean)
-        assert stratified_bootstrap(matrix, interquartile_mean) == expected
-
-    @FEW
-    @given(TASKS)
-    def test_contains_the_estimate(self, tasks):
-        found = stratified_bootstrap(tasks, interquartile_mean)
-        assert found.estimate == interquartile_mean(tasks)
-        assert found.low - 1e-12 <= found.estimate <= found.high + 1e-12
-
     def test_depends_on_the_seed_alone(self):
         scores = np.random.default_rng(0).normal(size=12)
         np.random.seed(1)  # noqa: NPY002
@@ -104,36 +87,12 @@ class TestStratifiedBootstrap:
         assert stratified_bootstrap(scores, interquartile_mean, seed=rng) == one
         assert stratified_bootstrap(scores, interquartile_mean, seed=rng) != one
 
-    def test_is_narrower_with_more_runs(self):
-        scores = np.random.default_rng(0).normal(size=640)
-        found = [stratified_bootstrap(scores[:n], interquartile_mean) for n in (10, 40, 160, 640)]
-        widths = np.array([each.high - each.low for each in found])
-        assert (np.abs(widths[1:] / widths[:-1] - 0.5) < 0.2).all()  # as 1 / sqrt(n)
-
-    def test_holds_the_truth_about_95_times_of_100(self, monkeypatch):
-        monkeypatch.setattr(statistics, "N_RESAMPLES", 500)
-        draws = np.random.default_rng(0).normal(size=(200, 30))
-        found = [stratified_bootstrap(scores, interquartile_mean) for scores in draws]
-        assert 0.9 <= np.mean([each.low <= 0.0 <= each.high for each in found]) <= 0.99
-
     def test_of_fewer_than_three_runs_nothing_is_known(self):
         for scores in ([3], [1, 2], [[1, 2, 3], [6]], [[1, 2, 3], [4, 5]]):
             found = stratified_bootstrap(scores, mean)
             assert math.isfinite(found.estimate)
             assert math.isnan(found.low)
             assert math.isnan(found.high)
-
-    def test_aggregates_of_another_shape_and_other_seeds_are_refused(self):
-        for aggregate in (
-            lambda tasks: 1.0,
-            lambda tasks: tasks[0],
-            lambda tasks: np.array([1.0, 2.0]),  # whatever it is given
-        ):
-            with pytest.raises(ValueError, match="`aggregate` must reduce the last axis alone"):
-                stratified_bootstrap([1, 2, 3], aggregate)
-        for seed in (-1, 0.5, "0"):
-            with pytest.raises(ValueError, match="`seed` must be"):
-                stratified_bootstrap([1, 2, 3], mean, seed=seed)
 
 
 class TestProbabilityOfImprovement:
@@ -153,11 +112,6 @@ class TestProbabilityOfImprovement:
             for runs, rivals in zip(tasks, others, strict=True)
         ]
         assert found.estimate == pytest.approx(np.mean(shares))
-        ranks = [
-            mannwhitneyu(runs, rivals, method="exact").statistic / len(runs) / len(rivals)
-            for runs, rivals in zip(tasks, others, strict=True)
-        ]
-        assert found.estimate == pytest.approx(np.mean(ranks))
         assert found.low - 1e-12 <= found.estimate <= found.high + 1e-12
         reverse = probability_of_improvement(others, tasks)
         assert found.estimate + reverse.estimate == pytest.approx(1)
@@ -230,11 +184,6 @@ class TestSurvival:
             assert ((found.curve.low <= found.curve.estimate) & (found.curve.low >= 0)).all()
             assert ((found.curve.estimate <= found.curve.high) & (found.curve.high <= 1)).all()
 
-    def test_half_of_many_runs_is_half_in_spite_of_rounding(self):
-        for n in range(2, 60, 2):
-            found = survival([*range(1, n // 2 + 1), *[None] * (n // 2)], 100)
-            assert found.median == n // 2
-
     def test_where_the_formula_is_undefined(self):
         never = survival([None, None, None], 10).curve
         assert (never.estimate.tolist(), never.low.tolist()) == ([1, 1], [1, 1])
@@ -249,20 +198,11 @@ class TestSurvival:
             assert np.isfinite(found.curve.estimate).all()
             assert np.isnan([found.curve.low, found.curve.high]).all()
 
-    def test_what_comes_after_the_budget_does_not_count(self):
-        for late in (None, math.inf, 11):
-            found = survival([2, late], 10)
-            np.testing.assert_array_equal(found.curve.x, [0, 2, 10])
-            np.testing.assert_array_equal(found.curve.estimate, [1, 0.5, 0.5])
-        expected = survival([5, None], 10).curve.estimate
-        np.testing.assert_array_equal(survival([5.0, NAN], 10).curve.estimate, expected)
-        np.testing.assert_array_equal(survival(np.array([5.0, NAN]), 10).curve.estimate, expected)
-
     def test_other_times_and_budgets_are_refused(self):
-        for first in ([], [0], [-1, 2], ["soon"], [[1, 2]]):
+        for first in ([], [0], [-1, 2]):
             with pytest.raises(ValueError, match="`first_rewards` must hold"):
                 survival(first, 10)
-        for budgets in (0, NAN, math.inf, [10], [10, -1], "long"):
+        for budgets in (0, NAN, math.inf, [10, -1]):
             with pytest.raises(ValueError, match="`budgets` must"):
                 survival([1, None], budgets)
 
@@ -293,12 +233,6 @@ class TestCurves:
         area = area_under_curve(*curve, budget)
         assert area == pytest.approx(np.mean([height(*curve, time) for time in range(budget)]))
         assert 0 <= area <= 1
-
-    def test_area_is_no_more_than_1_in_spite_of_rounding(self):
-        rng = np.random.default_rng(0)
-        for n in np.repeat(np.arange(1, 30), 100):
-            x = np.sort(np.append(0, rng.random(n)))
-            assert area_under_curve(x, np.ones(n + 1), 3.3) <= 1
 
     def test_interval_over_runs_by_hand(self):
         # At 3 the runs stand at 0.2, 0.6 and 0.4, with mean 0.4; at 4 at 0.8, 0.6 and 0.7.
@@ -336,52 +270,27 @@ class TestCurves:
         apart = curve_interval([([1, 2], [0.2, 0.8]), ([3, 4], [0.1, 0.6])])
         assert [len(each) for each in (apart.x, apart.estimate, apart.low)] == [0, 0, 0]
 
-    def test_there_is_a_run_and_a_point_before_its_end(self):
-        with pytest.raises(ValueError, match="`curves` must hold at least one run"):
-            curve_interval([], [0, 1])
-        with pytest.raises(
-            ValueError, match="`grid` must begin before the shortest run ends, at 3"
-        ):
-            curve_interval([([3], [0.5])], [4, 5])
-
-    def test_other_curves_and_grids_are_refused(self):
-        for x, values, budget, message in [
-            ([], [], 1, "`x` must hold finite numbers, at least one"),
-            ([1, NAN], [0, 1], 1, "`x` must hold finite numbers"),
-            ([2, 1], [0, 1], 1, "`x` must ascend from at least 0"),
-            ([-1, 1], [0, 1], 1, "`x` must ascend from at least 0"),
-            ([[1, 2]], [0, 1], 1, "`x` must have one dimension"),
-            ([1, 2], [0], 1, "`values` must be as many as `x`, 2, got 1"),
-            ([1, 2], [0, NAN], 1, "`values` must hold finite numbers"),
-            ([1, 2], [0, 1.1], 1, "`values` must be shares"),
-            ([1, 2], [-0.1, 1], 1, "`values` must be shares"),
-            ([1, 2], [0, 1], 0, "`budget` must be finite and above 0"),
-        ]:
-            with pytest.raises(ValueError, match=message):
-                area_under_curve(x, values, budget)
-        for grid in ([], [NAN], [[0, 1]], 3):
-            with pytest.raises(ValueError, match="`grid` must"):
-                curve_interval([([1], [1])], grid)
+    @pytest.mark.parametrize(
+        ("curves", "grid", "message"),
+        [
+            ([], [0, 1], "`curves` must hold at least one run"),
+            ([([3], [0.5])], [4, 5], "`grid` must begin before the shortest run ends, at 3"),
+            ([([1], [1])], [NAN], "`grid` must"),
+            ([([], [])], None, "`x` must hold finite numbers, at least one"),
+            ([([2, 1], [0, 1])], None, "`x` must ascend from at least 0"),
+            ([([-1, 1], [0, 1])], None, "`x` must ascend from at least 0"),
+            ([([1, 2], [0])], None, "`values` must be as many as `x`, 2, got 1"),
+            ([([1, 2], [0, NAN])], None, "`values` must hold finite numbers"),
+        ],
+    )
+    def test_other_curves_and_grids_are_refused(self, curves, grid, message):
+        with pytest.raises(ValueError, match=message):
+            curve_interval(curves, grid)
 
 
-BAD_SCORES = [
-    ([], "at least one"),
-    ([1, NAN], "finite"),
-    ([1, None], "numbers"),
-    (["high"], "numbers"),
-    ([[1], []], "at least one"),
-    ([[1, 2], 3], "at least one"),
-    (np.empty((3, 0)), "at least one"),
-    (np.zeros((2, 2, 2)), r"\(runs, tasks\) or \(runs,\), got \(2, 2, 2\)"),
-    (3.0, "at least one"),
-]
-
-
-def test_other_scores_are_refused():
-    for scores, message in BAD_SCORES:
-        with pytest.raises(ValueError, match=f"`scores` must .*{message}"):
+def test_other_scores_and_budgets_are_refused():
+    for scores in ([], [1, NAN], [1, None], [[1], []], [[1, 2], 3], np.empty((3, 0)), 3.0):
+        with pytest.raises(ValueError, match="`scores` must hold finite numbers, at least one"):
             interquartile_mean(scores)
-        with pytest.raises(ValueError, match=f"`scores_y` must .*{message}"):
-            probability_of_improvement([1, 2], scores)
-    with pytest.raises(ValueError, match="`scores` must have one dimension, got shape"):
-        stratified_bootstrap([[[1, 2], [3, 4]]], mean)  # a run of a task has one
+    with pytest.raises(ValueError, match="`budget` must be finite and above 0"):
+        area_under_curve([1], [1], 0)

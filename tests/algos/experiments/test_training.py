@@ -5,12 +5,10 @@ import signal
 import pytest
 from ribs.emitters import GaussianEmitter
 
-from curiosity_algos import TD3ICM, MAPElites
+from curiosity_algos import MAPElites
 from curiosity_algos.experiments import RunFolder, load_final_states
-from curiosity_algos.experiments.env_spec import decode_spec
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import is_finished, summary, train
-from curiosity_gym import MazeLayout
 
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
@@ -70,20 +68,6 @@ def test_another_run_is_refused(tmp_path):
             train(other, tmp_path)
 
 
-def test_another_maze_in_the_same_file_is_another_run(tmp_path):
-    path, folder = tmp_path / "own.json", tmp_path / "run"
-    run = RunSpec("nses", "CuriosityMaze-v0", 0, 600, {"layout": str(path), "horizon": 50})
-    one, other = (MazeLayout.from_ascii(text) for text in ("S.G.\n....", "S..G\n...."))
-    one.to_json(path)
-    train(run, folder)
-    other.to_json(path)
-    message = rf'env_kwargs\.layout is "custom {one.digest}", not "custom {other.digest}"'
-    with pytest.raises(ValueError, match=message):
-        train(run, folder)
-    spec = decode_spec(RunFolder(folder).describe()["env_spec"])
-    assert spec.kwargs["layout"] == one.to_dict()  # for who plays it from its folder alone
-
-
 @pytest.mark.parametrize(("n_times", "kept"), [(1, 3), (2, None)])
 def test_ctrl_c_keeps_whole_generations(tmp_path, monkeypatch, assert_same, n_times, kept):
     def press(self, *args):
@@ -104,12 +88,6 @@ def test_ctrl_c_keeps_whole_generations(tmp_path, monkeypatch, assert_same, n_ti
     assert train(small(), cut)
     assert RunFolder(cut).result()["timesteps"] == 1200
     assert_same(load_final_states(whole), load_final_states(cut))
-
-
-def test_gradients_are_trained_too(tmp_path):
-    run = RunSpec("td3icm", "CuriosityMaze-US-v0", 0, 100, {"horizon": 50}, {"device": "cpu"})
-    assert train(run, tmp_path)
-    assert RunFolder(tmp_path).describe()["algorithm"] == TD3ICM.__name__
 
 
 def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_same):
